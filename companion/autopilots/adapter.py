@@ -1,0 +1,97 @@
+"""What every autopilot must be able to tell and do; the engine knows no other."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from companion.autopilots.commands import CommandDesk, Outcome
+from companion.geodesy import GeoPoint
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import CommandResult, Sender
+from companion.model import Guidance, Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """Guidance with what a setpoint needs beside it: where we are, and how fast over ground."""
+
+    guidance: Guidance
+    position: GeoPoint
+    velocity_mps: Vec3
+
+
+class Adapter(ABC):
+    """One autopilot, addressed at `target`. Methods return the messages to send; nothing is sent in here.
+
+    Angles and lengths are those of the house; `guidance.altitude_m` is height above mean sea level.
+    """
+
+    name: ClassVar[str]
+    can_fly: ClassVar[bool]
+    # Messages to ask for, with the interval wanted [s].
+    intervals_s: ClassVar[dict[int, float]]
+    # The parameter that holds our own transponder's address: what it transmits comes back as traffic.
+    own_icao_parameter: ClassVar[str] = "ADSB_ICAO_ID"
+
+    def __init__(self, target: Sender) -> None:
+        self.target = target
+        self.desk = CommandDesk()
+
+    @staticmethod
+    @abstractmethod
+    def mode_name(custom_mode: int) -> str:
+        """The mode's name as ground stations show it."""
+
+    def is_guided(self, custom_mode: int) -> bool:
+        """Whether this is the mode in which our setpoints are obeyed."""
+        return custom_mode == self.guided_mode
+
+    @abstractmethod
+    def engage(self, now_s: float) -> list[Message]:
+        """Ask for the guided mode."""
+
+    @abstractmethod
+    def engaged(self) -> Outcome | None:
+        """What became of that request."""
+
+    @abstractmethod
+    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
+        """Fly this: called at every tick while flying; `urgent` when the decision was made just now."""
+
+    @abstractmethod
+    def release(self, custom_mode: int, now_s: float) -> list[Message]:
+        """Ask for the mode that was flown before."""
+
+    @property
+    @abstractmethod
+    def guided_mode(self) -> int:
+        """The custom mode in which our setpoints are obeyed."""
+
+    def observe(self, fact: CommandResult, now_s: float) -> None:
+        """Take note of an answer to a command."""
+        self.desk.answered(fact, now_s)
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Commands that are due to be sent again."""
+        return self.desk.due(now_s)
+
+    def stand_back(self) -> None:
+        """Somebody else has the aircraft: nothing asked so far may be repeated."""
+        self.desk.forget()
+
+    def request_interval(self, message_id: int, interval_s: float) -> Message:
+        """MAV_CMD_SET_MESSAGE_INTERVAL, which is asked again by rate, not by answer."""
+        return self.command_long(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
+
+    def request_parameter(self, name: str) -> Message:
+        """PARAM_REQUEST_READ by name."""
+        return mavlink.MAVLink_param_request_read_message(
+            self.target.system_id, self.target.component_id, name.encode("ascii"), -1
+        )
+
+    def command_long(self, command: int, *params: float) -> Message:
+        """A COMMAND_LONG to our autopilot."""
+        padded = [*params, *([0.0] * (7 - len(params)))]
+        return mavlink.MAVLink_command_long_message(
+            self.target.system_id, self.target.component_id, command, 0, *padded
+        )

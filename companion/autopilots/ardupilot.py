@@ -1,0 +1,225 @@
+"""ArduPlane. What it obeys in GUIDED: the 4300x commands, and of position targets the height alone.
+
+SET_POSITION_TARGET_LOCAL_NED is acknowledged by silence and not flown, and so are the course and speed of
+SET_POSITION_TARGET_GLOBAL_INT; the latter is sent whole all the same, for its height and for who listens.
+"""
+
+import math
+from collections import deque
+from typing import ClassVar, NamedTuple
+
+from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.commands import Outcome
+from companion.geodesy import LocalFrame
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import Sender
+from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
+
+MODES = {
+    0: "MANUAL",
+    1: "CIRCLE",
+    2: "STABILIZE",
+    3: "TRAINING",
+    4: "ACRO",
+    5: "FBWA",
+    6: "FBWB",
+    7: "CRUISE",
+    8: "AUTOTUNE",
+    10: "AUTO",
+    11: "RTL",
+    12: "LOITER",
+    13: "TAKEOFF",
+    14: "AVOID_ADSB",
+    15: "GUIDED",
+    16: "INITIALISING",
+    17: "QSTABILIZE",
+    18: "QHOVER",
+    19: "QLOITER",
+    20: "QLAND",
+    21: "QRTL",
+    24: "THERMAL",
+    25: "LOITER_QLAND",
+    26: "AUTOLAND",
+}
+GUIDED = 15
+
+# Each heading command resets the heading controller's integrator: sent on change, and slowly against loss.
+_HEADING_CHANGE_RAD = math.radians(1.0)
+_HEADING_REPEAT_S = 2.0
+_SPEED_CHANGE_MPS = 0.3
+_HEIGHT_CHANGE_M = 1.0
+_SPEED_AND_HEIGHT_REPEAT_S = 10.0
+_SETPOINT_INTERVAL_S = 0.2
+_MAX_SETPOINTS_PER_S = 10
+_POINT_AHEAD_M = 500.0
+# Course changes are flown at this bank; atan(5 / g) is the 27 degrees at which the response was measured.
+_TURN_BANK_RAD = math.radians(30.0)
+_TYPE_MASK = (
+    mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+)
+
+
+class _Sent(NamedTuple):
+    value: float
+    at_s: float
+
+
+class ArduPlane(Adapter):
+    """Guidance for ArduPlane 4.1 and later."""
+
+    name: ClassVar[str] = "ArduPlane"
+    can_fly: ClassVar[bool] = True
+    intervals_s: ClassVar[dict[int, float]] = {
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
+        mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
+        mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+    }
+
+    def __init__(self, target: Sender) -> None:
+        super().__init__(target)
+        self._sent: dict[int, _Sent] = {}
+        self._setpoints_s: deque[float] = deque(maxlen=_MAX_SETPOINTS_PER_S)
+
+    @staticmethod
+    def mode_name(custom_mode: int) -> str:
+        """The mode's name as ground stations show it."""
+        return MODES.get(custom_mode, f"MODE {custom_mode}")
+
+    @property
+    def guided_mode(self) -> int:
+        """GUIDED is the only mode that takes the 4300x commands."""
+        return GUIDED
+
+    def engage(self, now_s: float) -> list[Message]:
+        """Ask for GUIDED; entering it clears all targets, so everything is to be sent afresh."""
+        self.stand_back()
+        return [self.desk.ask(self._set_mode(GUIDED), now_s)]
+
+    def engaged(self) -> Outcome | None:
+        """What became of the last request for a mode."""
+        return self.desk.outcome(mavlink.MAV_CMD_DO_SET_MODE)
+
+    def release(self, custom_mode: int, now_s: float) -> list[Message]:
+        """Ask for the former mode; AUTO takes up the same mission item."""
+        self.stand_back()
+        return [self.desk.ask(self._set_mode(custom_mode), now_s)]
+
+    def stand_back(self) -> None:
+        """Forget what was sent and asked."""
+        super().stand_back()
+        self._sent.clear()
+
+    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
+        """Heading, speed and height commands where they changed, and the position target stream."""
+        wanted = flown.guidance
+        heading = (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, wanted.course_rad)
+        speed = (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted.airspeed_mps)
+        height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted.altitude_m)
+        messages = []
+        if self._news(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
+            messages.append(self.desk.ask(self._change_heading(wanted.course_rad), now_s))
+        if self._news(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
+            messages.append(self.desk.ask(self._change_speed(wanted.airspeed_mps), now_s))
+        if self._news(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
+            messages.append(self.desk.ask(self._change_height(wanted.altitude_m), now_s))
+        if self._setpoint_due(now_s, urgent=urgent):
+            self._setpoints_s.append(now_s)
+            messages.append(self._position_target(flown, now_s))
+        return messages
+
+    def _news(
+        self,
+        command: int,
+        value: float,
+        now_s: float,
+        change: float,
+        repeat_s: float,
+        *,
+        circular: bool = False,
+    ) -> bool:
+        """Whether a value differs from the one last sent, or that is too long ago; notes it as sent then."""
+        sent = self._sent.get(command)
+        if sent is not None and now_s - sent.at_s < repeat_s:
+            off = value - sent.value
+            if abs(wrap_pi(off) if circular else off) <= change:
+                return False
+        self._sent[command] = _Sent(value, now_s)
+        return True
+
+    def _setpoint_due(self, now_s: float, *, urgent: bool) -> bool:
+        times_s = self._setpoints_s
+        if not times_s or now_s < times_s[-1]:
+            return True
+        if len(times_s) == _MAX_SETPOINTS_PER_S and now_s - times_s[0] < 1.0:
+            return False
+        # A thousandth less, as ticks fall on tenths that have no exact binary number.
+        return urgent or now_s - times_s[-1] >= _SETPOINT_INTERVAL_S - 1e-3
+
+    def _set_mode(self, custom_mode: int) -> Message:
+        return self.command_long(
+            mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
+        )
+
+    def _change_heading(self, course_rad: float) -> Message:
+        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(_TURN_BANK_RAD)
+        course_over_ground = 0
+        return self._command_int(
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, course_over_ground, course_deg(course_rad), lateral_mps2
+        )
+
+    def _change_speed(self, airspeed_mps: float) -> Message:
+        airspeed, as_fast_as_possible = 0, 0.0
+        return self._command_int(
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, airspeed_mps, as_fast_as_possible
+        )
+
+    def _change_height(self, altitude_m: float) -> Message:
+        return self._command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=altitude_m)
+
+    def _command_int(self, command: int, *params: float, z_m: float = 0.0) -> Message:
+        padded = [*params, *([0.0] * (4 - len(params)))]
+        return mavlink.MAVLink_command_int_message(
+            self.target.system_id,
+            self.target.component_id,
+            mavlink.MAV_FRAME_GLOBAL,
+            command,
+            0,
+            0,
+            *padded,
+            0,
+            0,
+            z_m,
+        )
+
+    def _position_target(self, flown: Flown, now_s: float) -> Message:
+        """A point ahead on the commanded course, the velocity along it, yaw and height."""
+        guidance, position = flown.guidance, flown.position
+        north, east = math.cos(guidance.course_rad), math.sin(guidance.course_rad)
+        ahead = LocalFrame(position.lat_deg, position.lon_deg).to_geo(
+            _POINT_AHEAD_M * north, _POINT_AHEAD_M * east, -guidance.altitude_m
+        )
+        ground_speed_mps = math.hypot(flown.velocity_mps[0], flown.velocity_mps[1])
+        climb_mps = max(-2.0, min(2.0, 0.5 * (guidance.altitude_m - position.altitude_m)))
+        return mavlink.MAVLink_set_position_target_global_int_message(
+            int(now_s * 1000.0) % 2**32,
+            self.target.system_id,
+            self.target.component_id,
+            mavlink.MAV_FRAME_GLOBAL,
+            _TYPE_MASK,
+            round(ahead.lat_deg * 1e7),
+            round(ahead.lon_deg * 1e7),
+            guidance.altitude_m,
+            ground_speed_mps * north,
+            ground_speed_mps * east,
+            -climb_mps,
+            0.0,
+            0.0,
+            0.0,
+            wrap_pi(guidance.course_rad),
+            0.0,
+        )

@@ -1,0 +1,89 @@
+"""Commands that want an answer: sent again until COMMAND_ACK comes, with what came of them."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import CommandResult
+
+_RESEND_S = 0.5
+_TRIES = 6
+# IN_PROGRESS means that the autopilot works on it; it is asked again only after so long.
+_IN_PROGRESS_S = 5.0
+
+
+class Outcome(Enum):
+    """What became of the last command of a kind."""
+
+    PENDING = "pending"
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+    UNANSWERED = "unanswered"
+
+
+@dataclass(slots=True)
+class _Pending:
+    message: Message
+    tries: int
+    next_s: float
+
+
+class CommandDesk:
+    """Keeps one command of each kind (MAV_CMD number) under way; a newer one replaces the older.
+
+    COMMAND_LONG counts its repetitions in `confirmation`, as the protocol wants.
+    """
+
+    def __init__(self) -> None:
+        self._pending: dict[int, _Pending] = {}
+        self._outcomes: dict[int, Outcome] = {}
+        self.refusals: int = 0
+
+    def ask(self, message: Message, now_s: float) -> Message:
+        """Send a command, and again until it is answered; returns the message to send now."""
+        self._pending[message.command] = _Pending(message, 1, now_s + _RESEND_S)
+        self._outcomes[message.command] = Outcome.PENDING
+        return message
+
+    def outcome(self, command: int) -> Outcome | None:
+        """What became of the last command of this kind; `None` when none was sent."""
+        return self._outcomes.get(command)
+
+    def answered(self, fact: CommandResult, now_s: float) -> None:
+        """Take note of an acknowledgement; one that was not asked for is nobody's."""
+        pending = self._pending.get(fact.command)
+        if pending is None:
+            return
+        if fact.result == mavlink.MAV_RESULT_IN_PROGRESS:
+            pending.next_s = now_s + _IN_PROGRESS_S
+            return
+        if fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+            return  # asked again at the usual pace, until the tries are used up
+        accepted = fact.result == mavlink.MAV_RESULT_ACCEPTED
+        self.refusals += not accepted
+        self._settle(fact.command, Outcome.ACCEPTED if accepted else Outcome.REFUSED)
+
+    def due(self, now_s: float) -> list[Message]:
+        """The commands to send again now."""
+        messages = []
+        for command, pending in list(self._pending.items()):
+            if now_s < pending.next_s:
+                continue
+            if pending.tries >= _TRIES:
+                self._settle(command, Outcome.UNANSWERED)
+                continue
+            if pending.message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_LONG:
+                pending.message.confirmation = pending.tries
+            pending.tries += 1
+            pending.next_s = now_s + _RESEND_S
+            messages.append(pending.message)
+        return messages
+
+    def forget(self) -> None:
+        """Drop everything under way: nothing that was asked may be repeated now."""
+        self._pending.clear()
+        self._outcomes.clear()
+
+    def _settle(self, command: int, outcome: Outcome) -> None:
+        self._pending.pop(command, None)
+        self._outcomes[command] = outcome

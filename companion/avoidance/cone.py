@@ -1,0 +1,58 @@
+"""Collision cone with its transition domain (paper §3.1, figures 2 and 3).
+
+An obstacle of radius R_o + R_u seen from distance d fills the half angle beta1 = asin((R_o + R_u) / d). A
+conflict exists while the relative velocity points into it, abs(alpha) <= beta1. Once inside, the cone
+widens to beta2 = beta1 + dbeta until abs(alpha) > beta2: without that memory a small turn would leave the
+cone, the goal would pull back into it, and the aircraft would chatter along its edge.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.avoidance.geometry import Array, signed_angle_rad
+
+
+def half_angle_rad(distance_m: Array, radius_m: Array) -> Array:
+    """beta1 = asin(radius / distance), shape (N,); pi within the radius, where every direction collides."""
+    inside = distance_m <= radius_m
+    ratio = np.where(inside, 0.0, radius_m / np.maximum(distance_m, 1e-9))
+    return np.where(inside, np.pi, np.arcsin(np.minimum(ratio, 1.0)))
+
+
+def approach_angle_rad(rel_position_m: Array, own_rel_velocity_mps: Array) -> Array:
+    """alpha: angle from the line of sight to our velocity relative to the obstacle; positive to the left.
+
+    `rel_position_m` is obstacle minus own, `own_rel_velocity_mps` own minus obstacle, both (N, 2+). With no
+    relative motion nothing approaches: alpha is pi.
+    """
+    alpha = signed_angle_rad(rel_position_m, own_rel_velocity_mps)
+    still = np.hypot(own_rel_velocity_mps[:, 0], own_rel_velocity_mps[:, 1]) < 1e-6
+    return np.where(still, np.pi, alpha)
+
+
+class TransitionDomain:
+    """The memory of the cone: which obstacles are inside, hence judged by beta2 instead of beta1."""
+
+    def __init__(self, delta_beta_rad: float) -> None:
+        self._delta_beta_rad = delta_beta_rad
+        self._inside: frozenset[str] = frozenset()
+
+    def update(
+        self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array, reached: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Which obstacles repel now, shape (N,); obstacles that are not listed any more are forgotten.
+
+        `reached` is def. 3's conflict by distance: the domain is entered and kept only within it.
+        """
+        inside = self._inside
+        was_inside = np.fromiter((i in inside for i in ids), dtype=bool, count=len(ids))
+        beta = np.where(was_inside, beta1_rad + self._delta_beta_rad, beta1_rad)
+        now_inside = reached & (np.abs(alpha_rad) <= beta)
+        self._inside = frozenset(i for i, is_in in zip(ids, now_inside.tolist(), strict=True) if is_in)
+        return now_inside
+
+    def reset(self) -> None:
+        """Forget all obstacles."""
+        self._inside = frozenset()

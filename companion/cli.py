@@ -1,0 +1,183 @@
+"""The command line: `companion run`, `check` and `replay`."""
+
+import asyncio
+import json
+import logging
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated, TextIO
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from companion import __version__
+from companion.config import Config, describe, load_config
+from companion.engine import Engine
+from companion.errors import CompanionError, ConfigError, LogError
+from companion.links import open_link
+from companion.model import Layer
+from companion.recorder import Recorder
+from companion.replay import Replay, replay
+from companion.runtime import Runtime
+
+app = typer.Typer(
+    help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+ConfigFile = Annotated[Path, typer.Argument(help="Configuration file, YAML.", show_default=False)]
+ReportFile = Annotated[
+    Path | None, typer.Option("--report", metavar="FILE.json", help="Write the figures as JSON.")
+]
+
+
+@app.command(epilog="Example: companion run configs/arduplane.yaml")
+def run(config_file: ConfigFile) -> None:
+    """Fly: listen to the autopilot, avoid traffic, give the aircraft back. Ends on Ctrl-C or SIGTERM."""
+    config = load_config(config_file)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    asyncio.run(_run(config))
+
+
+async def _run(config: Config) -> None:
+    recorder = Recorder(config.recording.directory, time.time()) if config.recording.enabled else None
+    log = logging.getLogger("companion")
+    log.info("companion %s on %s", __version__, ", ".join(config.links))
+    if recorder is not None:
+        log.info("recording %s", recorder.tlog_path)
+    runtime = Runtime(
+        Engine(config.for_engine()), [open_link(address) for address in config.links], recorder=recorder
+    )
+    await runtime.run(on_signals=True)
+
+
+@app.command(epilog="Example: companion check configs/arduplane.yaml")
+def check(config_file: ConfigFile) -> None:
+    """Read a configuration and show it as it would be used, every default included."""
+    config = load_config(config_file)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(describe(config), markup=False, end="")
+    console.print(f"{config_file}: good to fly with", markup=False, style="green")
+
+
+@app.command("replay", epilog="Example: companion replay flight.tlog --report replay.json")
+def replay_command(
+    log: Annotated[Path, typer.Argument(metavar="LOG.tlog", help="A telemetry log.", show_default=False)],
+    config_file: Annotated[
+        Path | None, typer.Option("--config", metavar="CONFIG", help="Decide with this configuration.")
+    ] = None,
+    decisions: Annotated[
+        Path | None,
+        typer.Option("--decisions", metavar="OUT.jsonl", help="Write every decision, one JSON line each."),
+    ] = None,
+    report: ReportFile = None,
+) -> None:
+    """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
+    engine = Engine(None if config_file is None else load_config(config_file).for_engine())
+    console = Console(highlight=False)
+    with ExitStack() as stack:
+        on_decision: Callable[[str], object] = _ignore
+        if decisions is not None:
+            on_decision = _LineWriter(stack.enter_context(_writing(decisions).open("w", encoding="utf-8")))
+        on_progress: Callable[[int], object] = _ignore
+        if console.is_terminal:
+            on_progress = stack.enter_context(_ProgressBar(console, log))
+        result = replay(log, engine, on_decision=on_decision, on_progress=on_progress)
+    _print_replay(console, log, result)
+    if report is not None:
+        _writing(report).write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
+
+
+def _ignore(_: object) -> None:
+    return None
+
+
+class _LineWriter:
+    """Writes lines to an open file."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def __call__(self, line: str) -> None:
+        self._file.write(line + "\n")
+
+
+class _ProgressBar:
+    """A bar over the bytes of the log, on a terminal."""
+
+    def __init__(self, console: Console, log: Path) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("kB"),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+        )
+        size = log.stat().st_size if log.is_file() else 0
+        self._task = self._bar.add_task(log.name, total=size // 1000)
+
+    def __enter__(self) -> Callable[[int], None]:
+        self._bar.start()
+        return lambda read_bytes: self._bar.update(self._task, completed=read_bytes // 1000)
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+
+def _print_replay(console: Console, log: Path, result: Replay) -> None:
+    for since_s, layer, because in result.events:
+        console.print(f"{since_s:8.1f} s  {layer:<5}  {because}", markup=False)
+    layers = ", ".join(f"{layer} {result.layers[layer]}" for layer in Layer)
+    console.print(
+        f"{log.name}: {result.messages} messages ({result.bad_bytes} bad bytes), "
+        f"{result.duration_s:.0f} s in {result.elapsed_s:.1f} s; {result.layers.total()} decisions: {layers}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _writing(path: Path) -> Path:
+    """The same path, when a file can be written there."""
+    if not path.parent.is_dir():
+        raise LogError(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+def guarded(application: typer.Typer) -> int:
+    """Run an application: 0 done, 1 failed, 2 bad usage or configuration; errors in one line."""
+    try:
+        application()
+    except ConfigError as error:
+        return _say(error, 2)
+    except CompanionError as error:
+        return _say(error, 1)
+    except SystemExit as leave:
+        return leave.code if isinstance(leave.code, int) else 1
+    return 0
+
+
+def _say(error: Exception, code: int) -> int:
+    sys.stderr.write(f"{error}\n")
+    return code
+
+
+def main() -> None:
+    """Entry point."""
+    sys.exit(guarded(app))

@@ -1,0 +1,7 @@
+"""Configuration: YAML to frozen dataclasses, with every mistake named by file, line and key."""
+
+from companion.config.description import describe
+from companion.config.loader import load_config
+from companion.config.schema import Config, RecordingParams
+
+__all__ = ["Config", "RecordingParams", "describe", "load_config"]

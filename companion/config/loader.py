@@ -1,0 +1,159 @@
+"""A YAML file to a `Config`, or one line that says file, line, key and what is allowed."""
+
+import difflib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from companion.config.document import Items, Leaf, Node, Table, load_document, shown
+from companion.config.keys import dataclass_in, field_types, file_key, in_file_words, is_angle, item_type
+from companion.config.schema import Config
+from companion.errors import ConfigError
+
+# What a value must be, by pydantic's kind of error; the numbers come from its context.
+_MUST_BE = {
+    "greater_than": "greater than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
+    "multiple_of": "a multiple of {multiple_of}",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "path_type": "text",
+    "literal_error": "{expected}",
+    "enum": "{expected}",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "set_type": "a list",
+    "frozen_set_type": "a list",
+    "dict_type": "a mapping",
+    "dataclass_type": "a mapping",
+    "too_short": "a list of at least {min_length}",
+    "too_long": "a list of at most {max_length}",
+}
+_LIMITS = ("gt", "ge", "lt", "le", "multiple_of")
+_LONGEST_REASON = 200
+
+FieldPath = tuple[str | int, ...]
+
+
+def load_config(path: str | Path) -> Config:
+    """The configuration in a file, complete and valid. `ConfigError` if it is not."""
+    path = Path(path)
+    return _Loading(str(path)).config(load_document(path))
+
+
+class _Loading:
+    """One file on its way: field values, and for each of them where it stands."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._places: dict[FieldPath, tuple[int, str, Node]] = {}
+
+    def config(self, document: Table) -> Config:
+        values = self._value(document, Config, (), "", document.line, angle=False)
+        try:
+            # JSON, because there alone "strict" means what a file needs: lists for tuples, text for
+            # enumerations, 3 for 3.0, but no 3.0 for 3, no "3", and no 1 for true.
+            return TypeAdapter(Config).validate_json(json.dumps(values), strict=True)
+        except ValidationError as error:
+            raise self._explained(error.errors()) from error
+
+    def _value(self, node: Node, hint: Any, path: FieldPath, key: str, line: int, *, angle: bool) -> Any:
+        """What pydantic is to see: field names for keys, radians for degrees, all numbers finite."""
+        self._places[path] = line, key, node
+        section = dataclass_in(hint)
+        if isinstance(node, Leaf):
+            if section is not None and node.value is None:
+                return {} if section is hint else None  # a section of which all lines are comments
+            return self._scalar(node, key, line, angle=angle)
+        if isinstance(node, Items):
+            return [
+                self._value(item, item_type(hint, i), (*path, i), f"{key}[{i}]", item.line, angle=angle)
+                for i, item in enumerate(node.items)
+            ]
+        if section is None:
+            raise self._error(line, key, "must not be a mapping")
+        return self._section(node, section, path, key)
+
+    def _section(self, table: Table, section: type, path: FieldPath, key: str) -> dict[str, Any]:
+        types = field_types(section)
+        fields = {file_key(name): name for name in types}
+        values = {}
+        for written, (line, node) in table.entries.items():
+            full_key = f"{key}.{shown(written)}" if key else shown(written)
+            name = fields.get(written)
+            if name is None:
+                raise self._error(line, full_key, f"is unknown, {_hint(written, list(fields))}")
+            values[name] = self._value(node, types[name], (*path, name), full_key, line, angle=is_angle(name))
+        return values
+
+    def _scalar(self, leaf: Leaf, key: str, line: int, *, angle: bool) -> Any:
+        value = leaf.value
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return value
+        if not math.isfinite(value):
+            raise self._error(line, key, f"must be a finite number (got {leaf.text})")
+        return math.radians(value) if angle else value
+
+    def _explained(self, errors: Sequence[ErrorDetails]) -> ConfigError:
+        """The error that stands first in the file; alternatives of one value make one message."""
+        by_path: dict[FieldPath, list[ErrorDetails]] = {}
+        for error in errors:
+            by_path.setdefault(self._known_part(error["loc"]), []).append(error)
+        # A list with a wrong item counts as too short besides: what is inside says more.
+        innermost = [p for p in by_path if not any(p == other[: len(p)] and p != other for other in by_path)]
+        path = min(innermost, key=lambda known: self._places[known][0])
+        line, key, node = self._places[path]
+        missing = next((e["loc"][-1] for e in by_path[path] if e["type"] == "missing"), None)
+        if isinstance(missing, str):
+            required = file_key(missing)
+            return self._error(line, f"{key}.{required}" if key else required, "is required")
+        return self._error(line, key, _message(by_path[path], path, node))
+
+    def _known_part(self, loc: tuple[int | str, ...]) -> FieldPath:
+        """The part of a location that the file has; the rest names alternatives of a type."""
+        return next(loc[:length] for length in range(len(loc), -1, -1) if loc[:length] in self._places)
+
+    def _error(self, line: int, key: str, message: str) -> ConfigError:
+        return ConfigError(
+            f"{self._name}:{line}: {key}: {message}" if key else f"{self._name}:{line}: {message}"
+        )
+
+
+def _message(errors: Sequence[ErrorDetails], path: FieldPath, node: Node) -> str:
+    name = next((part for part in reversed(path) if isinstance(part, str)), "")
+    allowed = []
+    for error in errors:
+        context: Mapping[str, Any] = error.get("ctx", {})
+        if error["type"] == "value_error":
+            return shown(in_file_words(str(context["error"])), _LONGEST_REASON)
+        if error["type"] == "missing":
+            allowed.append("a longer list")
+        elif error["type"] in _MUST_BE:
+            allowed.append(_MUST_BE[error["type"]].format_map(_in_file_units(context, angle=is_angle(name))))
+        else:
+            return shown(in_file_words(error["msg"]), _LONGEST_REASON)
+    got = f" (got {shown(node.text) or 'nothing'})" if isinstance(node, Leaf) else ""
+    return f"must be {' or '.join(allowed)}{got}"
+
+
+def _in_file_units(context: Mapping[str, Any], *, angle: bool) -> dict[str, Any]:
+    """A limit as people write it; those of angles in degrees."""
+    return {
+        name: f"{math.degrees(limit) if angle else limit:.10g}" if name in _LIMITS else limit
+        for name, limit in context.items()
+    }
+
+
+def _hint(key: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(file_key(key), known, n=1)
+    return f"did you mean {close[0]}?" if close else f"allowed are {', '.join(sorted(known))}"

@@ -1,0 +1,455 @@
+"""The engine: facts in, effects out, the clock is an argument.
+
+The same object flies the aircraft, replays a log and sits in a test. It holds the aircraft, the traffic, the
+avoider and the supervisor together, and decides nothing that one of them could.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from companion.autopilots import NAMES
+from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.commands import Outcome
+from companion.avoidance import AvoidanceParams, Avoider
+from companion.engine.aircraft import Aircraft
+from companion.engine.announcer import Announcer, describe_guidance, describe_threat
+from companion.engine.effects import Effect, Record, Say, Transmit
+from companion.engine.rates import RateKeeper
+from companion.engine.record import decision_line
+from companion.geodesy import LocalFrame
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import (
+    CommandResult,
+    Fact,
+    Heartbeat,
+    OwnPosition,
+    OwnTransponder,
+    Parameter,
+    Sender,
+    Traffic,
+)
+from companion.model import Decision, Goal, Guidance, Layer, Ownship, Snapshot, Track
+from companion.supervisor import WATCHING, Event, State, Supervisor, SupervisorParams
+from companion.traffic import Tracker, TrafficParams
+
+_HEARTBEAT_INTERVAL_S = 1.0
+# Far from its origin the flat frame bends; closer than this its error cannot be seen.
+_FRAME_REACH_M = 5_000.0
+# A heartbeat that was under way while the mode changed still names the old mode.
+_STALE_HEARTBEAT_S = 1.5
+# Own position so old is no ground for a decision; after the longer time the aircraft is given back.
+_BLIND_S = 5.0
+
+
+@dataclass(frozen=True)
+class EngineParams:
+    """Identity on the wire, and when own position is too old to act on."""
+
+    system_id: Literal["auto"] | Annotated[int, Ge(1), Le(254)] = "auto"
+    component_id: Annotated[int, Ge(1), Le(255)] = 196
+    autopilot_system_id: Literal["auto"] | Annotated[int, Ge(1), Le(255)] = "auto"
+    position_stale_s: Annotated[float, Gt(0), Le(10)] = 2.0
+    # Highest height above home that an avoidance may climb to; `None`: no ceiling.
+    max_height_m: Annotated[float, Gt(0)] | None = None
+
+
+@dataclass(frozen=True)
+class EngineConfig:
+    """All that the engine is built from."""
+
+    autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
+    engine: EngineParams = field(default_factory=EngineParams)
+    supervisor: SupervisorParams = field(default_factory=SupervisorParams)
+    traffic: TrafficParams = field(default_factory=TrafficParams)
+    avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
+
+
+class Engine:
+    """One flight. `receive` and `tick` share one clock [s], which never runs backwards."""
+
+    def __init__(self, config: EngineConfig | None = None) -> None:
+        config = config or EngineConfig()
+        self._params = config.engine
+        self._rules = config.supervisor
+        wanted = config.engine.autopilot_system_id
+        self.aircraft = Aircraft(None if wanted == "auto" else wanted, NAMES.get(config.autopilot))
+        self.tracker = Tracker(config.traffic)
+        self.supervisor = Supervisor()
+        self._avoider = Avoider(config.avoidance)
+        self._envelope = config.avoidance.envelope
+        self._announcer = Announcer()
+        self._rates = RateKeeper()
+        self._frame: LocalFrame | None = None
+        self._goal: Goal | None = None
+        self._decision = Decision(Layer.CLEAR, because="no position")
+        self._own: Ownship | None = None
+        self._tracks: tuple[Track, ...] = ()
+        self._mode_before = 0
+        self._asked_mode_s = -math.inf
+        self._ready_since_s: float | None = None
+        self._not_before_s = -math.inf
+        self._heartbeat_s = -math.inf
+        self._boot_time_s = -math.inf
+        self._prompted = False
+        self.ticks = 0
+
+    @property
+    def sender(self) -> Sender:
+        """Our address: the autopilot's system, unless configured otherwise."""
+        system_id = self._params.system_id
+        if system_id == "auto":
+            own = self.aircraft.sender
+            system_id = 1 if own is None else own.system_id
+        return Sender(system_id, self._params.component_id)
+
+    @property
+    def decision(self) -> Decision:
+        """The decision that stands."""
+        return self._decision
+
+    @property
+    def finished(self) -> bool:
+        """Whether the aircraft is given back after `request_stop`."""
+        return self.supervisor.state is State.STOPPED
+
+    def snapshot(self, now_s: float) -> Snapshot:
+        """What a display shows."""
+        return Snapshot(
+            time_s=now_s,
+            state=str(self.supervisor.state),
+            mode=self.aircraft.mode,
+            armed=self.aircraft.armed,
+            ownship=self._own,
+            tracks=self._tracks,
+            decision=self._decision,
+            goal=self._goal,
+            last_text=self._announcer.last_text,
+        )
+
+    def receive(self, fact: Fact, now_s: float) -> bool:
+        """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
+        if fact.sender == self.sender:
+            return False
+        if isinstance(fact, Traffic):
+            return self._receive_traffic(fact, now_s)
+        mode_before = self.aircraft.custom_mode
+        back = not self.aircraft.heard(now_s)
+        if not self.aircraft.observe(fact, now_s):
+            return False
+        self._rates.observe(fact)
+        match fact:
+            case Heartbeat():
+                if back:
+                    self._rates.restart()
+                return self.aircraft.custom_mode != mode_before
+            case OwnPosition():
+                if fact.boot_time_s < self._boot_time_s - 1.0:
+                    self._rates.restart()
+                self._boot_time_s = fact.boot_time_s
+            case CommandResult():
+                return self._receive_answer(fact, now_s)
+            case Parameter() if fact.name == self._adapter().own_icao_parameter and fact.value >= 1.0:
+                self.tracker.learn_own(int(fact.value))
+            case OwnTransponder():
+                self.tracker.learn_own(fact.icao)
+            case _:
+                pass
+        return False
+
+    def request_stop(self, now_s: float) -> list[Effect]:
+        """The service ends: give the aircraft back first. Tick on until `finished`."""
+        was_held = self.supervisor.flying or self.supervisor.state is State.ENGAGING
+        if not self.supervisor.handle(Event.STOP) or not was_held:
+            return []
+        return [*self._release(now_s), *self._tell(mavlink.MAV_SEVERITY_WARNING, self._returned(), now_s)]
+
+    def emergency_release(self) -> list[Message]:
+        """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
+        adapter = self.aircraft.adapter
+        held = self.supervisor.flying or self.supervisor.state in (State.ENGAGING, State.STOPPING)
+        if adapter is None or not held:
+            return []
+        return adapter.release(self._mode_before, 0.0)
+
+    def tick(self, now_s: float) -> list[Effect]:
+        """Decide, supervise, command, and keep up the manners."""
+        self.ticks += 1
+        effects: list[Effect] = []
+        self._decide(now_s)
+        effects += self._supervise(now_s)
+        if self.supervisor.flying:
+            effects += self._command(now_s)
+        adapter = self.aircraft.adapter
+        if adapter is not None:
+            effects += self._transmit(adapter.tick(now_s))
+            if self.aircraft.heard(now_s):
+                effects += self._transmit(self._rates.tick(adapter, now_s))
+        effects += self._transmit(
+            self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
+        )
+        if now_s - self._heartbeat_s >= _HEARTBEAT_INTERVAL_S - 1e-3 or now_s < self._heartbeat_s:
+            self._heartbeat_s = now_s
+            effects += self._transmit([self._heartbeat(now_s)])
+        if self._own is not None:
+            effects.append(Record(decision_line(now_s, self._decision, self._own, len(self._tracks))))
+        self._prompted = False
+        return effects
+
+    # --- deciding
+
+    def _decide(self, now_s: float) -> None:
+        if now_s - self.aircraft.position_s > self._params.position_stale_s:
+            return  # what was decided last stands; `_supervise` gives the aircraft back if this lasts
+        self._frame = self._frame_here()
+        if self._frame is None:
+            return
+        self._own = self.aircraft.ownship(self._frame)
+        self._tracks = self.tracker.tracks(now_s, self._frame)
+        if self._goal is None or self.supervisor.state in WATCHING:
+            self._goal = self.aircraft.goal(self._frame, now_s)
+        if self._own is None or not self._may_decide():
+            self._avoider.reset()
+            self._decision = Decision(Layer.CLEAR, because="not flying")
+            return
+        self._limit_heights()
+        self._decision = self._avoider.decide(now_s, self._own, self._tracks, self._goal)
+
+    def _may_decide(self) -> bool:
+        """Nothing is decided on the ground; while flying for us the aircraft may sink to the floor and be."""
+        return self.supervisor.flying or self.aircraft.flying(self._rules.min_height_m)
+
+    def _frame_here(self) -> LocalFrame | None:
+        """The local frame, moved along with the aircraft; the goal moves with it."""
+        place = self.aircraft.place()
+        frame = self._frame
+        if place is None:
+            return frame
+        if frame is not None and math.hypot(*frame.to_ned_m(place)[:2]) <= _FRAME_REACH_M:
+            return frame
+        here = LocalFrame(place.lat_deg, place.lon_deg)
+        if frame is not None and self._goal is not None and self._goal.position_m is not None:
+            moved = here.to_ned_m(frame.to_geo(*self._goal.position_m))
+            self._goal = replace(self._goal, position_m=moved)
+        return here
+
+    def _limit_heights(self) -> None:
+        """Floor and ceiling are above home, the frame's zero is the sea."""
+        home_m = self.aircraft.home_altitude_m()
+        if home_m is None:
+            return
+        # Barometer and home move by centimetres all the time; whole metres keep decisions from following.
+        home_m = float(round(home_m))
+        ceiling_m = self._params.max_height_m
+        self._avoider.envelope = replace(
+            self._envelope,
+            min_altitude_m=home_m + self._rules.min_height_m,
+            max_altitude_m=None if ceiling_m is None else home_m + ceiling_m,
+        )
+
+    # --- supervising
+
+    def _supervise(self, now_s: float) -> list[Effect]:
+        state = self.supervisor.state
+        if state in WATCHING:
+            return self._while_watching(now_s)
+        if state is State.ENGAGING:
+            return self._while_engaging(now_s)
+        if state in (State.RELEASING, State.STOPPING):
+            return self._while_releasing(now_s)
+        if self.supervisor.flying:
+            return self._while_flying(now_s)
+        return []
+
+    def _while_watching(self, now_s: float) -> list[Effect]:
+        ready = self._ready(now_s)
+        if not ready:
+            self._ready_since_s = None
+            self.supervisor.handle(Event.NOT_READY)
+            return []
+        if self._ready_since_s is None:
+            self._ready_since_s = now_s
+        waited_s = now_s - self._ready_since_s
+        if self.supervisor.state is State.HANDS_OFF and waited_s < self._rules.settle_s:
+            return []
+        self.supervisor.handle(Event.READY)
+        if self._decision.layer is Layer.CLEAR or self.supervisor.state is not State.MONITOR:
+            return []
+        self._mode_before = self.aircraft.custom_mode
+        self.supervisor.handle(self._conflict())
+        self._asked_mode_s = now_s
+        return [
+            *self._transmit(self._adapter().engage(now_s)),
+            *self._tell(mavlink.MAV_SEVERITY_WARNING, self._situation(), now_s),
+        ]
+
+    def _while_engaging(self, now_s: float) -> list[Effect]:
+        aircraft, adapter = self.aircraft, self._adapter()
+        outcome = adapter.engaged()
+        if aircraft.landed() or not (aircraft.guided or aircraft.custom_mode == self._mode_before):
+            return self._hands_off(now_s)
+        if aircraft.guided or outcome is Outcome.ACCEPTED:
+            aircraft.enter_mode(adapter.guided_mode, now_s)
+            self.supervisor.handle(Event.TAKEN)
+            self.supervisor.handle(self._conflict())
+            self._asked_mode_s = now_s
+            return []
+        if outcome in (Outcome.REFUSED, Outcome.UNANSWERED):
+            self.supervisor.handle(Event.REFUSED)
+            self._ready_since_s = None
+            self._not_before_s = now_s + self._rules.retry_s
+            words = "refused" if outcome is Outcome.REFUSED else "did not answer"
+            return self._tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
+        if self._decision.layer is Layer.CLEAR:
+            self.supervisor.handle(Event.CLEAR)
+            return self._release(now_s)
+        return []
+
+    def _while_flying(self, now_s: float) -> list[Effect]:
+        if self._taken_by_another(now_s):
+            return self._hands_off(now_s)
+        if now_s - self.aircraft.position_s > _BLIND_S:
+            self.supervisor.handle(Event.CLEAR)
+            lost = self._tell(mavlink.MAV_SEVERITY_CRITICAL, "Avoidance: own position lost", now_s)
+            return [*self._release(now_s), *lost]
+        if self._decision.layer is Layer.CLEAR:
+            self.supervisor.handle(Event.CLEAR)
+            return [
+                *self._release(now_s),
+                *self._tell(mavlink.MAV_SEVERITY_NOTICE, self._returned(), now_s),
+            ]
+        if self.supervisor.handle(self._conflict()):
+            inner = self._decision.layer is Layer.INNER
+            severity = mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING
+            return self._tell(severity, f"{'Emergency' if inner else 'Outer'}: {self._situation()}", now_s)
+        return []
+
+    def _while_releasing(self, now_s: float) -> list[Effect]:
+        adapter, aircraft = self._adapter(), self.aircraft
+        outcome = adapter.engaged()
+        if aircraft.landed() or not (aircraft.guided or aircraft.custom_mode == self._mode_before):
+            return self._hands_off(now_s)
+        confirmed = aircraft.custom_mode == self._mode_before and aircraft.heartbeat_s > self._asked_mode_s
+        if confirmed or outcome is Outcome.ACCEPTED:
+            adapter.stand_back()
+            # The answer is the newer word: until the next heartbeat the old mode must not be held against us.
+            aircraft.enter_mode(self._mode_before, now_s)
+            self.supervisor.handle(Event.GIVEN_BACK)
+            return []
+        if outcome in (Outcome.REFUSED, Outcome.UNANSWERED):
+            failed = self._tell(
+                mavlink.MAV_SEVERITY_CRITICAL,
+                f"Avoidance: {self._before()} not taken up, asking again",
+                now_s,
+            )
+            return [*self._release(now_s), *failed]
+        return []
+
+    def _ready(self, now_s: float) -> bool:
+        aircraft = self.aircraft
+        return (
+            aircraft.adapter is not None
+            and aircraft.adapter.can_fly
+            and aircraft.heard(now_s)
+            and now_s - aircraft.position_s <= self._params.position_stale_s
+            and aircraft.mode in self._rules.take_over_from
+            and aircraft.flying(self._rules.min_height_m)
+            and now_s >= self._not_before_s
+        )
+
+    def _taken_by_another(self, now_s: float) -> bool:
+        aircraft = self.aircraft
+        if aircraft.landed():
+            return True
+        if aircraft.guided:
+            return False
+        # The answer to our request overtakes the heartbeat: one that still names the former mode is old.
+        stale = aircraft.custom_mode == self._mode_before and now_s - self._asked_mode_s < _STALE_HEARTBEAT_S
+        return not stale
+
+    def _hands_off(self, now_s: float) -> list[Effect]:
+        self._adapter().stand_back()
+        self.supervisor.handle(Event.LOST)
+        self._ready_since_s = None
+        self._avoider.reset()
+        mode = self.aircraft.mode if self.aircraft.armed else "disarmed"
+        return self._tell(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: hands off, {mode}", now_s)
+
+    def _release(self, now_s: float) -> list[Effect]:
+        self._asked_mode_s = now_s
+        return self._transmit(self._adapter().release(self._mode_before, now_s))
+
+    def _conflict(self) -> Event:
+        return Event.INNER_CONFLICT if self._decision.layer is Layer.INNER else Event.OUTER_CONFLICT
+
+    # --- commanding
+
+    def _command(self, now_s: float) -> list[Effect]:
+        place, guidance = self.aircraft.place(), self._decision.guidance
+        if place is None or guidance is None:
+            return []
+        flown = Flown(_in_reach(guidance), place, self.aircraft.velocity_mps())
+        return self._transmit(self._adapter().command(flown, now_s, urgent=self._prompted))
+
+    # --- receiving
+
+    def _receive_traffic(self, fact: Traffic, now_s: float) -> bool:
+        if not self.tracker.receive(fact.report, now_s):
+            return False
+        track_id = f"{fact.report.icao:06X}"
+        self._prompted = any(threat.track_id == track_id for threat in self._decision.threats)
+        return self._prompted
+
+    def _receive_answer(self, fact: CommandResult, now_s: float) -> bool:
+        if fact.target is not None and fact.target != self.sender:
+            return False
+        self._adapter().observe(fact, now_s)
+        return bool(fact.command == mavlink.MAV_CMD_DO_SET_MODE)
+
+    # --- telling
+
+    def _adapter(self) -> Adapter:
+        adapter = self.aircraft.adapter
+        if adapter is None:
+            raise RuntimeError("no autopilot: the supervisor must not get here")
+        return adapter
+
+    def _before(self) -> str:
+        return self._adapter().mode_name(self._mode_before)
+
+    def _returned(self) -> str:
+        return f"Clear of traffic, back to {self._before()}"
+
+    def _situation(self) -> str:
+        own, threats = self._own, self._decision.threats
+        if own is None or not threats:
+            return "Traffic"
+        names = [(track.track_id, track.callsign) for track in self._tracks]
+        where = describe_threat(threats[0], own, names)
+        return f"Traffic {where}: {describe_guidance(self._decision, own)}"
+
+    def _heartbeat(self, now_s: float) -> Message:
+        healthy = self.aircraft.heard(now_s) and now_s - self.aircraft.position_s < _BLIND_S
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+            mavlink.MAV_AUTOPILOT_INVALID,
+            0,
+            0,
+            mavlink.MAV_STATE_ACTIVE if healthy else mavlink.MAV_STATE_CRITICAL,
+            3,
+        )
+
+    def _tell(self, severity: int, text: str, now_s: float) -> list[Effect]:
+        messages = self._announcer.text(severity, text, now_s)
+        return [Say(severity, text), *self._transmit(messages)] if messages else []
+
+    def _transmit(self, messages: list[Message]) -> list[Effect]:
+        sender = self.sender
+        return [Transmit(sender, message) for message in messages]
+
+
+def _in_reach(guidance: Guidance) -> Guidance:
+    """A course in [0, 2 pi), whatever came of rounding."""
+    return replace(guidance, course_rad=guidance.course_rad % (2.0 * math.pi))

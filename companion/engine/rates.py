@@ -1,0 +1,92 @@
+"""Message rates: asked for once, measured ever after, asked for again when they drop."""
+
+import math
+
+from companion.autopilots import Adapter
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import AirData, Fact, LandedState, NavigationTarget, OwnPosition, Parameter
+
+_MEASURED: dict[type, int] = {
+    OwnPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    AirData: mavlink.MAVLINK_MSG_ID_VFR_HUD,
+    LandedState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    NavigationTarget: mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+}
+_WINDOW_S = 5.0
+# An autopilot that cannot send a message is not to be nagged: the wait doubles up to this.
+_LONGEST_WAIT_S = 60.0
+_OWN_ICAO_TRIES = 4
+
+
+class RateKeeper:
+    """Asks one autopilot for the messages its adapter names.
+
+    Traffic cannot be measured, as there may be none; it is asked for again together with the position.
+    """
+
+    def __init__(self) -> None:
+        self._counts: dict[int, int] = {}
+        self._waits_s: dict[int, float] = {}
+        self._next_s: dict[int, float] = {}
+        self._window_ends_s = math.inf
+        self._asked = False
+        self._own_icao_tries = 0
+
+    def observe(self, fact: Fact) -> None:
+        """Count a fact of our autopilot."""
+        if isinstance(fact, Parameter) and fact.name == Adapter.own_icao_parameter:
+            self._own_icao_tries = _OWN_ICAO_TRIES
+        message_id = _MEASURED.get(type(fact))
+        if message_id is not None:
+            self._counts[message_id] = self._counts.get(message_id, 0) + 1
+
+    def restart(self) -> None:
+        """The autopilot started anew, or came back: it remembers nothing."""
+        self._asked = False
+
+    def tick(self, adapter: Adapter, now_s: float) -> list[Message]:
+        """The requests to send now."""
+        if not self._asked:
+            self._asked = True
+            self._waits_s.clear()
+            self._begin_window(now_s)
+            self._own_icao_tries = 1
+            return [
+                *(adapter.request_interval(*wanted) for wanted in adapter.intervals_s.items()),
+                adapter.request_parameter(adapter.own_icao_parameter),
+            ]
+        if now_s < self._window_ends_s:
+            return []
+        slow = [
+            (message_id, interval_s)
+            for message_id, interval_s in adapter.intervals_s.items()
+            if message_id in _MEASURED.values()
+            and self._counts.get(message_id, 0) < 0.5 * _WINDOW_S / interval_s
+        ]
+        self._begin_window(now_s)
+        requests = [
+            adapter.request_interval(message_id, interval_s)
+            for message_id, interval_s in slow
+            if self._may_ask(message_id, now_s)
+        ]
+        traffic = mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
+        if traffic in adapter.intervals_s and any(
+            message_id == mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT for message_id, _ in slow
+        ):
+            requests.append(adapter.request_interval(traffic, adapter.intervals_s[traffic]))
+        if self._own_icao_tries < _OWN_ICAO_TRIES:
+            self._own_icao_tries += 1
+            requests.append(adapter.request_parameter(adapter.own_icao_parameter))
+        return requests
+
+    def _begin_window(self, now_s: float) -> None:
+        self._counts.clear()
+        self._window_ends_s = now_s + _WINDOW_S
+
+    def _may_ask(self, message_id: int, now_s: float) -> bool:
+        if now_s < self._next_s.get(message_id, -math.inf):
+            return False
+        wait_s = self._waits_s.get(message_id, _WINDOW_S)
+        self._next_s[message_id] = now_s + wait_s - 1e-3
+        self._waits_s[message_id] = min(2.0 * wait_s, _LONGEST_WAIT_S)
+        return True

@@ -1,0 +1,56 @@
+"""When the engine ticks: on the whole tenths of its clock, whoever drives it.
+
+A tick at T sees exactly the facts received before T. That rule, and not the moment at which a timer happened
+to fire, orders facts and ticks; so a recorded flight, driven through here by the stamps of its log, makes the
+decisions that were flown.
+"""
+
+from collections.abc import Callable, Sequence
+
+from companion.engine.effects import Effect
+from companion.engine.engine import Engine
+from companion.mavlink.facts import Fact
+
+TICK_US = 100_000
+
+Perform = Callable[[int, Sequence[Effect]], None]
+
+
+class Stepper:
+    """Drives an engine along a clock of whole microseconds that never runs backwards.
+
+    `perform(time_us, effects)` does what the engine wants done. With `longest_catch_up_us`, ticks that are
+    overdue by more (the machine was suspended) are left out rather than made up for.
+    """
+
+    def __init__(self, engine: Engine, perform: Perform, *, longest_catch_up_us: int | None = None) -> None:
+        self.engine = engine
+        self.skipped_ticks = 0
+        self._perform = perform
+        self._longest_catch_up_us = longest_catch_up_us
+        self._next_tick_us: int | None = None
+
+    def next_tick_us(self, now_us: int) -> int:
+        """When the next tick is due."""
+        if self._next_tick_us is None:
+            self._next_tick_us = -(-now_us // TICK_US) * TICK_US
+        return self._next_tick_us
+
+    def advance(self, now_us: int) -> None:
+        """Make all ticks that are due."""
+        due_us = self.next_tick_us(now_us)
+        if self._longest_catch_up_us is not None and now_us - due_us > self._longest_catch_up_us:
+            latest_us = now_us // TICK_US * TICK_US
+            self.skipped_ticks += (latest_us - due_us) // TICK_US
+            due_us = latest_us
+        while due_us <= now_us:
+            self._next_tick_us = due_us + TICK_US
+            self._perform(due_us, self.engine.tick(due_us / 1e6))
+            due_us = self._next_tick_us
+        self._next_tick_us = due_us
+
+    def receive(self, fact: Fact, now_us: int) -> None:
+        """Make the ticks that are due, take a fact in, and tick at once when it cannot wait."""
+        self.advance(now_us)
+        if self.engine.receive(fact, now_us / 1e6):
+            self._perform(now_us, self.engine.tick(now_us / 1e6))

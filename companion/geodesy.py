@@ -1,0 +1,54 @@
+"""Geographic positions and the local north-east-down frame in which everything is decided."""
+
+import math
+from dataclasses import dataclass
+
+# WGS 84
+_SEMI_MAJOR_AXIS_M = 6_378_137.0
+_ECCENTRICITY_SQUARED = 6.694_379_990_14e-3
+
+
+@dataclass(frozen=True, slots=True)
+class GeoPoint:
+    """A place: latitude and longitude [deg], height above mean sea level [m]."""
+
+    lat_deg: float
+    lon_deg: float
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFrame:
+    """A flat north-east-down frame touching the ellipsoid; down is minus the height above mean sea level.
+
+    Lengths use the ellipsoid's two radii of curvature at the origin. Ten kilometres away the error of a
+    distance is below 0.2 % at 60 degrees of latitude, so the frame is moved along with the aircraft
+    (see `Engine`).
+    """
+
+    lat_deg: float
+    lon_deg: float
+
+    def to_ned_m(self, point: GeoPoint) -> tuple[float, float, float]:
+        """North, east and down of a place [m]."""
+        north_m_per_deg, east_m_per_deg = self._metres_per_degree()
+        dlon_deg = (point.lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0  # the short way over the date line
+        return (
+            (point.lat_deg - self.lat_deg) * north_m_per_deg,
+            dlon_deg * east_m_per_deg,
+            -point.altitude_m,
+        )
+
+    def to_geo(self, north_m: float, east_m: float, down_m: float) -> GeoPoint:
+        """The place at the given north, east and down [m]: the inverse of `to_ned_m`."""
+        north_m_per_deg, east_m_per_deg = self._metres_per_degree()
+        lon_deg = self.lon_deg + east_m / east_m_per_deg
+        return GeoPoint(self.lat_deg + north_m / north_m_per_deg, (lon_deg + 180.0) % 360.0 - 180.0, -down_m)
+
+    def _metres_per_degree(self) -> tuple[float, float]:
+        lat_rad = math.radians(self.lat_deg)
+        w2 = 1.0 - _ECCENTRICITY_SQUARED * math.sin(lat_rad) ** 2
+        meridian_m = _SEMI_MAJOR_AXIS_M * (1.0 - _ECCENTRICITY_SQUARED) / w2**1.5
+        # A pole has no east: keep the frame invertible there.
+        parallel_m = max(_SEMI_MAJOR_AXIS_M / math.sqrt(w2) * math.cos(lat_rad), 1.0)
+        return math.radians(meridian_m), math.radians(parallel_m)

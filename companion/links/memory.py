@@ -1,0 +1,55 @@
+"""Two links joined in memory, for tests and simulations: no socket, and as lossy as asked for."""
+
+import random
+
+from companion.links.datagram import DatagramLink
+
+
+class MemoryLink(DatagramLink[str]):
+    """One end of a pair; see `memory_pair`."""
+
+    def __init__(
+        self, address: str, chance: random.Random, loss: float, duplication: float, reordering: float
+    ) -> None:
+        super().__init__(address)
+        self.other: MemoryLink | None = None
+        self._chance = chance
+        self._loss = loss
+        self._duplication = duplication
+        self._reordering = reordering
+        self._held_back: list[bytes] = []
+
+    async def open(self) -> None:
+        """There is nothing to open."""
+
+    def send(self, data: bytes) -> None:
+        """Send one frame to the other end. Never waits, never raises: errors are counted."""
+        if self.closed or self.other is None:
+            self.counters.send_errors += 1
+            return
+        self.counters.sent_frames += 1
+        self.counters.sent_bytes += len(data)
+        overtaken, self._held_back = self._held_back, []
+        if self._chance.random() >= self._loss:
+            copies = 2 if self._chance.random() < self._duplication else 1
+            if self._chance.random() < self._reordering:
+                self._held_back = [data] * copies  # comes after the next one
+            else:
+                self._deliver(self.other, [data] * copies)
+        self._deliver(self.other, overtaken)
+
+    def _deliver(self, other: "MemoryLink", datagrams: list[bytes]) -> None:
+        for datagram in datagrams:
+            other.arrived(self.address, datagram)
+
+
+def memory_pair(
+    *, loss: float = 0.0, duplication: float = 0.0, reordering: float = 0.0, seed: int = 0
+) -> tuple[MemoryLink, MemoryLink]:
+    """Two joined links; the probabilities are per datagram, and the same seed repeats the same faults."""
+    ends = [
+        MemoryLink(f"memory:{name}", random.Random(f"{seed}{name}"), loss, duplication, reordering)
+        for name in ("a", "b")
+    ]
+    ends[0].other, ends[1].other = ends[1], ends[0]
+    return ends[0], ends[1]

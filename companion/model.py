@@ -1,0 +1,155 @@
+"""The nouns that every room shares. SI units, radians, north-east-down; `None` means unknown."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+Vec2 = tuple[float, float]
+Vec3 = tuple[float, float, float]
+
+
+class Layer(StrEnum):
+    """Which of the two layers decides (paper §2.3)."""
+
+    CLEAR = "clear"
+    OUTER = "outer"
+    INNER = "inner"
+
+
+class TrafficKind(StrEnum):
+    """What a report is about, as far as avoidance cares."""
+
+    AIRCRAFT = "aircraft"
+    UAV = "uav"
+    SURFACE_VEHICLE = "surface vehicle"
+    OBSTACLE = "obstacle"
+
+
+class AltitudeReference(StrEnum):
+    """What a reported height is measured against."""
+
+    BAROMETRIC = "barometric"
+    GEOMETRIC = "geometric"
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficReport:
+    """One report of one other aircraft, valid at `time_s`; what the sender did not vouch for is `None`."""
+
+    icao: int
+    time_s: float
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    altitude_m: float | None = None
+    altitude_reference: AltitudeReference = AltitudeReference.GEOMETRIC
+    course_rad: float | None = None
+    ground_speed_mps: float | None = None
+    climb_mps: float | None = None
+    callsign: str | None = None
+    squawk: int | None = None
+    kind: TrafficKind = TrafficKind.AIRCRAFT
+    simulated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Ownship:
+    """Our aircraft: position and ground velocity in the shared local frame (north, east, down).
+
+    `heading_rad` is where the nose points, clockwise from true north; `wind_mps` is the velocity of the
+    air over the ground (north, east), `None` when nobody measured it.
+    """
+
+    time_s: float
+    position_m: Vec3
+    velocity_mps: Vec3
+    airspeed_mps: float
+    heading_rad: float
+    wind_mps: Vec2 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """Another aircraft, as estimated at `time_s` in the shared local frame (north, east, down).
+
+    `protected_horizontal_m` and `protected_vertical_m` are the volume to keep out of; `None` takes the
+    well-clear volume of the avoidance parameters. A `kind` of OBSTACLE stands on the ground: its position
+    is its top, and nothing flies under it.
+    """
+
+    track_id: str
+    time_s: float
+    position_m: Vec3
+    velocity_mps: Vec3
+    icao: int | None = None
+    callsign: str | None = None
+    kind: TrafficKind = TrafficKind.AIRCRAFT
+    age_s: float = 0.0
+    protected_horizontal_m: float | None = None
+    protected_vertical_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """What the mission wants: a course and an altitude to hold, or a position to reach.
+
+    `altitude_m` is height above the zero of the local frame (in flight: mean sea level). With `position_m`
+    the course and altitude follow from it.
+    """
+
+    course_rad: float | None = None
+    airspeed_mps: float | None = None
+    altitude_m: float | None = None
+    position_m: Vec3 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Guidance:
+    """What to fly, absolute: course over ground, airspeed, height above the zero of the local frame."""
+
+    course_rad: float
+    airspeed_mps: float
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Threat:
+    """A track that takes part in a conflict, measured at the moment of the decision.
+
+    `time_to_closest_s` and the two miss distances are those of flying the mission on, unavoided.
+    """
+
+    track_id: str
+    icao: int | None
+    distance_m: float
+    relative_altitude_m: float
+    bearing_rad: float
+    closing_mps: float
+    time_to_closest_s: float
+    miss_horizontal_m: float
+    miss_vertical_m: float
+    layer: Layer
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The avoider's answer. `guidance` is `None` when the mission may be flown."""
+
+    layer: Layer
+    guidance: Guidance | None = None
+    threats: Sequence[Threat] = ()
+    because: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """All that a display needs to know about one moment."""
+
+    time_s: float
+    state: str
+    mode: str | None
+    armed: bool
+    ownship: Ownship | None
+    tracks: Sequence[Track] = ()
+    decision: Decision = field(default_factory=lambda: Decision(Layer.CLEAR))
+    goal: Goal | None = None
+    last_text: str = ""

@@ -1,0 +1,117 @@
+"""A log through the same engine, under the log's clock."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from companion.engine import Effect, Engine, Record, Stepper
+from companion.mavlink.tlog import read_tlog
+from companion.mavlink.translate import WANTED, frame_to_fact
+from companion.model import Layer
+
+# Stamps that step further than this, either way, are a damaged log or another flight: the clock goes on from
+# where it was.
+_LONGEST_GAP_US = 60_000_000
+
+
+class LogClock:
+    """Stamps to time that never runs backwards: equal to the stamps themselves in a log without jumps."""
+
+    def __init__(self) -> None:
+        self._now_us: int | None = None
+        self._offset_us = 0
+        self.jumps = 0
+
+    def at(self, stamp_us: int) -> int:
+        """The time [us] of the record with this stamp."""
+        if self._now_us is None:
+            self._now_us = stamp_us
+        now_us = stamp_us + self._offset_us
+        if not -_LONGEST_GAP_US <= now_us - self._now_us <= _LONGEST_GAP_US:
+            self.jumps += 1
+            self._offset_us = self._now_us - stamp_us
+            now_us = self._now_us
+        self._now_us = max(now_us, self._now_us)
+        return self._now_us
+
+
+@dataclass
+class Replay:
+    """What came of it. `layers` counts decisions; `events` are (time since start [s], layer, because)."""
+
+    messages: int = 0
+    bad_bytes: int = 0
+    unknown: int = 0
+    duration_s: float = 0.0
+    elapsed_s: float = 0.0
+    layers: Counter[Layer] = field(default_factory=Counter)
+    events: list[tuple[float, Layer, str]] = field(default_factory=list)
+
+    @property
+    def messages_per_s(self) -> float:
+        """Speed of the replay."""
+        return self.messages / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
+
+    def report(self) -> dict[str, object]:
+        """The machine-readable report."""
+        return {
+            "messages": self.messages,
+            "bad_bytes": self.bad_bytes,
+            "unknown": self.unknown,
+            "duration_s": round(self.duration_s, 3),
+            "elapsed_s": round(self.elapsed_s, 3),
+            "messages_per_s": round(self.messages_per_s),
+            "decisions": sum(self.layers.values()),
+            "layers": {str(layer): self.layers[layer] for layer in Layer},
+        }
+
+
+def replay(
+    path: Path,
+    engine: Engine,
+    *,
+    on_decision: Callable[[str], object] = lambda _line: None,
+    on_progress: Callable[[int], object] = lambda _bytes: None,
+) -> Replay:
+    """Drive the engine by a log; `LogError` when it cannot be read.
+
+    What the companion itself sent, when it recorded the log, moves the clock and nothing else: the engine
+    knows its own address. `on_progress` is told how many bytes of the log are read.
+    """
+    result = Replay()
+    started_s = time.perf_counter()
+    last = Layer.CLEAR
+    first_us: int | None = None
+
+    def perform(time_us: int, effects: Sequence[Effect]) -> None:
+        nonlocal last
+        for effect in effects:
+            if not isinstance(effect, Record):
+                continue
+            on_decision(effect.line)
+            decision = engine.decision
+            result.layers[decision.layer] += 1
+            if decision.layer is not last:
+                since_s = (time_us - (first_us or time_us)) / 1e6
+                result.events.append((since_s, decision.layer, decision.because))
+                last = decision.layer
+
+    log = read_tlog(path, only=WANTED)
+    clock, stepper = LogClock(), Stepper(engine, perform)
+    now_us = 0
+    for count, (stamp_us, frame) in enumerate(log):
+        now_us = clock.at(stamp_us)
+        if first_us is None:
+            first_us = now_us
+        if count % 256 == 0:
+            on_progress(log.read_bytes)
+        stepper.advance(now_us)
+        fact = frame_to_fact(frame, now_us / 1e6)
+        if fact is not None:
+            stepper.receive(fact, now_us)
+    result.messages, result.bad_bytes, result.unknown = log.messages, log.bad_bytes, log.unknown
+    result.duration_s = (now_us - (first_us or 0)) / 1e6
+    result.elapsed_s = time.perf_counter() - started_s
+    return result

@@ -1,0 +1,213 @@
+"""The shell around the engine: sockets, clock, signals. It decides nothing.
+
+Every task has an owner and a name. When anything ends the service, the aircraft is given back first.
+"""
+
+import asyncio
+import contextlib
+import logging
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from companion.clock import Clock, SteadyClock
+from companion.engine import Effect, Engine, Record, Say, Stepper, Transmit
+from companion.errors import CompanionError
+from companion.links import Link
+from companion.mavlink.dialect import Encoder, mavlink
+from companion.mavlink.framing import Frame
+from companion.mavlink.translate import frame_to_fact
+from companion.recorder import Recorder
+
+_log = logging.getLogger("companion")
+
+# A suspended or starved machine does not make up for decisions that nobody can use any more.
+_LONGEST_CATCH_UP_US = 5_000_000
+# How long the autopilot gets to take the aircraft back before the service ends regardless.
+_LONGEST_GIVING_BACK_US = 8_000_000
+_SILENCE_TOLD_AFTER_US = 5_000_000
+_LATENCIES_KEPT = 20_000
+
+
+class Runtime:
+    """Runs one engine over its links until told to stop.
+
+    `latencies_s` holds, for traffic that was answered at once, the time from its datagram to the setpoint.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        links: Sequence[Link],
+        *,
+        recorder: Recorder | None = None,
+        clock: Clock | None = None,
+    ) -> None:
+        self.engine = engine
+        self.links = links
+        self.recorder = recorder
+        self.clock = clock or SteadyClock()
+        self.setpoints_sent = 0
+        self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
+        self._stepper = Stepper(engine, self._perform, longest_catch_up_us=_LONGEST_CATCH_UP_US)
+        self._encoder = Encoder()
+        self._arrived_s: float | None = None
+        self._stop = asyncio.Event()
+        self._failure: Exception | None = None
+        self._problem_told: str | None = None
+
+    def stop(self) -> None:
+        """Give the aircraft back, then end."""
+        self._stop.set()
+
+    async def run(self, *, on_signals: bool = False) -> None:
+        """Run until `stop` (`on_signals`: also SIGINT, SIGTERM); `CompanionError` when it cannot go on."""
+        try:
+            for link in self.links:
+                await link.open()
+            with contextlib.ExitStack() as undo:
+                if on_signals:
+                    self._catch_signals(undo)
+                await self._run_tasks()
+        finally:
+            for link in self.links:
+                link.close()
+            if self.recorder is not None:
+                self.recorder.close()
+        if self._failure is not None:
+            raise self._failure
+        if not self.engine.finished:
+            raise CompanionError("the autopilot did not confirm that it took the aircraft back")
+
+    async def _run_tasks(self) -> None:
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                owned = [
+                    tasks.create_task(link.run(self._on_frames), name=f"link {link.address}")
+                    for link in self.links
+                ]
+                if self.recorder is not None:
+                    owned.append(tasks.create_task(self.recorder.run(), name="recorder"))
+                owned.append(tasks.create_task(self._watch_silence(), name="silence"))
+                await self._tick_until_stopped()
+                for task in owned:
+                    task.cancel()
+        except* CompanionError as group:
+            # One line for the user; the group says nothing more.
+            raise group.exceptions[0] from None
+
+    async def _tick_until_stopped(self) -> None:
+        while not self._stop.is_set():
+            self._guarded(lambda: self._stepper.advance(self.clock.now_us()))
+            wait_s = self.clock.wall_seconds_until(self._stepper.next_tick_us(self.clock.now_us()))
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._stop.wait(), wait_s)
+        if self._failure is None:
+            self._guarded(lambda: self._perform(now := self.clock.now_us(), self._ask_back(now)))
+        if self._failure is None:
+            await self._await_given_back()
+        if self._failure is not None:
+            await self._let_go()
+
+    def _ask_back(self, now_us: int) -> list[Effect]:
+        self._stepper.advance(now_us)
+        return self.engine.request_stop(now_us / 1e6)
+
+    async def _await_given_back(self) -> None:
+        deadline_us = self.clock.now_us() + _LONGEST_GIVING_BACK_US
+        while not self.engine.finished and self._failure is None and self.clock.now_us() < deadline_us:
+            self._guarded(lambda: self._stepper.advance(self.clock.now_us()))
+            await asyncio.sleep(
+                self.clock.wall_seconds_until(self._stepper.next_tick_us(self.clock.now_us()))
+            )
+
+    def _guarded(self, act: Callable[[], None]) -> None:
+        """The one broad except: a bug ends the service, but not before the aircraft is given back."""
+        try:
+            act()
+        except Exception as error:  # noqa: BLE001
+            self._failure = self._failure or error
+            self._stop.set()
+
+    async def _let_go(self) -> None:
+        """The engine broke: ask for the former mode without it; several times, as nobody awaits answers."""
+        _log.critical("internal error, giving the aircraft back: %r", self._failure)
+        for _ in range(5):
+            for message in self.engine.emergency_release():
+                raw = self._encoder.encode(message, *_address(self.engine))
+                for link in self.links:
+                    link.send(raw)
+            await asyncio.sleep(0.2)
+
+    def _on_frames(self, frames: list[Frame], _link: Link) -> None:
+        if self._failure is None:
+            self._guarded(lambda: self._take_in(frames))
+
+    def _take_in(self, frames: list[Frame]) -> None:
+        now_us = self.clock.now_us()
+        self._arrived_s = time.perf_counter()
+        for frame in frames:
+            # The ticks that are due come before this frame, in the record too.
+            self._stepper.advance(now_us)
+            if self.recorder is not None:
+                self.recorder.received(now_us, frame.raw)
+            fact = frame_to_fact(frame, now_us / 1e6)
+            if fact is not None:
+                self._stepper.receive(fact, now_us)
+        self._arrived_s = None
+
+    def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
+        for effect in effects:
+            match effect:
+                case Transmit():
+                    self._send(time_us, effect)
+                case Record():
+                    if self.recorder is not None:
+                        self.recorder.decision(effect.line)
+                case Say():
+                    level = (
+                        logging.WARNING if effect.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO
+                    )
+                    _log.log(level, effect.text)
+        self._tell_recorder_problem()
+
+    def _send(self, time_us: int, effect: Transmit) -> None:
+        raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
+        for link in self.links:
+            link.send(raw)
+        if self.recorder is not None:
+            self.recorder.sent(time_us, raw)
+        if effect.message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+            self.setpoints_sent += 1
+            if self._arrived_s is not None:
+                self.latencies_s.append(time.perf_counter() - self._arrived_s)
+
+    def _tell_recorder_problem(self) -> None:
+        problem = None if self.recorder is None else self.recorder.problem
+        if problem is not None and problem != self._problem_told:
+            self._problem_told = problem
+            _log.error("recording: %s", problem)
+
+    async def _watch_silence(self) -> None:
+        """Say once that nobody answers, and once that somebody does."""
+        started_us = self.clock.now_us()
+        told = False
+        while self.engine.aircraft.adapter is None:
+            await asyncio.sleep(0.2)
+            if not told and self.clock.now_us() - started_us > _SILENCE_TOLD_AFTER_US:
+                told = True
+                where = ", ".join(link.address for link in self.links)
+                _log.warning("no autopilot heard on %s; waiting for one", where)
+        adapter = self.engine.aircraft.adapter
+        _log.info("%s, system %d", adapter.name, adapter.target.system_id)
+
+    def _catch_signals(self, undo: contextlib.ExitStack) -> None:
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self.stop)
+            undo.callback(loop.remove_signal_handler, number)
+
+
+def _address(engine: Engine) -> tuple[int, int]:
+    return engine.sender.system_id, engine.sender.component_id

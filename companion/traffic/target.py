@@ -1,0 +1,155 @@
+"""One aircraft (or vehicle, or obstacle) that was heard: what its reports add up to."""
+
+import math
+from collections import Counter
+from enum import StrEnum
+from typing import NamedTuple
+
+from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
+from companion.traffic.guarded import Guarded
+from companion.traffic.params import TrafficParams
+from companion.traffic.repeats import RepeatMemory, content_of
+from companion.traffic.track_filter import HorizontalEstimate, HorizontalFix, VerticalEstimate, VerticalFix
+
+
+class Dropped(StrEnum):
+    """Why a report, or a part of it, was not used."""
+
+    NO_ADDRESS = "no address"
+    OWN = "own transponder"
+    BAD_NUMBER = "bad number"
+    NO_POSITION = "no position"
+    STALE = "stale"
+    REPEATED = "repeated"
+    REORDERED = "reordered"
+    JUMPED = "jumped"
+    # The rest of the report is used, but it gives no height, or one that is not believed.
+    NO_ALTITUDE = "no altitude"
+    ALTITUDE_JUMPED = "altitude jumped"
+    OTHER_REFERENCE = "other altitude reference"
+
+
+class Motion(NamedTuple):
+    """All that flying a target on to now needs: velocities [m/s], `climb_mps` positive up.
+
+    The height holds until `height_until_s`, minus infinity while there is none.
+    """
+
+    lat_deg: float
+    lon_deg: float
+    place_s: float
+    north_mps: float
+    east_mps: float
+    altitude_m: float
+    height_s: float
+    climb_mps: float
+    height_until_s: float
+
+
+class Target:
+    """The state of one address. Times are those of the tracker's clock, which never runs backwards."""
+
+    __slots__ = (
+        "_dropped",
+        "_horizontal",
+        "_params",
+        "_reference",
+        "_repeats",
+        "_vertical",
+        "callsign",
+        "forget_s",
+        "icao",
+        "kind",
+        "measured_s",
+        "motion",
+        "track_id",
+    )
+
+    def __init__(self, icao: int, params: TrafficParams, dropped: Counter[Dropped]) -> None:
+        self.icao = icao
+        self.track_id = f"{icao:06X}"
+        self.callsign: str | None = None
+        self.kind = TrafficKind.AIRCRAFT
+        self.measured_s = -math.inf
+        self.forget_s = math.inf
+        self.motion: Motion | None = None
+        self._params = params
+        self._dropped = dropped
+        self._repeats = RepeatMemory(params.repeat_window_s)
+        self._horizontal: Guarded[HorizontalEstimate, HorizontalFix] | None = None
+        self._vertical: Guarded[VerticalEstimate, VerticalFix] | None = None
+        self._reference = AltitudeReference.GEOMETRIC
+
+    def receive(self, report: TrafficReport, lat_deg: float, lon_deg: float, time_s: float) -> bool:
+        """Take in a report of the given place, valid at `time_s`; True when it was a new measurement."""
+        self.callsign = report.callsign or self.callsign
+        if self._repeats.is_repeat(content_of(report), time_s, may_stand_still=self._may_stand_still(report)):
+            self._dropped[Dropped.REPEATED] += 1
+            return False
+        if time_s < self.measured_s:
+            self._dropped[Dropped.REORDERED] += 1
+            return False
+        if report.kind is not self.kind:
+            # What stood still may fly from now on, or the reverse: nothing known so far applies.
+            self.kind, self._horizontal, self._vertical = report.kind, None, None
+        fix = HorizontalFix(time_s, lat_deg, lon_deg, self._velocity_mps(report))
+        if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
+            self._horizontal = Guarded(HorizontalEstimate(fix, self._params.estimate))
+        elif not self._horizontal.receive(fix):
+            self._dropped[Dropped.JUMPED] += 1
+            return False
+        self._receive_height(report, time_s)
+        self.measured_s = time_s
+        self.forget_s = time_s + self._params.stale_after_s(self.kind)
+        self.motion = self._motion(self._horizontal.estimate)
+        return True
+
+    def _motion(self, here: HorizontalEstimate) -> Motion:
+        place = here.lat_deg, here.lon_deg, here.time_s, here.north_mps, here.east_mps
+        if self._vertical is None:
+            return Motion(*place, math.nan, math.nan, math.nan, -math.inf)
+        height = self._vertical.estimate
+        until_s = (
+            math.inf if self.kind is TrafficKind.OBSTACLE else height.time_s + self._params.altitude_hold_s
+        )
+        return Motion(*place, height.altitude_m, height.time_s, height.climb_mps, until_s)
+
+    def _receive_height(self, report: TrafficReport, time_s: float) -> None:
+        if self.motion is not None and time_s > self.motion.height_until_s:
+            self._vertical = None
+        if report.altitude_m is None:
+            self._dropped[Dropped.NO_ALTITUDE] += self._vertical is None
+            return
+        fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report))
+        if self._vertical is None or self.kind is TrafficKind.OBSTACLE:
+            self._reference = report.altitude_reference
+            self._vertical = Guarded(VerticalEstimate(fix, self._params.estimate))
+        elif report.altitude_reference is not self._reference:
+            # Two receivers, two zeros: mixed they would look like climbs. The first stays while it lasts.
+            self._dropped[Dropped.OTHER_REFERENCE] += 1
+        elif not self._vertical.receive(fix):
+            self._dropped[Dropped.ALTITUDE_JUMPED] += 1
+
+    def _velocity_mps(self, report: TrafficReport) -> Vec2 | None:
+        if self.kind is TrafficKind.OBSTACLE or report.ground_speed_mps == 0.0:
+            return 0.0, 0.0
+        speed_mps, course_rad = report.ground_speed_mps, report.course_rad
+        if speed_mps is None or course_rad is None:
+            return None
+        if not 0.0 <= speed_mps <= self._params.estimate.max_speed_mps:
+            return None
+        return speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
+
+    def _climb_mps(self, report: TrafficReport) -> float | None:
+        if self.kind is TrafficKind.OBSTACLE:
+            return 0.0
+        if report.climb_mps is None or abs(report.climb_mps) > self._params.estimate.max_climb_mps:
+            return None
+        return report.climb_mps
+
+    def _may_stand_still(self, report: TrafficReport) -> bool:
+        return (
+            report.kind is TrafficKind.OBSTACLE
+            or report.ground_speed_mps is None
+            or report.ground_speed_mps <= self._params.hovering_mps
+        )

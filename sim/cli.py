@@ -1,0 +1,146 @@
+"""The command line: `companion-sim demo` and `companion-sim vehicle`."""
+
+import asyncio
+import json
+import logging
+import signal
+import sys
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.cli import guarded
+from companion.errors import CompanionError, ConfigError
+from companion.links import open_link
+from sim.clock import ScaledClock
+from sim.demo import DemoOptions, DemoState, fly_demo
+from sim.scenario import DEFAULT_SCENARIO, build_world, load_scenario, scenario_names
+from sim.server import VehicleServer
+from sim.view import DemoView, print_result
+
+app = typer.Typer(
+    help="A fake fixed wing that speaks MAVLink, traffic, and demonstrations of the companion.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+
+class Autopilot(StrEnum):
+    """Which autopilot's manners the fake vehicle has."""
+
+    ARDUPILOT = "ardupilot"
+
+
+ScenarioOption = Annotated[
+    str, typer.Option(metavar="NAME|FILE", help=f"One of {', '.join(scenario_names())}, or a YAML file.")
+]
+AutopilotOption = Annotated[Autopilot, typer.Option(help="Whose manners the vehicle has.")]
+SpeedupOption = Annotated[float, typer.Option(min=0.1, max=100.0, help="How much faster than real time.")]
+
+
+@app.command(epilog="Example: companion-sim demo --scenario head-on --speedup 4")
+def demo(
+    scenario: ScenarioOption = DEFAULT_SCENARIO,
+    autopilot: AutopilotOption = Autopilot.ARDUPILOT,  # noqa: ARG001 - there is one so far
+    speedup: SpeedupOption = 8.0,
+    no_avoidance: Annotated[
+        bool, typer.Option("--no-avoidance", help="Leave the companion out: what would have happened.")
+    ] = False,
+    record: Annotated[Path, typer.Option(metavar="DIR", help="Where the flight is recorded.")] = Path(
+        "recordings"
+    ),
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")
+    ] = None,
+    _no_web: Annotated[
+        bool, typer.Option("--no-web", help="No display in the browser (this version has none).")
+    ] = False,
+) -> None:
+    """Fly a mission among traffic, over real sockets.
+
+    Exit code 0 only if no near mid-air collision happened and the mission was finished.
+    """
+    if report is not None and not report.parent.is_dir():
+        raise ConfigError(f"--report {report}: there is no folder {report.parent}")
+    options = DemoOptions(
+        scenario=load_scenario(scenario), speedup=speedup, avoidance=not no_avoidance, record=record
+    )
+    console = Console(highlight=False)
+    with DemoView(console) as view:
+        handler = _ViewHandler(view)
+        logging.getLogger("companion").addHandler(handler)
+        logging.getLogger("companion").setLevel(logging.INFO)
+        try:
+            state = asyncio.run(_until_interrupted(options, view))
+        finally:
+            logging.getLogger("companion").removeHandler(handler)
+    print_result(console, state)
+    if report is not None:
+        report.write_text(json.dumps(state.report(), indent=2) + "\n", encoding="utf-8")
+    if not state.passed:
+        raise typer.Exit(1)
+
+
+async def _until_interrupted(options: DemoOptions, view: DemoView) -> DemoState:
+    """Ctrl-C ends the demonstration as it ends the service: the aircraft is given back first."""
+    running = asyncio.ensure_future(fly_demo(options, view.start))
+    asyncio.get_running_loop().add_signal_handler(signal.SIGINT, running.cancel)
+    try:
+        return await running
+    except asyncio.CancelledError:
+        raise CompanionError("interrupted") from None
+
+
+class _ViewHandler(logging.Handler):
+    """Shows the companion's own log lines in the view."""
+
+    def __init__(self, view: DemoView) -> None:
+        super().__init__()
+        self._view = view
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._view.tell(record.getMessage())
+
+
+@app.command(epilog="Example: companion-sim vehicle --link udpout:127.0.0.1:14550 --scenario head-on")
+def vehicle(
+    link: Annotated[
+        list[str],
+        typer.Option(
+            metavar="ADDRESS", help="udpout:HOST:PORT or udpin:HOST:PORT; may be given several times."
+        ),
+    ],
+    scenario: ScenarioOption = DEFAULT_SCENARIO,
+    autopilot: AutopilotOption = Autopilot.ARDUPILOT,  # noqa: ARG001 - there is one so far
+    speedup: SpeedupOption = 1.0,
+) -> None:
+    """Run the fake vehicle on its own, its traffic included, until Ctrl-C."""
+    chosen = load_scenario(scenario)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    start_s = float(int(time.time()))
+    world = build_world(chosen, start_s)
+    clock = ScaledClock(speedup, start_s=start_s)
+    server = VehicleServer(
+        world.vehicle, [open_link(address) for address in link], clock, receiver=world.receiver
+    )
+    logging.getLogger("sim").info("ArduPlane, system 1, on %s: %s", ", ".join(link), chosen.description)
+    asyncio.run(_serve(server))
+
+
+async def _serve(server: VehicleServer) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, server.close)
+    try:
+        await server.run()
+    except* CompanionError as group:
+        raise group.exceptions[0] from None
+
+
+def main() -> None:
+    """Entry point."""
+    sys.exit(guarded(app))

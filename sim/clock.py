@@ -1,0 +1,77 @@
+"""A clock for simulations: Unix time that may run faster than the real one, shared by all in one process."""
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+
+_MICROSECONDS = 1_000_000
+
+
+class ScaledClock:
+    """Unix seconds, in whole microseconds, that pass `speedup` times as fast as real ones; never backwards.
+
+    Whoever must not be outrun calls `hold_at`: there the clock stands still until it is let go on. What it
+    loses that way is told by `slipped_s`, so that a machine too slow for the speedup shows it instead of
+    flying on old data.
+    """
+
+    def __init__(
+        self,
+        speedup: float = 1.0,
+        *,
+        start_s: float | None = None,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Start at `start_s`, by default now."""
+        if not (math.isfinite(speedup) and speedup > 0.0):
+            raise ValueError(f"speedup {speedup} is no positive number")
+        self.speedup = speedup
+        self.overruns = 0
+        self._monotonic_s = monotonic_s
+        self._origin_s = monotonic_s()
+        self._start_us = round((time.time() if start_s is None else start_s) * _MICROSECONDS)
+        self._slipped_us = 0
+        self._limit_us: int | None = None
+        self._held = False
+
+    def __call__(self) -> float:
+        """The same as `now_s`."""
+        return self.now_s()
+
+    @property
+    def slipped_s(self) -> float:
+        """Simulated seconds by which the clock is behind where its speedup should have taken it."""
+        return self._slipped_us / _MICROSECONDS
+
+    def now_s(self) -> float:
+        """The simulated Unix time."""
+        elapsed_s = (self._monotonic_s() - self._origin_s) * self.speedup
+        now_us = self._start_us + round(elapsed_s * _MICROSECONDS) - self._slipped_us
+        if self._limit_us is not None and now_us > self._limit_us:
+            self._slipped_us += now_us - self._limit_us
+            now_us = self._limit_us
+            if not self._held:
+                self._held = True
+                self.overruns += 1
+        return now_us / _MICROSECONDS
+
+    def now_us(self) -> int:
+        """The simulated Unix time in microseconds, as the companion's `Clock`."""
+        return round(self.now_s() * _MICROSECONDS)
+
+    def wall_seconds_until(self, time_us: int) -> float:
+        """Real seconds until a simulated time, as the companion's `Clock`."""
+        return max((time_us / _MICROSECONDS - self.now_s()) / self.speedup, 0.0)
+
+    def hold_at(self, limit_s: float) -> None:
+        """Do not pass this time until the next call; a limit in the past holds the clock where it is."""
+        now_us = round(self.now_s() * _MICROSECONDS)  # what has passed until now was under the old limit
+        limit_us = max(round(limit_s * _MICROSECONDS), now_us)
+        if self._limit_us is None or limit_us > self._limit_us:
+            self._limit_us = limit_us
+            self._held = False
+
+    async def sleep_until(self, time_s: float) -> None:
+        """Wait for a simulated time; when that has passed, let others run once."""
+        await asyncio.sleep(max((time_s - self.now_s()) / self.speedup, 0.0))

@@ -1,0 +1,137 @@
+"""Engine and fake vehicle in lockstep: no sockets, no waiting, the same frames as on the wire.
+
+Everything that is said is packed, framed, decoded and translated as in flight; only the sockets are missing.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from companion.engine import Effect, Engine, Record, Stepper, Transmit
+from companion.mavlink.dialect import Encoder, Message
+from companion.mavlink.framing import FrameSplitter, decode
+from companion.mavlink.translate import frame_to_fact
+from companion.model import Layer
+from sim.metrics import FlightScore, score_of
+from sim.scenario import Scenario, World, build_world
+from sim.vehicle import Mode, Truth
+
+_STEP_US = 50_000
+COMPANION_CHANNEL, RECEIVER_CHANNEL = 0, 1
+
+
+@dataclass
+class Flight:
+    """What happened. `layers` are (time since start, layer) at every change, `texts` what was announced."""
+
+    score: FlightScore
+    truth: Truth
+    engagements: int = 0
+    resumed: bool = False
+    completed_s: float | None = None
+    layers: list[tuple[float, Layer]] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
+    decisions: list[str] = field(default_factory=list)
+    setpoints_sent: int = 0
+    modes: list[tuple[float, str]] = field(default_factory=list)
+
+    @property
+    def mission_completed(self) -> bool:
+        """Whether the last waypoint was reached."""
+        return self.completed_s is not None
+
+
+class ClosedLoop:
+    """One scenario flown by one engine (`None`: nobody avoids)."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        engine: Engine | None,
+        *,
+        start_us: int = 1_700_000_000_000_000,
+        seed: int = 0,
+    ) -> None:
+        self.start_us = start_us
+        self.scenario = scenario
+        self.engine = engine
+        self.world: World = build_world(scenario, start_us / 1e6, seed=seed)
+        for channel in (COMPANION_CHANNEL, RECEIVER_CHANNEL):
+            self.world.vehicle.add_channel(channel)
+        self.flight = Flight(score_of(scenario, self.world), self.world.vehicle.truth)
+        self._encoder = Encoder()
+        self._up, self._down = FrameSplitter(), FrameSplitter()
+        self._stepper = None if engine is None else Stepper(engine, self._perform)
+        self._now_us = start_us
+
+    def run(
+        self, seconds: float | None = None, *, on_step: Callable[["ClosedLoop", float], None] | None = None
+    ) -> Flight:
+        """Fly for so long (default: the scenario's duration, or until its mission is completed)."""
+        until_us = self._now_us + round((self.scenario.duration_s if seconds is None else seconds) * 1e6)
+        while self._now_us < until_us:
+            self._now_us += _STEP_US
+            self._step()
+            if on_step is not None:
+                on_step(self, (self._now_us - self.start_us) / 1e6)
+            if seconds is None and self.flight.mission_completed:
+                break
+        return self.flight
+
+    def _step(self) -> None:
+        now_s = self._now_us / 1e6
+        world, flight = self.world, self.flight
+        for message in world.receiver.reports(now_s, world.vehicle.truth.position_m):
+            world.vehicle.receive(message, now_s, RECEIVER_CHANNEL)
+        for outgoing in world.vehicle.step(now_s):
+            if outgoing.channel == COMPANION_CHANNEL and self._stepper is not None:
+                self._hear(outgoing.message)
+        if self._stepper is not None:
+            self._stepper.advance(self._now_us)
+        truth = world.vehicle.truth
+        flight.score.update(now_s, truth.position_m)
+        mode = Mode(truth.mode).name
+        if not flight.modes or flight.modes[-1][1] != mode:
+            flight.modes.append((now_s - self.start_us / 1e6, mode))
+            flight.engagements += mode == "GUIDED"
+            flight.resumed |= mode == "AUTO" and flight.engagements > 0
+        if truth.mission_completed and flight.completed_s is None:
+            flight.completed_s = now_s - self.start_us / 1e6
+        flight.truth = truth
+
+    def _hear(self, message: Message) -> None:
+        assert self._stepper is not None
+        raw = self._encoder.encode(message, self.world.vehicle.system_id, self.world.vehicle.component_id)
+        for frame in self._up.feed_datagram(raw):
+            fact = frame_to_fact(frame, self._now_us / 1e6)
+            if fact is not None:
+                self._stepper.receive(fact, self._now_us)
+
+    def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
+        engine, flight = self.engine, self.flight
+        assert engine is not None
+        for effect in effects:
+            if isinstance(effect, Record):
+                flight.decisions.append(effect.line)
+            elif isinstance(effect, Transmit):
+                self._transmit(time_us, effect)
+        layer = engine.decision.layer
+        if (flight.layers[-1][1] if flight.layers else Layer.CLEAR) is not layer:
+            flight.layers.append(((time_us - self.start_us) / 1e6, layer))
+        if engine.supervisor.flying:
+            flight.score.acted(time_us / 1e6, [threat.track_id for threat in engine.decision.threats])
+
+    def _transmit(self, time_us: int, effect: Transmit) -> None:
+        raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
+        kind = effect.message.get_type()
+        self.flight.setpoints_sent += kind == "SET_POSITION_TARGET_GLOBAL_INT"
+        if kind == "STATUSTEXT":
+            self.flight.texts.append(str(effect.message.text))
+        for frame in self._down.feed_datagram(raw):
+            message = decode(frame)
+            if message is not None:
+                self.world.vehicle.receive(message, time_us / 1e6, COMPANION_CHANNEL)
+
+
+def fly(scenario: Scenario, engine: Engine | None, **options: int) -> Flight:
+    """Fly a scenario to its end."""
+    return ClosedLoop(scenario, engine, **options).run()

@@ -1,0 +1,172 @@
+"""The demonstration: vehicle, ADS-B receiver, intruders and companion over real sockets on loopback.
+
+All share one clock, which may run faster than the wall's; nothing else tells them that it is a demonstration.
+"""
+
+import asyncio
+import contextlib
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from companion.engine import Engine, EngineConfig
+from companion.links import open_link
+from companion.mavlink.dialect import Encoder
+from companion.model import Snapshot
+from companion.recorder import Recorder
+from companion.runtime import Runtime
+from sim.clock import ScaledClock
+from sim.metrics import FlightScore, score_of
+from sim.scenario import Scenario, World, build_world
+from sim.server import VehicleServer
+from sim.traffic import ADSB_RECEIVER
+from sim.vehicle import Mode, Truth
+
+_RECEIVER_PERIOD_S = 0.05
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """How to fly it. `record` is a folder, or `None` for no recording."""
+
+    scenario: Scenario
+    speedup: float = 8.0
+    avoidance: bool = True
+    record: Path | None = None
+    engine: EngineConfig = field(default_factory=EngineConfig)
+    seed: int = 0
+
+
+@dataclass
+class DemoState:
+    """What is going on, for a display, and at the end what came of it."""
+
+    options: DemoOptions
+    world: World
+    score: FlightScore
+    clock: ScaledClock
+    truth: Truth
+    runtime: Runtime | None
+    recording: Path | None
+    started_s: float = field(default_factory=time.perf_counter)
+    engaged: bool = False
+    resumed: bool = False
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.truth.time_s - self.world.start_s
+
+    def snapshot(self) -> Snapshot | None:
+        """The companion's view, when there is one."""
+        return None if self.runtime is None else self.runtime.engine.snapshot(self.clock.now_s())
+
+    @property
+    def nmac(self) -> bool:
+        """Whether any encounter was a near mid-air collision."""
+        return any(encounter.nmac for encounter in self.score.encounters.values())
+
+    @property
+    def passed(self) -> bool:
+        """No near mid-air collision, and the mission finished."""
+        return self.truth.mission_completed and not self.nmac
+
+    def observe(self, truth: Truth) -> None:
+        """The vehicle moved."""
+        self.truth = truth
+        if truth.mission_completed or self.elapsed_s >= self.options.scenario.duration_s:
+            self.ended.set()
+        self.score.update(truth.time_s, truth.position_m)
+        self.engaged |= truth.mode is Mode.GUIDED
+        self.resumed |= self.engaged and truth.mode is Mode.AUTO
+        if self.runtime is not None and self.runtime.engine.supervisor.flying:
+            threats = self.runtime.engine.decision.threats
+            self.score.acted(truth.time_s, [threat.track_id for threat in threats])
+
+    def report(self) -> dict[str, object]:
+        """The machine-readable report."""
+        runtime = self.runtime
+        latencies_ms = sorted(1e3 * s for s in runtime.latencies_s) if runtime is not None else []
+        return {
+            "mission_completed": self.truth.mission_completed,
+            "resumed": self.resumed,
+            "setpoints_sent": 0 if runtime is None else runtime.setpoints_sent,
+            "encounters": [encounter.report() for encounter in self.score.encounters.values()],
+            "max_deviation_m": round(self.score.max_deviation_m, 1),
+            "latency_ms": {"p50": _quantile(latencies_ms, 0.5), "p99": _quantile(latencies_ms, 0.99)},
+            "avoidance": self.options.avoidance,
+            "simulated_s": round(self.elapsed_s, 1),
+            "wall_s": round(time.perf_counter() - self.started_s, 1),
+            "speedup": self.options.speedup,
+            "clock_slipped_s": round(self.clock.slipped_s, 1),
+            "recording": None if self.recording is None else str(self.recording),
+        }
+
+
+def _quantile(ordered: list[float], share: float) -> float | None:
+    """The value below which that share lies; `None` of nothing."""
+    if not ordered:
+        return None
+    return round(ordered[min(int(share * len(ordered)), len(ordered) - 1)], 3)
+
+
+async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] = lambda _: None) -> DemoState:
+    """Fly the scenario until its mission is completed or its time is up, and return what came of it."""
+    start_s = float(int(time.time()))
+    world = build_world(options.scenario, start_s, seed=options.seed)
+    score = score_of(options.scenario, world)
+    clock = ScaledClock(options.speedup, start_s=start_s)
+    to_companion, to_receiver = _free_ports(2)
+    recorder, runtime = None, None
+    if options.avoidance:
+        if options.record is not None:
+            recorder = Recorder(options.record, time.time())
+        link = open_link(f"udpin:127.0.0.1:{to_companion}")
+        runtime = Runtime(Engine(options.engine), [link], recorder=recorder, clock=clock)
+    recording = None if recorder is None else recorder.tlog_path
+    state = DemoState(options, world, score, clock, world.vehicle.truth, runtime, recording)
+    server = VehicleServer(
+        world.vehicle,
+        [open_link(f"udpout:127.0.0.1:{to_companion}"), open_link(f"udpin:127.0.0.1:{to_receiver}")],
+        clock,
+        observe=state.observe,
+    )
+    on_start(state)
+    async with asyncio.TaskGroup() as tasks:
+        companion = None if runtime is None else tasks.create_task(runtime.run(), name="companion")
+        vehicle = tasks.create_task(server.run(), name="vehicle")
+        receiver = tasks.create_task(_hear_traffic(state, to_receiver), name="receiver")
+        await state.ended.wait()
+        if runtime is not None and companion is not None:
+            runtime.stop()
+            await companion
+        receiver.cancel()
+        server.close()
+        await vehicle
+    return state
+
+
+async def _hear_traffic(state: DemoState, port: int) -> None:
+    """The ADS-B receiver beside the autopilot: reports go to its serial port, here a socket."""
+    link, encoder = open_link(f"udpout:127.0.0.1:{port}"), Encoder()
+    await link.open()
+    with contextlib.closing(link):
+        while True:
+            for report in state.world.receiver.reports(state.clock.now_s(), state.truth.position_m):
+                link.send(encoder.encode(report, *ADSB_RECEIVER))
+            await asyncio.sleep(_RECEIVER_PERIOD_S / state.clock.speedup)
+
+
+def _free_ports(count: int) -> list[int]:
+    """Ports of loopback that nobody uses at the moment."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    try:
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return [each.getsockname()[1] for each in sockets]
+    finally:
+        for each in sockets:
+            each.close()

@@ -1,0 +1,125 @@
+"""Scores of an encounter: how near it came, by the definitions of the standards."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from companion.model import Vec2, Vec3
+from sim.scenario import Scenario, World, undisturbed
+from sim.traffic import Intruder
+
+NMAC_HORIZONTAL_M, NMAC_VERTICAL_M = 152.4, 30.48
+WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M = 609.6, 76.2
+
+
+@dataclass
+class Encounter:
+    """One intruder's closest approach to us, so far; `vertical_m` is that at `min_horizontal_m`."""
+
+    icao: int
+    callsign: str
+    min_slant_m: float = math.inf
+    min_slant_time_s: float = math.nan
+    min_horizontal_m: float = math.inf
+    vertical_m: float = math.inf
+    nmac: bool = False
+    lowc: bool = False
+    first_action_s: float | None = None
+
+    def update(self, time_s: float, own_m: Vec3, other_m: Vec3) -> None:
+        """Both positions north-east-down [m]."""
+        horizontal_m = math.hypot(other_m[0] - own_m[0], other_m[1] - own_m[1])
+        vertical_m = abs(other_m[2] - own_m[2])
+        slant_m = math.hypot(horizontal_m, vertical_m)
+        if slant_m < self.min_slant_m:
+            self.min_slant_m, self.min_slant_time_s = slant_m, time_s
+        if horizontal_m < self.min_horizontal_m:
+            self.min_horizontal_m, self.vertical_m = horizontal_m, vertical_m
+        self.nmac |= horizontal_m < NMAC_HORIZONTAL_M and vertical_m < NMAC_VERTICAL_M
+        self.lowc |= horizontal_m < WELL_CLEAR_HORIZONTAL_M and vertical_m < WELL_CLEAR_VERTICAL_M
+
+    def report(self) -> dict[str, object]:
+        """The machine-readable score; `first_action_s` counts from the start of the scenario."""
+        return {
+            "icao": f"{self.icao:06X}",
+            "callsign": self.callsign,
+            "min_slant_m": _rounded(self.min_slant_m),
+            "min_horizontal_m": _rounded(self.min_horizontal_m),
+            "vertical_m": _rounded(self.vertical_m),
+            "nmac": self.nmac,
+            "lowc": self.lowc,
+            "first_action_s": None if self.first_action_s is None else round(self.first_action_s, 1),
+        }
+
+
+def _rounded(length_m: float) -> float | None:
+    return round(length_m, 1) if math.isfinite(length_m) else None
+
+
+@dataclass
+class FlightScore:
+    """Watches one flight: its encounters, and how far it strayed from the path it would have flown.
+
+    `planned` is that path, horizontally, north-east [m]; times count from `start_s`.
+    """
+
+    intruders: Sequence[Intruder]
+    planned: Sequence[Vec2]
+    start_s: float
+    max_deviation_m: float = 0.0
+    encounters: dict[str, Encounter] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.encounters = {f"{i.icao:06X}": Encounter(i.icao, i.callsign) for i in self.intruders}
+
+    def update(self, time_s: float, own_m: Vec3) -> None:
+        """Where we are now, north-east-down."""
+        for intruder in self.intruders:
+            if intruder.appears_s <= time_s <= intruder.disappears_s:
+                position_m, _ = intruder.state_at(time_s)
+                self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
+        self.max_deviation_m = max(
+            self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self.planned)
+        )
+
+    def acted(self, time_s: float, track_ids: Sequence[str]) -> None:
+        """Avoidance of these tracks is being flown."""
+        for track_id in track_ids:
+            encounter = self.encounters.get(track_id)
+            if encounter is not None and encounter.first_action_s is None:
+                encounter.first_action_s = time_s - self.start_s
+
+
+def distance_to_path_m(point: Vec2, path: Sequence[Vec2]) -> float:
+    """Distance of a point from a polyline [m]; 0 when there is none."""
+    if len(path) < 2:
+        return math.dist(point, path[0]) if path else 0.0
+    return min(_distance_to_leg_m(point, a, b) for a, b in itertools.pairwise(path))
+
+
+def _distance_to_leg_m(point: Vec2, a: Vec2, b: Vec2) -> float:
+    along = (b[0] - a[0], b[1] - a[1])
+    length2 = along[0] ** 2 + along[1] ** 2
+    share = 0.0
+    if length2 > 0.0:
+        share = ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / length2
+    share = min(max(share, 0.0), 1.0)
+    return math.dist(point, (a[0] + share * along[0], a[1] + share * along[1]))
+
+
+def score_of(scenario: Scenario, world: World) -> FlightScore:
+    """An empty score for a flight of this scenario, measured against its undisturbed path."""
+    planned = [(t.position_m[0], t.position_m[1]) for t in undisturbed(scenario, world.start_s, 1.0)]
+    return FlightScore(world.intruders, thinned_path(planned), world.start_s)
+
+
+def thinned_path(points: Sequence[Vec2], spacing_m: float = 50.0) -> list[Vec2]:
+    """The same path with points at least so far apart, its end kept: cheap to measure against."""
+    path: list[Vec2] = []
+    for point in points:
+        if not path or math.dist(point, path[-1]) >= spacing_m:
+            path.append(point)
+    if points and path[-1] != points[-1]:
+        path.append(points[-1])
+    return path

@@ -1,0 +1,104 @@
+"""The asyncio skin of a fake vehicle: lets its time pass, and joins its channels to links."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from companion.links import Link
+from companion.mavlink.dialect import Encoder
+from companion.mavlink.framing import Frame, decode
+from sim.clock import ScaledClock
+from sim.traffic import AdsbReceiver
+from sim.vehicle import FakeArduPlane, Outgoing, Truth
+from sim.vehicle.flight import STEP_S
+
+# How far the shared clock may get ahead of the vehicle [simulated seconds]. It bounds the work of
+# one step too: at a speedup that the machine cannot keep up with, the clock stands still.
+_LONGEST_LEAD_S = 0.5
+_RECEIVER_CHANNEL = -1
+
+
+class VehicleServer:
+    """Runs one vehicle in the time of `clock`; link number n is the vehicle's channel n.
+
+    Traffic that `receiver` hears goes into the vehicle as from a receiver at its serial port. `observe` sees
+    the truth after each time that the vehicle has moved. A link that loses its peer loses messages, no more.
+    """
+
+    def __init__(
+        self,
+        vehicle: FakeArduPlane,
+        links: Sequence[Link],
+        clock: ScaledClock,
+        *,
+        receiver: AdsbReceiver | None = None,
+        observe: Callable[[Truth], None] | None = None,
+        stream_rate_hz: float = 2.0,
+    ) -> None:
+        """The vehicle's time must be that of the clock, or earlier."""
+        self._vehicle = vehicle
+        self._links = list(links)
+        self._clock = clock
+        self._receiver = receiver
+        self._observe = observe
+        self._encoders = [Encoder() for _ in self._links]
+        self._closed = False
+        for channel in range(len(self._links)):
+            vehicle.add_channel(channel, stream_rate_hz=stream_rate_hz)
+        clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S)
+
+    @property
+    def overruns(self) -> int:
+        """How often the machine was too slow for the clock's speedup; `clock.slipped_s` says by how much."""
+        return self._clock.overruns
+
+    async def run(self) -> None:
+        """Fly and talk until `close`. `LinkError` (in a group) when a link cannot be opened."""
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for channel, link in enumerate(self._links):
+                    await link.open()
+                    run = link.run(partial(self._receive, channel))
+                    tasks.create_task(run, name=f"vehicle link {link.address}")
+                tasks.create_task(self._fly(), name="vehicle")
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Stop; `run` returns. A second time does nothing."""
+        self._closed = True
+        for link in self._links:
+            link.close()
+
+    async def _fly(self) -> None:
+        vehicle, clock = self._vehicle, self._clock
+        while not self._closed:
+            self._advance(clock.now_s())
+            clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S)
+            await clock.sleep_until(vehicle.time_s + STEP_S)
+
+    def _advance(self, now_s: float) -> None:
+        vehicle = self._vehicle
+        now_s = min(now_s, vehicle.time_s + _LONGEST_LEAD_S)
+        if self._receiver is not None:
+            for report in self._receiver.reports(now_s, vehicle.flight.aircraft.position_m):
+                vehicle.receive(report, now_s, _RECEIVER_CHANNEL)
+        before_s = vehicle.time_s
+        self._send(vehicle.step(now_s))
+        if self._observe is not None and vehicle.time_s > before_s:
+            self._observe(vehicle.truth)
+
+    def _receive(self, channel: int, frames: list[Frame], link: Link) -> None:
+        now_s = self._clock.now_s()
+        for frame in frames:
+            message = decode(frame, link.counters)
+            if message is not None:
+                self._vehicle.receive(message, now_s, channel)
+        self._advance(now_s)  # answers leave at once
+
+    def _send(self, outgoing: Sequence[Outgoing]) -> None:
+        vehicle = self._vehicle
+        for channel, message in outgoing:
+            if 0 <= channel < len(self._links):
+                data = self._encoders[channel].encode(message, vehicle.system_id, vehicle.component_id)
+                self._links[channel].send(data)

@@ -1,0 +1,195 @@
+"""Other aircraft on scripted paths, and an ADS-B receiver that reports them: noisy, late, lossy."""
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
+
+from companion.geodesy import LocalFrame
+from companion.mavlink.dialect import Message, mavlink
+from companion.model import Vec3
+from companion.units import course_deg
+
+ADSB_RECEIVER = (1, 156)  # the MAVLink address of a receiver on the aircraft: MAV_COMP_ID_ADSB
+
+# What a good receiver vouches for; the recorded autopilot forwarded 287: the same without vertical velocity.
+ALL_VALID = (
+    mavlink.ADSB_FLAGS_VALID_COORDS
+    | mavlink.ADSB_FLAGS_VALID_ALTITUDE
+    | mavlink.ADSB_FLAGS_VALID_HEADING
+    | mavlink.ADSB_FLAGS_VALID_VELOCITY
+    | mavlink.ADSB_FLAGS_VALID_CALLSIGN
+    | mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
+    | mavlink.ADSB_FLAGS_BARO_VALID
+)
+_SQUAWK_VFR = 1200
+_CALLSIGN_BYTES = 8
+_INT16_MAX, _UINT16_MAX = 32_767, 65_535
+_PHASE_S = 0.1  # transponders do not speak at the same moment
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """From `at_s` on turn at a rate (positive to the right), climb at a rate."""
+
+    at_s: float
+    turn_rate_rps: float = 0.0
+    climb_mps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Intruder:
+    """An aircraft whose place is a function of time.
+
+    At `anchor_s` it is at `position_m` with `velocity_mps` (north-east-down, over ground); before that and
+    after it flies straight on, until the first of its manoeuvres, each of which lasts to the next. It is
+    heard from `appears_s` until `disappears_s`.
+    """
+
+    icao: int
+    callsign: str
+    anchor_s: float
+    position_m: Vec3
+    velocity_mps: Vec3
+    manoeuvres: Sequence[Manoeuvre] = ()
+    appears_s: float = -math.inf
+    disappears_s: float = math.inf
+    emitter_type: int = 1
+
+    def state_at(self, time_s: float) -> tuple[Vec3, Vec3]:
+        """Position and velocity at a time."""
+        position_m, velocity_mps, from_s = self.position_m, self.velocity_mps, self.anchor_s
+        turn_rate_rps = 0.0
+        for manoeuvre in self.manoeuvres:
+            if time_s <= manoeuvre.at_s:
+                break
+            position_m, velocity_mps = _fly(position_m, velocity_mps, turn_rate_rps, manoeuvre.at_s - from_s)
+            velocity_mps = (velocity_mps[0], velocity_mps[1], -manoeuvre.climb_mps)
+            from_s, turn_rate_rps = manoeuvre.at_s, manoeuvre.turn_rate_rps
+        return _fly(position_m, velocity_mps, turn_rate_rps, time_s - from_s)
+
+
+def _fly(position_m: Vec3, velocity_mps: Vec3, turn_rate_rps: float, dt_s: float) -> tuple[Vec3, Vec3]:
+    """Fly straight or around a circle, exactly."""
+    north_mps, east_mps, down_mps = velocity_mps
+    angle_rad = turn_rate_rps * dt_s
+    if abs(angle_rad) < 1e-9:
+        moved = (
+            position_m[0] + north_mps * dt_s,
+            position_m[1] + east_mps * dt_s,
+            position_m[2] + down_mps * dt_s,
+        )
+        return moved, velocity_mps
+    along = math.sin(angle_rad) / turn_rate_rps
+    aside = (1.0 - math.cos(angle_rad)) / turn_rate_rps
+    moved = (
+        position_m[0] + north_mps * along - east_mps * aside,
+        position_m[1] + east_mps * along + north_mps * aside,
+        position_m[2] + down_mps * dt_s,
+    )
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return moved, (north_mps * cos - east_mps * sin, east_mps * cos + north_mps * sin, down_mps)
+
+
+@dataclass(frozen=True, slots=True)
+class ReceiverModel:
+    """How good a receiver is. The sigmas are standard deviations of each axis, drawn anew for each report."""
+
+    period_s: float = 1.0
+    horizontal_sigma_m: float = 0.0
+    vertical_sigma_m: float = 0.0
+    speed_sigma_mps: float = 0.0
+    climb_sigma_mps: float = 0.0
+    delay_s: float = 0.0
+    loss: float = 0.0
+    range_m: float = 20_000.0
+    flags: int = ALL_VALID
+    barometric: bool = False
+    altitude_offset_m: float = 0.0
+
+
+class AdsbReceiver:
+    """Reports every intruder once a period as ADSB_VEHICLE. The same seed repeats the same reports.
+
+    `where_m` of `reports` is the receiver's own place: what is out of its range is not heard.
+    """
+
+    def __init__(
+        self,
+        intruders: Sequence[Intruder],
+        frame: LocalFrame,
+        start_s: float,
+        *,
+        model: ReceiverModel | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Listen from `start_s` on; the intruders move in `frame`."""
+        self._frame = frame
+        self._model = model or ReceiverModel()
+        self._seed = seed
+        self._start_s = start_s
+        self._order = count()
+        # (when the report arrives, tie-breaker, when it was sent, who, its random numbers)
+        self._coming: list[tuple[float, int, float, Intruder, random.Random]] = []
+        for intruder in intruders:
+            self.add(intruder)
+
+    def add(self, intruder: Intruder) -> None:
+        """Hear one more aircraft."""
+        place = next(self._order)
+        first_s = max(self._start_s, intruder.appears_s) + place * _PHASE_S % self._model.period_s
+        chance = random.Random(f"{self._seed} {intruder.icao:06x}")
+        self._expect(first_s, intruder, chance)
+
+    def reports(self, now_s: float, where_m: Vec3 | None = None) -> list[Message]:
+        """What has arrived since the last call, in the order of arrival."""
+        arrived: list[Message] = []
+        while self._coming and self._coming[0][0] <= now_s:
+            _, _, sent_s, intruder, chance = heappop(self._coming)
+            lost = chance.random() < self._model.loss
+            report = self._report(intruder, sent_s, chance, where_m)
+            if report is not None and not lost:
+                arrived.append(report)
+            self._expect(sent_s + self._model.period_s, intruder, chance)
+        return arrived
+
+    def _expect(self, sent_s: float, intruder: Intruder, chance: random.Random) -> None:
+        if sent_s <= intruder.disappears_s:
+            arrives_s = sent_s + self._model.delay_s
+            heappush(self._coming, (arrives_s, next(self._order), sent_s, intruder, chance))
+
+    def _report(
+        self, intruder: Intruder, sent_s: float, chance: random.Random, where_m: Vec3 | None
+    ) -> Message | None:
+        model = self._model
+        (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = intruder.state_at(sent_s)
+        if where_m is not None and math.hypot(north_m - where_m[0], east_m - where_m[1]) > model.range_m:
+            return None
+        place = self._frame.to_geo(
+            north_m + chance.gauss(0.0, model.horizontal_sigma_m),
+            east_m + chance.gauss(0.0, model.horizontal_sigma_m),
+            down_m + chance.gauss(0.0, model.vertical_sigma_m) - model.altitude_offset_m,
+        )
+        north_mps += chance.gauss(0.0, model.speed_sigma_mps)
+        east_mps += chance.gauss(0.0, model.speed_sigma_mps)
+        climb_mps = -down_mps + chance.gauss(0.0, model.climb_sigma_mps)
+        message = mavlink.MAVLink_adsb_vehicle_message(
+            ICAO_address=intruder.icao,
+            lat=round(place.lat_deg * 1e7),
+            lon=round(place.lon_deg * 1e7),
+            altitude_type=0 if model.barometric else 1,
+            altitude=round(place.altitude_m * 1000.0),
+            heading=round(course_deg(math.atan2(east_mps, north_mps)) * 100.0) % 36_000,
+            hor_velocity=min(round(math.hypot(north_mps, east_mps) * 100.0), _UINT16_MAX),
+            ver_velocity=max(min(round(climb_mps * 100.0), _INT16_MAX), -_INT16_MAX),
+            callsign=intruder.callsign.encode("ascii", errors="replace")[:_CALLSIGN_BYTES],
+            emitter_type=intruder.emitter_type,
+            tslc=min(int(model.delay_s), 255),
+            flags=model.flags,
+            squawk=_SQUAWK_VFR,
+        )
+        header = message.get_header()
+        header.srcSystem, header.srcComponent = ADSB_RECEIVER
+        return message

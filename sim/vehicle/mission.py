@@ -1,0 +1,151 @@
+"""A mission as ArduPilot keeps it: item 0 is home, flying begins with item 1."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from companion.geodesy import GeoPoint
+
+NAV_WAYPOINT = 16
+NAV_LOITER_UNLIM = 17
+NAV_RETURN_TO_LAUNCH = 20
+NAV_LAND = 21
+NAV_TAKEOFF = 22
+DO_CHANGE_SPEED = 178
+
+NAVIGATION = frozenset({NAV_WAYPOINT, NAV_LOITER_UNLIM, NAV_RETURN_TO_LAUNCH, NAV_LAND, NAV_TAKEOFF})
+SUPPORTED = NAVIGATION | {DO_CHANGE_SPEED}
+
+# MAV_FRAME, in pairs of float and integer coordinates
+ABSOLUTE_FRAMES = frozenset({0, 5})
+RELATIVE_FRAMES = frozenset({3, 6})
+TERRAIN_FRAMES = frozenset({10, 11})  # no terrain here: taken as height above home
+GLOBAL_FRAMES = ABSOLUTE_FRAMES | RELATIVE_FRAMES | TERRAIN_FRAMES
+
+_NAMES = {
+    NAV_WAYPOINT: "WP",
+    NAV_LOITER_UNLIM: "LoitUnlim",
+    NAV_RETURN_TO_LAUNCH: "RTL",
+    NAV_LAND: "Land",
+    NAV_TAKEOFF: "Takeoff",
+    DO_CHANGE_SPEED: "SetSpeed",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItem:
+    """One item: command, its first four parameters, and a place whose height `frame` explains."""
+
+    command: int
+    params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    lat_e7: int = 0
+    lon_e7: int = 0
+    altitude_m: float = 0.0
+    frame: int = 3
+    autocontinue: int = 1
+
+    @property
+    def name(self) -> str:
+        """What ArduPlane calls the command in its texts."""
+        return _NAMES.get(self.command, str(self.command))
+
+    def altitude_amsl_m(self, home_altitude_m: float) -> float:
+        """Height above mean sea level."""
+        return self.altitude_m + (0.0 if self.frame in ABSOLUTE_FRAMES else home_altitude_m)
+
+    def place(self, here: GeoPoint, home_altitude_m: float) -> GeoPoint:
+        """Where it is; latitude and longitude 0 mean "here", as ArduPilot takes them."""
+        altitude_m = self.altitude_amsl_m(home_altitude_m)
+        if self.lat_e7 == 0 and self.lon_e7 == 0:
+            return GeoPoint(here.lat_deg, here.lon_deg, altitude_m)
+        return GeoPoint(self.lat_e7 / 1e7, self.lon_e7 / 1e7, altitude_m)
+
+
+def home_item(home: GeoPoint) -> MissionItem:
+    """Item 0."""
+    return MissionItem(
+        NAV_WAYPOINT,
+        lat_e7=round(home.lat_deg * 1e7),
+        lon_e7=round(home.lon_deg * 1e7),
+        altitude_m=home.altitude_m,
+        frame=0,
+    )
+
+
+def waypoint_item(place: GeoPoint, *, acceptance_m: float = 0.0) -> MissionItem:
+    """A waypoint at an absolute height."""
+    return MissionItem(
+        NAV_WAYPOINT,
+        params=(0.0, acceptance_m, 0.0, 0.0),
+        lat_e7=round(place.lat_deg * 1e7),
+        lon_e7=round(place.lon_deg * 1e7),
+        altitude_m=place.altitude_m,
+        frame=0,
+    )
+
+
+def takeoff_item(height_m: float, *, pitch_deg: float = 15.0) -> MissionItem:
+    """A take-off to a height above home."""
+    return MissionItem(NAV_TAKEOFF, params=(pitch_deg, 0.0, 0.0, 0.0), altitude_m=height_m)
+
+
+class Mission:
+    """The items, which one is being flown, and whether the last waypoint has been reached."""
+
+    def __init__(self, home: GeoPoint, items: Sequence[MissionItem] = ()) -> None:
+        """`items` without home, which becomes item 0."""
+        self._home = home_item(home)
+        self.items: list[MissionItem] = [self._home, *items] if items else []
+        self.current = 0
+        self.completed = False
+
+    @property
+    def total(self) -> int:
+        """How many items there are besides home: MISSION_CURRENT.total."""
+        return max(len(self.items) - 1, 0)
+
+    @property
+    def active(self) -> MissionItem | None:
+        """The item being flown; None before the start, after the end and without a mission."""
+        return self.items[self.current] if 0 < self.current < len(self.items) else None
+
+    def replace(self, items: Sequence[MissionItem]) -> None:
+        """Take a new list, item 0 included and overwritten by home; flying starts over."""
+        self.items = [self._home, *items[1:]] if items else []
+        self.current = 0
+        self.completed = False
+
+    def item_at(self, sequence: int) -> MissionItem | None:
+        """The item with that number; an empty mission still has home."""
+        if sequence == 0:
+            return self._home
+        return self.items[sequence] if 0 <= sequence < len(self.items) else None
+
+    def select(self, sequence: int) -> bool:
+        """Fly that item next; False when there is none."""
+        if not 0 <= sequence < len(self.items):
+            return False
+        self.current = sequence
+        self.completed = False
+        return True
+
+    def advance(self) -> MissionItem | None:
+        """Go on to the next item; None at the end. Past the last waypoint the mission is completed."""
+        self.current += 1
+        following = self.items[self.current :]
+        self.completed = bool(self.items) and not any(
+            i.command in (NAV_WAYPOINT, NAV_LAND) for i in following
+        )
+        return following[0] if following else None
+
+    def next_navigation(self) -> MissionItem | None:
+        """The item to fly to after the active one, for turning early."""
+        following = self.items[self.current + 1 :]
+        return next((i for i in following if i.command in NAVIGATION), None)
+
+
+def is_sane(item: MissionItem) -> bool:
+    """True when every number can be flown to."""
+    numbers = (item.altitude_m, *item.params)
+    in_range = abs(item.lat_e7) <= 900_000_000 and abs(item.lon_e7) <= 1_800_000_000
+    return in_range and all(math.isfinite(n) for n in numbers)

@@ -1,0 +1,93 @@
+"""Lateral guidance of the fake autopilots: from a place and a wish to a bank angle. Local north-east, SI."""
+
+import math
+from dataclasses import dataclass
+
+from companion.model import Vec2
+from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from sim.dynamics import FixedWing
+
+# ArduPlane's L1 controller with its defaults: NAVL1_PERIOD 17 s and NAVL1_DAMPING 0.75.
+_L1_TIME_S = 0.75 * 17.0 / math.pi
+_L1_GAIN = 4.0 * 0.75**2
+
+_LOITER_APPROACH = 2.0  # how steeply a loiter closes on its circle
+_BANK_PER_COURSE_ERROR = 0.8
+
+
+def line_bank_rad(position_m: Vec2, velocity_mps: Vec2, start_m: Vec2, end_m: Vec2) -> float:
+    """Bank that joins and follows the line from start to end (L1 guidance, Park et al. 2004)."""
+    ground_mps = max(math.hypot(*velocity_mps), 1.0)
+    l1_m = _L1_TIME_S * ground_mps
+    north_m, east_m = end_m[0] - start_m[0], end_m[1] - start_m[1]
+    length_m = math.hypot(north_m, east_m)
+    course_rad = math.atan2(velocity_mps[1], velocity_mps[0])
+    if length_m < 1.0:
+        eta_rad = wrap_pi(math.atan2(end_m[1] - position_m[1], end_m[0] - position_m[0]) - course_rad)
+    else:
+        along_n, along_e = north_m / length_m, east_m / length_m
+        across_m = (position_m[1] - start_m[1]) * along_n - (position_m[0] - start_m[0]) * along_e
+        aim_rad = math.atan2(along_e, along_n) - math.asin(min(max(across_m / l1_m, -0.7071), 0.7071))
+        eta_rad = wrap_pi(aim_rad - course_rad)
+    eta_rad = min(max(eta_rad, -math.pi / 2.0), math.pi / 2.0)
+    return math.atan(_L1_GAIN * ground_mps**2 / l1_m * math.sin(eta_rad) / STANDARD_GRAVITY_MPS2)
+
+
+def loiter_bank_rad(
+    position_m: Vec2, velocity_mps: Vec2, centre_m: Vec2, radius_m: float, *, clockwise: bool = True
+) -> float:
+    """Bank that flies to a circle from wherever the aircraft is, and then around it."""
+    side = 1.0 if clockwise else -1.0
+    north_m, east_m = position_m[0] - centre_m[0], position_m[1] - centre_m[1]
+    off_m = math.hypot(north_m, east_m) - radius_m
+    closing_rad = math.atan(_LOITER_APPROACH * off_m / radius_m)
+    course_rad = math.atan2(east_m, north_m) + side * (math.pi / 2.0 + closing_rad)
+    error_rad = wrap_pi(course_rad - math.atan2(velocity_mps[1], velocity_mps[0]))
+    ground_mps2 = velocity_mps[0] ** 2 + velocity_mps[1] ** 2
+    on_circle = max(1.0 - abs(off_m) / radius_m, 0.0)
+    steady_rad = math.atan(ground_mps2 / (STANDARD_GRAVITY_MPS2 * radius_m)) * on_circle
+    return side * steady_rad + _BANK_PER_COURSE_ERROR * error_rad
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """A straight part of a mission, and where the mission goes on to after it."""
+
+    start_m: Vec2
+    end_m: Vec2
+    next_m: Vec2
+
+    def bank_rad(self, position_m: Vec2, velocity_mps: Vec2) -> float:
+        """Bank that joins and follows the leg."""
+        return line_bank_rad(position_m, velocity_mps, self.start_m, self.end_m)
+
+    def is_passed(self, position_m: Vec2) -> bool:
+        """True beyond the finish line: the perpendicular to the leg through its end."""
+        leg_n, leg_e = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
+        return (position_m[0] - self.end_m[0]) * leg_n + (position_m[1] - self.end_m[1]) * leg_e >= 0.0
+
+    def turn_distance_m(self, ground_speed_mps: float, radius_m: float) -> float:
+        """How far before the end to turn to the next leg, as ArduPlane does; 0 when going straight on."""
+        if self.next_m == self.end_m:
+            return 0.0
+        turn_rad = abs(
+            wrap_pi(_bearing_rad(self.end_m, self.next_m) - _bearing_rad(self.start_m, self.end_m))
+        )
+        return min(radius_m, _L1_TIME_S * ground_speed_mps) * min(turn_rad / (math.pi / 2.0), 1.0)
+
+
+def circle(aircraft: FixedWing, centre_m: Vec2, radius_m: float) -> None:
+    """Command the bank that circles around a place; a negative radius turns left."""
+    position_m = (aircraft.north_m, aircraft.east_m)
+    bank_rad = loiter_bank_rad(
+        position_m,
+        aircraft.velocity_mps[:2],
+        centre_m,
+        max(abs(radius_m), 1.0),
+        clockwise=radius_m > 0.0,
+    )
+    aircraft.hold_bank(bank_rad)
+
+
+def _bearing_rad(start_m: Vec2, end_m: Vec2) -> float:
+    return math.atan2(end_m[1] - start_m[1], end_m[0] - start_m[0])

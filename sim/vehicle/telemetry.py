@@ -1,0 +1,339 @@
+"""The messages that the fake ArduPlane tells about itself, with the real one's conventions of fields."""
+
+import math
+from collections.abc import Callable
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.units import course_deg, wrap_pi
+from sim.vehicle.battery import Battery
+from sim.vehicle.flight import Flight
+from sim.vehicle.modes import Mode, base_mode
+
+_TYPE_FIXED_WING = 1
+_AUTOPILOT_ARDUPILOT = 3
+_STANDBY, _ACTIVE = 3, 4
+_ON_GROUND, _IN_AIR, _TAKING_OFF, _LANDING = 1, 2, 3, 4
+_NO_MISSION, _NOT_STARTED, _MISSION_ACTIVE, _MISSION_PAUSED, _MISSION_COMPLETE = 1, 2, 3, 4, 5
+_MISSION_MODE_ACTIVE, _MISSION_MODE_SUSPENDED = 1, 2
+_POSITION_ONLY = 65016  # POSITION_TARGET_GLOBAL_INT.type_mask of the real one
+_SENSORS = 325188671
+_SENSORS_HEALTHY = 322042943
+_UINT16_MAX = 65535
+_TEMPERATURE_UNKNOWN = 32767
+_CAPABILITIES = (
+    2 | 4 | 8 | 256 | 4096 | 8192
+)  # float parameters, int missions, COMMAND_INT, targets, MAVLink 2
+_VERSION_4_7_0_DEV = 4 << 24 | 7 << 16
+
+
+class Telemetry:
+    """Makes messages about one flight; counts its battery down."""
+
+    def __init__(self, flight: Flight, boot_s: float) -> None:
+        self._flight = flight
+        self._boot_s = boot_s
+        self._battery = Battery()
+
+    def consume(self, seconds: float) -> None:
+        """Draw from the battery."""
+        flight = self._flight
+        self._battery.drain(seconds, armed=flight.armed, full_throttle=flight.taking_off)
+
+    def build(self, message_id: int, time_s: float) -> Message | None:
+        """The message with that number as of now, None when it is not ours to tell."""
+        builder = _BUILDERS.get(message_id)
+        return builder(self, time_s) if builder is not None else None
+
+    def boot_ms(self, time_s: float) -> int:
+        """Milliseconds since boot, as `time_boot_ms` carries them."""
+        return round((time_s - self._boot_s) * 1000.0) & 0xFFFF_FFFF
+
+    def heartbeat(self, _time_s: float) -> Message:
+        """HEARTBEAT."""
+        flight = self._flight
+        return mavlink.MAVLink_heartbeat_message(
+            type=_TYPE_FIXED_WING,
+            autopilot=_AUTOPILOT_ARDUPILOT,
+            base_mode=base_mode(flight.mode, armed=flight.armed),
+            custom_mode=int(flight.mode),
+            system_status=_STANDBY if flight.on_ground else _ACTIVE,
+            mavlink_version=3,
+        )
+
+    def global_position_int(self, time_s: float) -> Message:
+        """GLOBAL_POSITION_INT: `vz` positive down, `hdg` where the nose points."""
+        flight = self._flight
+        place = flight.place
+        north_mps, east_mps, down_mps = flight.velocity_mps
+        return mavlink.MAVLink_global_position_int_message(
+            time_boot_ms=self.boot_ms(time_s),
+            lat=round(place.lat_deg * 1e7),
+            lon=round(place.lon_deg * 1e7),
+            alt=round(place.altitude_m * 1000.0),
+            relative_alt=round((place.altitude_m - flight.home.altitude_m) * 1000.0),
+            vx=round(north_mps * 100.0),
+            vy=round(east_mps * 100.0),
+            vz=round(down_mps * 100.0),
+            hdg=_centidegrees(flight.aircraft.heading_rad),
+        )
+
+    def local_position_ned(self, time_s: float) -> Message:
+        """LOCAL_POSITION_NED, from home."""
+        flight = self._flight
+        north_m, east_m, down_m = flight.aircraft.position_m
+        north_mps, east_mps, down_mps = flight.velocity_mps
+        return mavlink.MAVLink_local_position_ned_message(
+            time_boot_ms=self.boot_ms(time_s),
+            x=north_m,
+            y=east_m,
+            z=down_m + flight.home.altitude_m,
+            vx=north_mps,
+            vy=east_mps,
+            vz=down_mps,
+        )
+
+    def attitude(self, time_s: float) -> Message:
+        """ATTITUDE."""
+        aircraft = self._flight.aircraft
+        return mavlink.MAVLink_attitude_message(
+            time_boot_ms=self.boot_ms(time_s),
+            roll=aircraft.bank_rad,
+            pitch=self._pitch_rad(),
+            yaw=wrap_pi(aircraft.heading_rad),
+            rollspeed=0.0,
+            pitchspeed=0.0,
+            yawspeed=0.0 if self._flight.on_ground else aircraft.turn_rate_rps,
+        )
+
+    def vfr_hud(self, _time_s: float) -> Message:
+        """VFR_HUD."""
+        flight = self._flight
+        return mavlink.MAVLink_vfr_hud_message(
+            airspeed=flight.aircraft.airspeed_mps,
+            groundspeed=flight.ground_speed_mps,
+            heading=int(course_deg(flight.aircraft.heading_rad)),
+            throttle=self._throttle_percent(),
+            alt=flight.aircraft.altitude_m,
+            climb=flight.aircraft.climb_mps,
+        )
+
+    def sys_status(self, _time_s: float) -> Message:
+        """SYS_STATUS."""
+        return mavlink.MAVLink_sys_status_message(
+            onboard_control_sensors_present=_SENSORS,
+            onboard_control_sensors_enabled=_SENSORS,
+            onboard_control_sensors_health=_SENSORS_HEALTHY,
+            load=0,
+            voltage_battery=self._battery.voltage_mv,
+            current_battery=self._battery.current_ca,
+            battery_remaining=round(self._battery.remaining * 100.0),
+            drop_rate_comm=0,
+            errors_comm=0,
+            errors_count1=0,
+            errors_count2=0,
+            errors_count3=0,
+            errors_count4=0,
+        )
+
+    def battery_status(self, _time_s: float) -> Message:
+        """BATTERY_STATUS: one pack, no single cells."""
+        return mavlink.MAVLink_battery_status_message(
+            id=0,
+            battery_function=0,
+            type=0,
+            temperature=_TEMPERATURE_UNKNOWN,
+            voltages=[self._battery.voltage_mv] + [_UINT16_MAX] * 9,
+            current_battery=self._battery.current_ca,
+            current_consumed=round(self._battery.consumed_mah),
+            energy_consumed=round(self._battery.consumed_mah * 0.44),
+            battery_remaining=round(self._battery.remaining * 100.0),
+            time_remaining=0,
+            charge_state=1,
+        )
+
+    def gps_raw_int(self, time_s: float) -> Message:
+        """GPS_RAW_INT."""
+        flight = self._flight
+        place = flight.place
+        return mavlink.MAVLink_gps_raw_int_message(
+            time_usec=self.boot_ms(time_s) * 1000,
+            fix_type=6,
+            lat=round(place.lat_deg * 1e7),
+            lon=round(place.lon_deg * 1e7),
+            alt=round(place.altitude_m * 1000.0),
+            eph=121,
+            epv=200,
+            vel=min(round(flight.ground_speed_mps * 100.0), _UINT16_MAX),
+            cog=_centidegrees(flight.aircraft.course_rad),
+            satellites_visible=10,
+            alt_ellipsoid=round(place.altitude_m * 1000.0),
+            h_acc=300,
+            v_acc=300,
+        )
+
+    def system_time(self, time_s: float) -> Message:
+        """SYSTEM_TIME."""
+        return mavlink.MAVLink_system_time_message(
+            time_unix_usec=round(time_s * 1e6), time_boot_ms=self.boot_ms(time_s)
+        )
+
+    def wind(self, _time_s: float) -> Message:
+        """WIND: `direction` is where it comes from."""
+        north_mps, east_mps = self._flight.aircraft.wind_mps
+        return mavlink.MAVLink_wind_message(
+            direction=math.degrees(math.atan2(-east_mps, -north_mps)),
+            speed=math.hypot(north_mps, east_mps),
+            speed_z=0.0,
+        )
+
+    def home_position(self, time_s: float) -> Message:
+        """HOME_POSITION."""
+        home = self._flight.home
+        return mavlink.MAVLink_home_position_message(
+            latitude=round(home.lat_deg * 1e7),
+            longitude=round(home.lon_deg * 1e7),
+            altitude=round(home.altitude_m * 1000.0),
+            x=0.0,
+            y=0.0,
+            z=0.0,
+            q=[math.nan] * 4,
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+            time_usec=self.boot_ms(time_s) * 1000,
+        )
+
+    def mission_current(self, _time_s: float) -> Message:
+        """MISSION_CURRENT: `total` does not count home."""
+        flight = self._flight
+        mission = flight.mission
+        if not mission.items:
+            state = _NO_MISSION
+        elif mission.completed and mission.active is None:
+            state = _MISSION_COMPLETE
+        elif mission.current == 0:
+            state = _NOT_STARTED
+        else:
+            state = _MISSION_ACTIVE if flight.mode is Mode.AUTO else _MISSION_PAUSED
+        return mavlink.MAVLink_mission_current_message(
+            seq=min(mission.current, mission.total),
+            total=mission.total,
+            mission_state=state,
+            mission_mode=_MISSION_MODE_ACTIVE if flight.mode is Mode.AUTO else _MISSION_MODE_SUSPENDED,
+        )
+
+    def nav_controller_output(self, _time_s: float) -> Message:
+        """NAV_CONTROLLER_OUTPUT."""
+        flight = self._flight
+        aircraft = flight.aircraft
+        north_m = east_m = 0.0
+        if flight.target is not None:
+            target_m = flight.frame.to_ned_m(flight.target)
+            north_m, east_m = target_m[0] - aircraft.north_m, target_m[1] - aircraft.east_m
+        bearing_deg = round(math.degrees(math.atan2(east_m, north_m)))
+        return mavlink.MAVLink_nav_controller_output_message(
+            nav_roll=math.degrees(aircraft.bank_rad),
+            nav_pitch=math.degrees(self._pitch_rad()),
+            nav_bearing=round(math.degrees(wrap_pi(aircraft.course_rad))),
+            target_bearing=bearing_deg,
+            wp_dist=min(round(math.hypot(north_m, east_m)), _UINT16_MAX),
+            alt_error=flight.wanted_altitude_m - aircraft.altitude_m,
+            aspd_error=aircraft.airspeed_command_mps - aircraft.airspeed_mps,
+            xtrack_error=0.0,
+        )
+
+    def position_target_global_int(self, time_s: float) -> Message:
+        """POSITION_TARGET_GLOBAL_INT: the place being flown to, height above mean sea level."""
+        target = self._flight.target or self._flight.place
+        return mavlink.MAVLink_position_target_global_int_message(
+            time_boot_ms=self.boot_ms(time_s),
+            coordinate_frame=0,
+            type_mask=_POSITION_ONLY,
+            lat_int=round(target.lat_deg * 1e7),
+            lon_int=round(target.lon_deg * 1e7),
+            alt=self._flight.wanted_altitude_m,
+            vx=0.0,
+            vy=0.0,
+            vz=0.0,
+            afx=0.0,
+            afy=0.0,
+            afz=0.0,
+            yaw=0.0,
+            yaw_rate=0.0,
+        )
+
+    def extended_sys_state(self, _time_s: float) -> Message:
+        """EXTENDED_SYS_STATE: no vertical take-off, on the ground or not."""
+        flight = self._flight
+        if flight.on_ground:
+            landed = _ON_GROUND
+        elif flight.taking_off:
+            landed = _TAKING_OFF
+        else:
+            landed = _LANDING if flight.landing else _IN_AIR
+        return mavlink.MAVLink_extended_sys_state_message(vtol_state=0, landed_state=landed)
+
+    def scaled_pressure(self, time_s: float) -> Message:
+        """SCALED_PRESSURE of the standard atmosphere."""
+        aircraft = self._flight.aircraft
+        return mavlink.MAVLink_scaled_pressure_message(
+            time_boot_ms=self.boot_ms(time_s),
+            press_abs=1013.25 * max(1.0 - 2.25577e-5 * aircraft.altitude_m, 0.01) ** 5.25588,
+            press_diff=0.5 * 1.225 * aircraft.airspeed_mps**2 / 100.0,
+            temperature=2500,
+        )
+
+    def autopilot_version(self, _time_s: float) -> Message:
+        """AUTOPILOT_VERSION: says 4.7.0-dev, which it imitates."""
+        return mavlink.MAVLink_autopilot_version_message(
+            capabilities=_CAPABILITIES,
+            flight_sw_version=_VERSION_4_7_0_DEV,
+            middleware_sw_version=0,
+            os_sw_version=0,
+            board_version=0,
+            flight_custom_version=[0] * 8,
+            middleware_custom_version=[0] * 8,
+            os_custom_version=[0] * 8,
+            vendor_id=0,
+            product_id=0,
+            uid=1,
+        )
+
+    def _pitch_rad(self) -> float:
+        aircraft = self._flight.aircraft
+        return math.asin(min(max(aircraft.climb_mps / max(aircraft.airspeed_mps, 1.0), -1.0), 1.0))
+
+    def _throttle_percent(self) -> int:
+        flight = self._flight
+        if not flight.armed or (flight.on_ground and not flight.taking_off):
+            return 0
+        if flight.taking_off:
+            return 100
+        return round(min(max(48.0 + 3.0 * flight.aircraft.climb_mps, 0.0), 100.0))
+
+
+def _centidegrees(angle_rad: float) -> int:
+    return round(course_deg(angle_rad) * 100.0) % 36_000
+
+
+_BUILDERS: dict[int, Callable[[Telemetry, float], Message]] = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: Telemetry.heartbeat,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: Telemetry.sys_status,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: Telemetry.system_time,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: Telemetry.gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: Telemetry.scaled_pressure,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: Telemetry.attitude,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Telemetry.local_position_ned,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: Telemetry.global_position_int,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: Telemetry.mission_current,
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: Telemetry.nav_controller_output,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: Telemetry.vfr_hud,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: Telemetry.position_target_global_int,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Telemetry.battery_status,
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Telemetry.autopilot_version,
+    mavlink.MAVLINK_MSG_ID_WIND: Telemetry.wind,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: Telemetry.home_position,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Telemetry.extended_sys_state,
+}
+
+BUILT = frozenset(_BUILDERS)

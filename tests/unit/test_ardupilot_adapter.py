@@ -1,0 +1,173 @@
+"""What is sent to ArduPlane: what it obeys, on change, and repeated slowly."""
+
+import math
+from collections import Counter
+
+import pytest
+
+from companion.autopilots import ArduPlane, Px4FixedWing, choose
+from companion.autopilots.adapter import Flown
+from companion.geodesy import GeoPoint
+from companion.mavlink.dialect import Encoder, Message, mavlink
+from companion.mavlink.facts import CommandResult, Sender
+from companion.model import Guidance
+
+TARGET = Sender(1, 1)
+PLACE = GeoPoint(-35.0, 149.0, 600.0)
+GUIDANCE = Guidance(math.radians(40.0), 22.0, 680.0)
+
+
+def flown(guidance: Guidance = GUIDANCE) -> Flown:
+    return Flown(guidance, PLACE, (24.0, 0.0, 0.0))
+
+
+def kinds(messages: list[Message]) -> Counter[str]:
+    return Counter(
+        f"{message.get_type()} {message.command}" if hasattr(message, "command") else message.get_type()
+        for message in messages
+    )
+
+
+def accept_all(adapter: ArduPlane, messages: list[Message], now_s: float) -> None:
+    for message in messages:
+        if hasattr(message, "command"):
+            adapter.observe(CommandResult(TARGET, message.command, 0, None), now_s)
+
+
+def stream(adapter: ArduPlane, seconds: float, *, urgent: bool = False) -> list[Message]:
+    sent = []
+    for tick in range(round(seconds * 10)):
+        now_s = 100.0 + tick / 10
+        messages = adapter.command(flown(), now_s, urgent=urgent) + adapter.tick(now_s)
+        accept_all(adapter, messages, now_s)
+        sent += messages
+    return sent
+
+
+def test_first_command_holds_everything() -> None:
+    messages = ArduPlane(TARGET).command(flown(), 100.0, urgent=False)
+    assert kinds(messages) == {
+        "COMMAND_INT 43002": 1,
+        "COMMAND_INT 43000": 1,
+        "COMMAND_INT 43001": 1,
+        "SET_POSITION_TARGET_GLOBAL_INT": 1,
+    }
+
+
+def test_steady_guidance_is_streamed_at_5_hz_and_the_heading_every_two_seconds() -> None:
+    counts = kinds(stream(ArduPlane(TARGET), 10.0))
+    assert counts["SET_POSITION_TARGET_GLOBAL_INT"] == 50
+    assert counts["COMMAND_INT 43002"] == 5
+    assert counts["COMMAND_INT 43000"] == counts["COMMAND_INT 43001"] == 1
+
+
+def test_urgent_setpoints_never_exceed_10_hz() -> None:
+    adapter = ArduPlane(TARGET)
+    sent = [
+        message
+        for tick in range(200)
+        for message in adapter.command(flown(), 100.0 + tick * 0.02, urgent=True)
+        if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
+    ]
+    assert 35 <= len(sent) <= 44, "in four seconds"
+
+
+def test_a_change_goes_out_at_once_and_a_trifle_does_not() -> None:
+    adapter = ArduPlane(TARGET)
+    accept_all(adapter, adapter.command(flown(), 100.0, urgent=False), 100.0)
+    trifle = Guidance(GUIDANCE.course_rad + math.radians(0.5), 22.1, 680.4)
+    assert "COMMAND_INT 43002" not in kinds(adapter.command(flown(trifle), 100.1, urgent=False))
+    turned = Guidance(GUIDANCE.course_rad + math.radians(5.0), 22.0, 680.0)
+    counts = kinds(adapter.command(flown(turned), 100.2, urgent=False))
+    assert counts["COMMAND_INT 43002"] == 1
+    assert counts["COMMAND_INT 43000"] == counts["COMMAND_INT 43001"] == 0
+
+
+def test_slow_drifts_add_up_to_a_change() -> None:
+    adapter = ArduPlane(TARGET)
+    headings = 0
+    for tick in range(15):
+        wanted = Guidance(math.radians(40.0 + 0.2 * tick), 22.0, 680.0)
+        messages = adapter.command(flown(wanted), 100.0 + tick / 10, urgent=False)
+        accept_all(adapter, messages, 100.0)
+        headings += kinds(messages)["COMMAND_INT 43002"]
+    assert headings == 3
+
+
+def test_the_heading_command_is_what_the_autopilot_understands() -> None:
+    first = ArduPlane(TARGET).command(flown(Guidance(-0.0, 22.0, 680.0)), 100.0, urgent=False)[0]
+    assert (first.target_system, first.target_component) == (1, 1)
+    assert first.param1 == 0, "course over ground"
+    assert 0.0 <= first.param2 < 360.0
+    assert first.param3 == pytest.approx(9.80665 * math.tan(math.radians(30.0)))
+
+
+def test_the_position_target_is_whole() -> None:
+    messages = ArduPlane(TARGET).command(flown(), 100.0, urgent=False)
+    target = next(m for m in messages if m.get_type() == "SET_POSITION_TARGET_GLOBAL_INT")
+    north_m = (target.lat_int / 1e7 - PLACE.lat_deg) * 110_940.0
+    east_m = (target.lon_int / 1e7 - PLACE.lon_deg) * 91_290.0
+    assert math.degrees(math.atan2(east_m, north_m)) == pytest.approx(40.0, abs=0.2)
+    assert math.hypot(north_m, east_m) == pytest.approx(500.0, rel=0.01)
+    assert math.degrees(math.atan2(target.vy, target.vx)) == pytest.approx(40.0)
+    assert math.hypot(target.vx, target.vy) == pytest.approx(24.0)
+    assert target.vz < 0.0, "up, as the height is above us"
+    assert target.yaw == pytest.approx(math.radians(40.0))
+    assert target.alt == 680.0
+    assert target.coordinate_frame == mavlink.MAV_FRAME_GLOBAL
+    assert target.type_mask == 0b1001_1100_0000
+
+
+def test_everything_can_be_packed() -> None:
+    adapter = ArduPlane(TARGET)
+    messages = [
+        *adapter.engage(1.7e9),
+        *adapter.command(flown(), 1.7e9, urgent=True),
+        *adapter.release(10, 1.7e9),
+        adapter.request_interval(33, 0.1),
+        adapter.request_parameter("ADSB_ICAO_ID"),
+    ]
+    for message in messages:
+        assert Encoder().encode(message, 1, 196)
+
+
+def test_entering_the_mode_means_sending_everything_again() -> None:
+    adapter = ArduPlane(TARGET)
+    adapter.command(flown(), 100.0, urgent=False)
+    adapter.engage(101.0)
+    assert kinds(adapter.command(flown(), 101.1, urgent=False))["COMMAND_INT 43001"] == 1
+
+
+def test_standing_back_repeats_nothing() -> None:
+    adapter = ArduPlane(TARGET)
+    adapter.command(flown(), 100.0, urgent=False)
+    adapter.stand_back()
+    assert adapter.tick(105.0) == []
+
+
+@pytest.mark.parametrize(
+    ("custom_mode", "name"),
+    [(0, "MANUAL"), (10, "AUTO"), (15, "GUIDED"), (14, "AVOID_ADSB"), (99, "MODE 99")],
+)
+def test_ardupilot_mode_names(custom_mode: int, name: str) -> None:
+    assert ArduPlane.mode_name(custom_mode) == name
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "name"),
+    [(4, 4, "MISSION"), (4, 3, "HOLD"), (4, 5, "RETURN"), (6, 0, "OFFBOARD"), (1, 0, "MANUAL")],
+)
+def test_px4_mode_names(main: int, sub: int, name: str) -> None:
+    assert Px4FixedWing.mode_name(main << 16 | sub << 24) == name
+
+
+def test_px4_is_not_commanded() -> None:
+    adapter = Px4FixedWing(TARGET)
+    assert not adapter.can_fly
+    assert adapter.engage(0.0) == adapter.release(0, 0.0) == adapter.command(flown(), 0.0, urgent=True) == []
+
+
+def test_adapters_are_chosen_by_the_heartbeat() -> None:
+    assert isinstance(choose(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, TARGET), ArduPlane)
+    assert isinstance(choose(mavlink.MAV_AUTOPILOT_PX4, TARGET), Px4FixedWing)
+    assert choose(mavlink.MAV_AUTOPILOT_GENERIC, TARGET) is None

@@ -1,0 +1,149 @@
+"""The point mass against physics and against what was measured on ArduPlane."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from sim.dynamics import Airframe, FixedWing, heading_for_course_rad
+
+STEP_S = 0.05
+BANK_OF_5_MPS2 = math.atan(5.0 / STANDARD_GRAVITY_MPS2)
+
+
+def fly(aircraft: FixedWing, seconds: float) -> None:
+    for _ in range(round(seconds / STEP_S)):
+        aircraft.step(STEP_S)
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    bank_deg=st.floats(-44.0, 44.0),
+    airspeed_mps=st.floats(12.0, 30.0),
+)
+def test_a_steady_turn_is_g_tan_bank_over_v(bank_deg: float, airspeed_mps: float) -> None:
+    aircraft = FixedWing(airspeed_mps=airspeed_mps)
+    aircraft.hold_bank(math.radians(bank_deg))
+    fly(aircraft, 5.0)
+    before_rad = aircraft.heading_rad
+    fly(aircraft, 1.0)
+    turned_rad = wrap_pi(aircraft.heading_rad - before_rad)
+    assert turned_rad == pytest.approx(
+        STANDARD_GRAVITY_MPS2 * math.tan(math.radians(bank_deg)) / airspeed_mps, abs=2e-4
+    )
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    bank_deg=st.floats(-180.0, 180.0),
+    climb_mps=st.floats(-50.0, 50.0),
+    airspeed_mps=st.floats(0.0, 99.0),
+    seconds=st.floats(0.05, 8.0),
+)
+def test_limits_hold_whatever_is_asked(
+    bank_deg: float, climb_mps: float, airspeed_mps: float, seconds: float
+) -> None:
+    frame = Airframe()
+    aircraft = FixedWing()
+    aircraft.hold_bank(math.radians(bank_deg))
+    aircraft.hold_climb(climb_mps)
+    aircraft.hold_airspeed(airspeed_mps)
+    before_mps = aircraft.airspeed_mps
+    fly(aircraft, seconds)
+    assert abs(aircraft.bank_rad) <= frame.bank_limit_rad + 1e-9
+    assert -frame.sink_limit_mps - 1e-9 <= aircraft.climb_mps <= frame.climb_limit_mps + 1e-9
+    assert frame.airspeed_min_mps - 1e-9 <= aircraft.airspeed_mps <= frame.airspeed_max_mps + 1e-9
+    assert abs(aircraft.airspeed_mps - before_mps) <= frame.acceleration_limit_mps2 * (seconds + STEP_S)
+
+
+@settings(derandomize=True, deadline=None)
+@given(
+    course_deg=st.floats(0.0, 359.9),
+    start_deg=st.floats(0.0, 359.9),
+    north_mps=st.floats(-8.0, 8.0),
+    east_mps=st.floats(-8.0, 8.0),
+)
+def test_course_is_over_ground_in_any_wind(
+    course_deg: float, start_deg: float, north_mps: float, east_mps: float
+) -> None:
+    aircraft = FixedWing(course_rad=math.radians(start_deg), wind_mps=(north_mps, east_mps))
+    aircraft.hold_course(math.radians(course_deg))
+    fly(aircraft, 60.0)
+    before_m = aircraft.position_m
+    fly(aircraft, 10.0)
+    after_m = aircraft.position_m
+    made_good_rad = math.atan2(after_m[1] - before_m[1], after_m[0] - before_m[0])
+    assert wrap_pi(made_good_rad - math.radians(course_deg)) == pytest.approx(0.0, abs=1e-3)
+    assert wrap_pi(aircraft.course_rad - math.radians(course_deg)) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_ground_velocity_is_air_velocity_plus_wind() -> None:
+    aircraft = FixedWing(course_rad=0.0, airspeed_mps=22.0, wind_mps=(2.0, 0.0))
+    assert aircraft.velocity_mps == pytest.approx((24.0, 0.0, 0.0))
+    fly(aircraft, 10.0)
+    assert aircraft.position_m == pytest.approx((240.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_crabs_into_the_wind() -> None:
+    heading_rad = heading_for_course_rad(0.0, 22.0, (0.0, 5.0))
+    assert math.degrees(heading_rad) == pytest.approx(360.0 - math.degrees(math.asin(5.0 / 22.0)))
+
+
+def test_turns_as_arduplane_was_measured() -> None:
+    """From course 91 to 14 degrees in 9.5 s with p3 = 5, then slow; here on the way to 10."""
+    aircraft = FixedWing(course_rad=math.radians(91.0))
+    aircraft.hold_course(math.radians(10.0), BANK_OF_5_MPS2)
+    seconds = 0.0
+    fastest_rps = 0.0
+    while math.degrees(aircraft.course_rad) > 14.0:
+        aircraft.step(STEP_S)
+        seconds += STEP_S
+        fastest_rps = max(fastest_rps, abs(aircraft.turn_rate_rps))
+    assert seconds == pytest.approx(9.5, abs=0.3)
+    assert math.degrees(fastest_rps) == pytest.approx(5.0 / 22.0 * 57.3, abs=0.2)
+    fly(aircraft, 3.0)
+    assert 10.5 < math.degrees(aircraft.course_rad) < 13.0
+    fly(aircraft, 20.0)
+    assert math.degrees(aircraft.course_rad) == pytest.approx(10.0, abs=0.1)
+
+
+def test_turns_the_short_way() -> None:
+    aircraft = FixedWing(course_rad=math.radians(350.0))
+    aircraft.hold_course(math.radians(20.0))
+    aircraft.step(STEP_S)
+    assert aircraft.bank_rad > 0.0
+
+
+def test_climbs_at_the_measured_rate_without_overshoot() -> None:
+    aircraft = FixedWing()
+    aircraft.hold_altitude(60.0)
+    highest_m, fastest_mps = 0.0, 0.0
+    for _ in range(800):
+        aircraft.step(STEP_S)
+        highest_m = max(highest_m, aircraft.altitude_m)
+        fastest_mps = max(fastest_mps, aircraft.climb_mps)
+    assert fastest_mps == pytest.approx(4.5, abs=0.05)
+    assert aircraft.altitude_m == pytest.approx(60.0, abs=0.05)
+    assert highest_m < 60.2
+
+
+def test_the_step_length_hardly_matters() -> None:
+    coarse, fine = FixedWing(), FixedWing()
+    for aircraft, step_s in ((coarse, 0.05), (fine, 0.005)):
+        aircraft.hold_course(math.radians(120.0))
+        aircraft.hold_altitude(30.0)
+        for _ in range(round(20.0 / step_s)):
+            aircraft.step(step_s)
+    assert math.dist(coarse.position_m, fine.position_m) < 2.0
+
+
+def test_the_same_inputs_give_the_same_bits() -> None:
+    places = []
+    for _ in range(2):
+        aircraft = FixedWing(wind_mps=(1.0, -3.0))
+        aircraft.hold_course(2.0)
+        fly(aircraft, 30.0)
+        places.append((aircraft.position_m, aircraft.velocity_mps))
+    assert places[0] == places[1]

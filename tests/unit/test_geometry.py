@@ -1,0 +1,98 @@
+"""Closest approach, angles and the cone, by hand-made cases."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
+from companion.avoidance.geometry import (
+    closing_speed_mps,
+    position_at,
+    signed_angle_rad,
+    time_to_closest_s,
+    vertical_distance_m,
+)
+from companion.avoidance.potential import attraction, repulsion_magnitude
+
+
+def rows(*vectors: tuple[float, ...]) -> np.ndarray:
+    return np.array(vectors, dtype=np.float64)
+
+
+def test_closest_approach_of_a_crossing() -> None:
+    position, velocity = rows((1000.0, 1000.0, 0.0)), rows((0.0, -50.0, 0.0))
+    time_s = time_to_closest_s(position, velocity)
+    assert time_s == pytest.approx(20.0)
+    assert position_at(position, velocity, time_s)[0] == pytest.approx((1000.0, 0.0, 0.0))
+
+
+def test_past_closest_approach_is_negative_and_no_motion_is_never() -> None:
+    assert time_to_closest_s(rows((100.0, 0.0)), rows((10.0, 0.0))) == pytest.approx(-10.0)
+    assert math.isinf(time_to_closest_s(rows((100.0, 0.0)), rows((0.0, 0.0)))[0])
+
+
+def test_closing_speed_is_never_negative() -> None:
+    closing = closing_speed_mps(rows((1000.0, 0.0), (1000.0, 0.0)), rows((-80.0, 0.0), (80.0, 0.0)))
+    assert closing == pytest.approx([80.0, 0.0])
+
+
+def test_left_is_positive() -> None:
+    ahead, left = rows((1.0, 0.0)), rows((0.0, -1.0))  # north-east: west is on the left of north
+    assert signed_angle_rad(ahead, left) == pytest.approx(math.pi / 2)
+    assert signed_angle_rad(left, ahead) == pytest.approx(-math.pi / 2)
+
+
+def test_nothing_flies_under_a_mast() -> None:
+    above = np.array([-30.0, 30.0, -30.0])
+    assert vertical_distance_m(above, np.array([True, True, False])) == pytest.approx([0.0, 30.0, 30.0])
+
+
+def test_half_angle_is_that_of_the_tangents() -> None:
+    beta = half_angle_rad(np.array([1000.0, 500.0, 400.0]), np.array([500.0, 500.0, 500.0]))
+    assert beta == pytest.approx([math.radians(30.0), math.pi, math.pi])
+
+
+def test_approach_angle_of_a_collision_course_is_zero() -> None:
+    assert approach_angle_rad(rows((900.0, 0.0)), rows((80.0, 0.0))) == pytest.approx(0.0)
+    assert approach_angle_rad(rows((900.0, 0.0)), rows((0.0, 0.0))) == pytest.approx(math.pi)
+
+
+def inside(domain: TransitionDomain, alpha_deg: float, *, reached: bool = True) -> bool:
+    result = domain.update(["A"], np.radians([alpha_deg]), np.radians([10.0]), np.array([reached]))
+    return bool(result[0])
+
+
+def test_transition_domain_enters_by_beta1_and_leaves_by_beta2() -> None:
+    domain = TransitionDomain(math.radians(5.0))
+    assert not inside(domain, 12.0)
+    assert inside(domain, 9.0)
+    assert inside(domain, -14.0)
+    assert not inside(domain, 16.0)
+    assert not inside(domain, 12.0), "the domain shrank back to beta1"
+
+
+def test_transition_domain_forgets_what_is_out_of_reach_or_gone() -> None:
+    domain = TransitionDomain(math.radians(5.0))
+    assert inside(domain, 0.0)
+    assert not inside(domain, 0.0, reached=False)
+    assert not inside(domain, 12.0)
+    assert inside(domain, 0.0)
+    domain.update([], np.array([]), np.array([]), np.array([], dtype=bool))
+    assert not inside(domain, 12.0)
+
+
+def test_repulsion_follows_equation_8() -> None:
+    rho, rho_o, gain = 2.0, 5.0, 10.0
+    expected = gain * (1 / rho - 1 / rho_o) / rho**2
+    assert repulsion_magnitude(np.array([rho]), rho_o, gain) == pytest.approx(expected)
+    assert repulsion_magnitude(np.array([5.0, 6.0]), rho_o, gain) == pytest.approx([0.0, 0.0])
+
+
+def test_repulsion_is_finite_at_and_inside_the_surface() -> None:
+    assert np.isfinite(repulsion_magnitude(np.array([0.0, -3.0]), 5.0, 10.0)).all()
+
+
+def test_attraction_points_to_the_goal() -> None:
+    force = attraction(np.array([1.0, 1.0]), np.array([3.0, 5.0]), 5.0)
+    assert force == pytest.approx([10.0, 20.0])
