@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 
 from companion.cli import guarded
-from companion.errors import CompanionError, ConfigError
+from companion.errors import CompanionError, ConfigError, LinkError
 from companion.links import open_link
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, DemoState, fly_demo
@@ -122,12 +122,14 @@ def vehicle(
     """Run the fake vehicle on its own, its traffic included, until Ctrl-C."""
     chosen = load_scenario(scenario)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    try:
+        links = [open_link(address) for address in link]
+    except LinkError as error:
+        raise ConfigError(f"--link {error}") from error
     start_s = float(int(time.time()))
     world = build_world(chosen, start_s)
     clock = ScaledClock(speedup, start_s=start_s)
-    server = VehicleServer(
-        world.vehicle, [open_link(address) for address in link], clock, receiver=world.receiver
-    )
+    server = VehicleServer(world.vehicle, links, clock, receiver=world.receiver)
     logging.getLogger("sim").info("ArduPlane, system 1, on %s: %s", ", ".join(link), chosen.description)
     asyncio.run(_serve(server))
 

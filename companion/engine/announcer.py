@@ -8,7 +8,7 @@ from companion.model import Decision, Layer, Ownship, Threat
 from companion.units import wrap_two_pi
 
 _TEXT_BYTES = 50
-# The same words again only after so long: a warning repeated is a warning not read.
+# The same news again only after so long: a warning repeated is a warning not read.
 _REPEAT_S = 30.0
 _COLLISION_INTERVAL_S = 1.0
 _MAX_COLLISIONS = 4
@@ -18,18 +18,22 @@ class Announcer:
     """Makes the messages and remembers what was said."""
 
     def __init__(self) -> None:
-        self._said_s: dict[str, float] = {}
+        self._told_s: dict[str, float] = {}
         self._chunk_id = 0
         self._collisions_s = -math.inf
         self.last_text = ""
 
-    def text(self, severity: int, text: str, now_s: float) -> list[Message]:
-        """STATUSTEXT, in chunks when it is long; nothing when it was said a moment ago."""
-        said_s = self._said_s.get(text)
-        if said_s is not None and 0.0 <= now_s - said_s < _REPEAT_S:
+    def text(self, severity: int, text: str, now_s: float, topic: str | None = None) -> list[Message]:
+        """STATUSTEXT, in chunks when it is long; nothing when its topic was told a moment ago.
+
+        The topic is the text itself unless given: distances change, the news does not.
+        """
+        topic = topic or text
+        told_s = self._told_s.get(topic)
+        if told_s is not None and 0.0 <= now_s - told_s < _REPEAT_S:
             return []
-        self._said_s = {t: s for t, s in self._said_s.items() if now_s - s < _REPEAT_S}
-        self._said_s[text] = now_s
+        self._told_s = {t: s for t, s in self._told_s.items() if now_s - s < _REPEAT_S}
+        self._told_s[topic] = now_s
         self.last_text = text
         raw = text.encode("ascii", "replace")
         if len(raw) <= _TEXT_BYTES:

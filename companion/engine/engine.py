@@ -139,7 +139,7 @@ class Engine:
         back = not self.aircraft.heard(now_s)
         if not self.aircraft.observe(fact, now_s):
             return False
-        self._rates.observe(fact)
+        self._rates.observe(fact, now_s)
         match fact:
             case Heartbeat():
                 if back:
@@ -282,7 +282,7 @@ class Engine:
         self._asked_mode_s = now_s
         return [
             *self._transmit(self._adapter().engage(now_s)),
-            *self._tell(mavlink.MAV_SEVERITY_WARNING, self._situation(), now_s),
+            *self._tell_conflict(now_s),
         ]
 
     def _while_engaging(self, now_s: float) -> list[Effect]:
@@ -321,9 +321,7 @@ class Engine:
                 *self._tell(mavlink.MAV_SEVERITY_NOTICE, self._returned(), now_s),
             ]
         if self.supervisor.handle(self._conflict()):
-            inner = self._decision.layer is Layer.INNER
-            severity = mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING
-            return self._tell(severity, f"{'Emergency' if inner else 'Outer'}: {self._situation()}", now_s)
+            return self._tell_conflict(now_s)
         return []
 
     def _while_releasing(self, now_s: float) -> list[Effect]:
@@ -396,6 +394,8 @@ class Engine:
     # --- receiving
 
     def _receive_traffic(self, fact: Traffic, now_s: float) -> bool:
+        if fact.sender == self.aircraft.sender:
+            self._rates.observe(fact, now_s)
         if not self.tracker.receive(fact.report, now_s):
             return False
         track_id = f"{fact.report.icao:06X}"
@@ -422,13 +422,21 @@ class Engine:
     def _returned(self) -> str:
         return f"Clear of traffic, back to {self._before()}"
 
-    def _situation(self) -> str:
-        own, threats = self._own, self._decision.threats
-        if own is None or not threats:
-            return "Traffic"
+    def _tell_conflict(self, now_s: float) -> list[Effect]:
+        """Once for each traffic and layer: where it is, and what we do."""
+        own, decision = self._own, self._decision
+        if own is None or not decision.threats:
+            return []
+        threat = decision.threats[0]
         names = [(track.track_id, track.callsign) for track in self._tracks]
-        where = describe_threat(threats[0], own, names)
-        return f"Traffic {where}: {describe_guidance(self._decision, own)}"
+        inner = decision.layer is Layer.INNER
+        text = f"{describe_threat(threat, own, names)}: {describe_guidance(decision, own)}"
+        return self._tell(
+            mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
+            f"{'Traffic!' if inner else 'Traffic'} {text}",
+            now_s,
+            topic=f"{decision.layer} {threat.track_id}",
+        )
 
     def _heartbeat(self, now_s: float) -> Message:
         healthy = self.aircraft.heard(now_s) and now_s - self.aircraft.position_s < _BLIND_S
@@ -441,8 +449,8 @@ class Engine:
             3,
         )
 
-    def _tell(self, severity: int, text: str, now_s: float) -> list[Effect]:
-        messages = self._announcer.text(severity, text, now_s)
+    def _tell(self, severity: int, text: str, now_s: float, topic: str | None = None) -> list[Effect]:
+        messages = self._announcer.text(severity, text, now_s, topic)
         return [Say(severity, text), *self._transmit(messages)] if messages else []
 
     def _transmit(self, messages: list[Message]) -> list[Effect]:

@@ -4,7 +4,15 @@ import math
 
 from companion.autopilots import Adapter
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import AirData, Fact, LandedState, NavigationTarget, OwnPosition, Parameter
+from companion.mavlink.facts import (
+    AirData,
+    Fact,
+    LandedState,
+    NavigationTarget,
+    OwnPosition,
+    Parameter,
+    Traffic,
+)
 
 _MEASURED: dict[type, int] = {
     OwnPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
@@ -16,12 +24,13 @@ _WINDOW_S = 5.0
 # An autopilot that cannot send a message is not to be nagged: the wait doubles up to this.
 _LONGEST_WAIT_S = 60.0
 _OWN_ICAO_TRIES = 4
+_QUIET_TRAFFIC_S = 10.0
 
 
 class RateKeeper:
     """Asks one autopilot for the messages its adapter names.
 
-    Traffic cannot be measured, as there may be none; it is asked for again together with the position.
+    Traffic cannot be measured, as there may be none; it is asked for again now and then while it is quiet.
     """
 
     def __init__(self) -> None:
@@ -30,12 +39,15 @@ class RateKeeper:
         self._next_s: dict[int, float] = {}
         self._window_ends_s = math.inf
         self._asked = False
+        self._traffic_s = -math.inf
         self._own_icao_tries = 0
 
-    def observe(self, fact: Fact) -> None:
+    def observe(self, fact: Fact, now_s: float) -> None:
         """Count a fact of our autopilot."""
         if isinstance(fact, Parameter) and fact.name == Adapter.own_icao_parameter:
             self._own_icao_tries = _OWN_ICAO_TRIES
+        if isinstance(fact, Traffic):
+            self._traffic_s = now_s
         message_id = _MEASURED.get(type(fact))
         if message_id is not None:
             self._counts[message_id] = self._counts.get(message_id, 0) + 1
@@ -48,6 +60,7 @@ class RateKeeper:
         """The requests to send now."""
         if not self._asked:
             self._asked = True
+            self._traffic_s = now_s
             self._waits_s.clear()
             self._begin_window(now_s)
             self._own_icao_tries = 1
@@ -69,10 +82,10 @@ class RateKeeper:
             for message_id, interval_s in slow
             if self._may_ask(message_id, now_s)
         ]
-        traffic = mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
-        if traffic in adapter.intervals_s and any(
-            message_id == mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT for message_id, _ in slow
-        ):
+        if now_s - self._traffic_s >= _QUIET_TRAFFIC_S:
+            # No traffic and a lost request sound the same: ask again while it is quiet.
+            self._traffic_s = now_s
+            traffic = mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
             requests.append(adapter.request_interval(traffic, adapter.intervals_s[traffic]))
         if self._own_icao_tries < _OWN_ICAO_TRIES:
             self._own_icao_tries += 1

@@ -1,0 +1,222 @@
+"""Who has the aircraft: the pilot whenever he wants it, the mission when nothing is wrong."""
+
+from collections.abc import Callable
+
+import pytest
+
+from companion.engine import Effect, Engine, Transmit
+from companion.supervisor import State
+from sim.closed_loop import ClosedLoop
+from sim.scenario import load_scenario
+from sim.vehicle import Mode
+
+COMMANDS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT"}
+SET_INTERVAL = 511
+
+
+class Watched(ClosedLoop):
+    """Notes every flying command that leaves, and can drop what the vehicle hears."""
+
+    def __init__(self, name: str = "head-on", *, deaf: Callable[[Transmit], bool] = lambda _: False) -> None:
+        self.sent: list[tuple[int, str]] = []
+        self._deaf = deaf
+        super().__init__(load_scenario(name), Engine())
+
+    def _transmit(self, time_us: int, effect: Transmit) -> None:
+        message = effect.message
+        if message.get_type() in COMMANDS and getattr(message, "command", None) != SET_INTERVAL:
+            self.sent.append((time_us, f"{message.get_type()} {getattr(message, 'command', '')}".strip()))
+        if not self._deaf(effect):
+            super()._transmit(time_us, effect)
+
+    @property
+    def now_us(self) -> int:
+        return self._now_us
+
+    def until(self, *states: State, limit_s: float = 120.0) -> None:
+        """Fly on until the supervisor is in one of the states."""
+        assert self.engine is not None
+        for _ in range(round(limit_s * 20)):
+            if self.engine.supervisor.state in states:
+                return
+            self._now_us += 50_000
+            self._step()
+        raise AssertionError(f"never came to {states}, stayed in {self.engine.supervisor.state}")
+
+    def mode(self) -> Mode:
+        return Mode(self.world.vehicle.truth.mode)
+
+    def stop(self) -> list[Effect]:
+        assert self.engine is not None
+        effects = self.engine.request_stop(self._now_us / 1e6)
+        self._perform(self._now_us, effects)
+        return effects
+
+
+def asks_for_a_mode(effect: Transmit) -> bool:
+    return getattr(effect.message, "command", None) == 176
+
+
+def flying(loop: Watched) -> None:
+    loop.until(State.OUTER, State.INNER)
+    loop.run(5.0)
+
+
+@pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.LOITER, Mode.RTL, Mode.FBWA, Mode.AVOID_ADSB, Mode.AUTO])
+def test_a_mode_that_the_pilot_chooses_ends_ours_at_once(mode: Mode) -> None:
+    loop = Watched()
+    flying(loop)
+    loop.world.vehicle.set_mode(mode)
+    loop.run(1.1)  # his choice is known by the next heartbeat
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+    known_us = loop.now_us
+    loop.run(4.0)
+    assert loop.mode() is mode
+    assert [sent for at_us, sent in loop.sent if at_us > known_us] == []
+
+
+def test_taken_up_again_only_after_the_aircraft_settled_in_an_allowed_mode() -> None:
+    loop = Watched()
+    flying(loop)
+    loop.world.vehicle.set_mode(Mode.LOITER)
+    loop.run(8.0)
+    assert loop.mode() is Mode.LOITER
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+    loop.world.vehicle.set_mode(Mode.AUTO)
+    loop.run(4.0)
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+    loop.run(4.0)
+    assert loop.engine.supervisor.state is not State.HANDS_OFF
+
+
+def test_the_pilot_changes_the_mode_while_we_ask_for_ours() -> None:
+    loop = Watched(deaf=asks_for_a_mode)
+    loop.until(State.ENGAGING)
+    loop.world.vehicle.set_mode(Mode.FBWA)
+    loop.run(1.2)
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+    loop.run(3.0)
+    assert loop.mode() is Mode.FBWA
+
+
+def test_disarmed_means_hands_off() -> None:
+    loop = Watched()
+    flying(loop)
+    loop.world.vehicle.flight.armed = False
+    loop.run(1.1)
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+
+
+@pytest.mark.parametrize("mode", [Mode.LOITER, Mode.GUIDED, Mode.FBWA, Mode.MANUAL])
+def test_never_taken_from_another_mode(mode: Mode) -> None:
+    loop = Watched()
+    loop.world.vehicle.set_mode(mode)
+    loop.run(60.0)
+    assert loop.engine.supervisor.state is State.STANDBY
+    assert loop.sent == []
+    assert loop.mode() is mode
+
+
+def test_nothing_happens_on_the_ground_or_below_the_minimum_height() -> None:
+    loop = Watched("two-intruders")
+    lowest_m = None
+    for _ in range(1200):
+        loop.run(0.1)
+        if loop.sent and lowest_m is None:
+            lowest_m = loop.world.vehicle.truth.place.altitude_m - loop.scenario.home.altitude_m
+    assert lowest_m is not None
+    assert lowest_m > 30.0
+
+
+def test_a_stop_gives_the_aircraft_back_first() -> None:
+    loop = Watched()
+    flying(loop)
+    loop.stop()
+    assert loop.engine.supervisor.state is State.STOPPING
+    loop.run(1.0)
+    assert loop.engine.finished
+    assert loop.mode() is Mode.AUTO
+    sent = len(loop.sent)
+    loop.run(5.0)
+    assert len(loop.sent) == sent, "nothing is commanded after the end"
+
+
+def test_a_stop_without_anything_to_give_back_ends_at_once() -> None:
+    loop = Watched()
+    loop.run(5.0)
+    assert loop.stop() == []
+    assert loop.engine.finished
+
+
+def test_commands_that_get_lost_are_sent_again() -> None:
+    heard: dict[str, int] = {}
+
+    def deaf(effect: Transmit) -> bool:
+        message = effect.message
+        if message.get_type() not in COMMANDS:
+            return False
+        kind = f"{message.get_type()} {getattr(message, 'command', '')}"
+        heard[kind] = heard.get(kind, 0) + 1
+        return heard[kind] <= 2
+
+    loop = Watched(deaf=deaf)
+    flight = loop.run()
+    assert flight.mission_completed
+    assert not any(e.nmac or e.lowc for e in flight.score.encounters.values())
+
+
+def test_an_autopilot_that_never_answers_is_asked_with_patience_and_announced_once() -> None:
+    loop = Watched(deaf=asks_for_a_mode)
+    flight = loop.run(90.0)
+    assert flight.engagements == 0
+    assert 0 < len(loop.sent) < 60 * 2
+    assert flight.texts.count("Avoidance: autopilot did not answer") <= 3
+    assert len(flight.texts) < 12
+
+
+def test_position_lost_while_flying_gives_the_aircraft_back() -> None:
+    loop = Watched()
+    flying(loop)
+    hear = loop._hear
+    loop._hear = lambda message: None if message.get_type() == "GLOBAL_POSITION_INT" else hear(message)  # type: ignore[method-assign]
+    loop.run(8.0)
+    assert loop.mode() is Mode.AUTO
+    assert "Avoidance: own position lost" in loop.flight.texts
+    loop.run(20.0)
+    assert loop.mode() is Mode.AUTO, "blind, it takes nothing over"
+
+
+def test_rates_are_asked_for_again_after_the_autopilot_forgot_them() -> None:
+    loop = Watched("clear")
+    loop.run(10.0)
+    loop.world.vehicle.add_channel(0)  # as after a reboot: default rates
+    loop.run(12.0)
+    before = len(loop.flight.decisions)
+    positions = 0
+    hear = loop._hear
+
+    def counting(message: object) -> None:
+        nonlocal positions
+        positions += message.get_type() == "GLOBAL_POSITION_INT"  # type: ignore[attr-defined]
+        hear(message)
+
+    loop._hear = counting  # type: ignore[method-assign]
+    loop.run(5.0)
+    assert positions >= 45
+    assert len(loop.flight.decisions) > before
+
+
+def test_a_lost_request_for_traffic_is_made_again() -> None:
+    requests = 0
+
+    def deaf(effect: Transmit) -> bool:
+        nonlocal requests
+        message = effect.message
+        if getattr(message, "command", None) != SET_INTERVAL or message.param1 != 246:
+            return False
+        requests += 1
+        return requests == 1
+
+    loop = Watched(deaf=deaf)
+    loop.until(State.OUTER, State.INNER)
+    assert requests == 2

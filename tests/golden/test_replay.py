@@ -1,0 +1,72 @@
+"""Recorded flights through the engine: the figures that were promised, and the same bytes every time."""
+
+from pathlib import Path
+
+import pytest
+
+from companion.engine import Engine
+from companion.model import Layer
+from companion.replay import LogClock, Replay, replay
+
+LOGS = Path(__file__).parents[2].parent / "shared" / "data" / "tlogs"
+ARDUPLANE = LOGS / "arduplane_sitl_adsb_two_intruders.tlog"
+PX4 = LOGS / "px4_sih_fixed_wing_adsb_two_intruders.tlog"
+
+pytestmark = pytest.mark.skipif(not LOGS.is_dir(), reason=f"the recorded logs are not here: {LOGS}")
+
+
+def decide(log: Path) -> tuple[Replay, list[str]]:
+    lines: list[str] = []
+    return replay(log, Engine(), on_decision=lines.append), lines
+
+
+def first_outer_s(result: Replay, track: str) -> float:
+    return next(
+        at for at, layer, because in result.events if layer is Layer.OUTER and because.startswith(track)
+    )
+
+
+# Closest approaches in the logs, seconds since their start, measured on the logged positions.
+@pytest.mark.parametrize(
+    ("log", "messages", "closest_s"),
+    [
+        (ARDUPLANE, 19_000, {"A00000": 166.1, "A00001": 302.2}),
+        (PX4, 37_000, {"A10001": 79.5, "A10002": 138.8}),
+    ],
+    ids=["arduplane", "px4"],
+)
+def test_both_intruders_are_answered_in_time(log: Path, messages: int, closest_s: dict[str, float]) -> None:
+    result, lines = decide(log)
+    assert result.messages > messages
+    assert result.bad_bytes == 0
+    for track, at_s in closest_s.items():
+        assert first_outer_s(result, track) <= at_s - 20.0
+    assert result.events[0][1] is Layer.OUTER, "first by the outer layer"
+    assert result.layers[Layer.INNER] > 0, "nobody flew the advice, so it came to the inner layer"
+    assert result.events[-1][1] is Layer.CLEAR or log is PX4
+    again, lines_again = decide(log)
+    assert lines_again == lines
+    assert again.report()["layers"] == result.report()["layers"]
+
+
+@pytest.mark.parametrize(
+    "log",
+    sorted(path for path in LOGS.glob("*.tlog") if path not in (ARDUPLANE, PX4)) if LOGS.is_dir() else [],
+    ids=lambda path: path.stem,
+)
+def test_logs_without_traffic_give_clear_to_the_end(log: Path) -> None:
+    result, lines = decide(log)
+    assert result.messages > 1_000
+    assert result.layers[Layer.CLEAR] == len(lines)
+    assert result.layers.total() == len(lines)
+    assert result.events == []
+
+
+def test_the_log_clock_never_runs_backwards_and_ignores_absurd_jumps() -> None:
+    clock = LogClock()
+    stamps = [1_000_000, 2_000_000, 1_500_000, 99_000_000_000_000, 99_000_000_500_000, 3_000_000, 4_000_000]
+    times = [clock.at(stamp) for stamp in stamps]
+    assert times == sorted(times)
+    assert times[:3] == [1_000_000, 2_000_000, 2_000_000]
+    assert times[-1] - times[0] < 5_000_000
+    assert clock.jumps == 2

@@ -1,0 +1,111 @@
+"""The commands as processes: exit codes, one-line errors, reports."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+LOGS = Path(__file__).parents[2].parent / "shared" / "data" / "tlogs"
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def call(*words: str, module: str = "companion") -> subprocess.CompletedProcess[str]:
+    code = f"from {module}.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60, check=False
+    )
+
+
+def last_line(text: str) -> str:
+    return text.strip().splitlines()[-1]
+
+
+def assert_one_line(result: subprocess.CompletedProcess[str], code: int, words: str) -> None:
+    assert result.returncode == code
+    assert "Traceback" not in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert words in result.stderr
+
+
+@pytest.mark.parametrize("name", ["arduplane.yaml", "sitl.yaml"])
+def test_check_shows_what_is_in_effect(name: str) -> None:
+    result = call("check", str(CONFIGS / name))
+    assert result.returncode == 0
+    assert "max_bank_deg: 30" in result.stdout
+    assert "good to fly with" in last_line(result.stdout)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("links: [udpin:127.0.0.1:14550]\navoidance: {outer_tim_s: 3}\n", "2: avoidance.outer_tim_s"),
+        ("links: [udpin:127.0.0.1:14550]\ntraffic: {stale_s: -1}\n", "2: traffic.stale_s"),
+        ("links: [tcp:1]\n", "1: links"),
+        ("links: [udpin:127.0.0.1:14550]\navoidance: {inner_time_s: 70, outer_time_s: 60}\n", "inner layer"),
+    ],
+    ids=["unknown key", "impossible value", "bad link", "contradiction"],
+)
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_bad_configuration_refuses_to_start(tmp_path: Path, command: str, text: str, words: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    result = call(command, str(path))
+    assert_one_line(result, 2, words)
+    assert "bad.yaml:" in result.stderr
+
+
+def test_missing_files() -> None:
+    assert_one_line(call("run", "nowhere.yaml"), 2, "nowhere.yaml")
+    assert_one_line(call("replay", "nowhere.tlog"), 1, "nowhere.tlog")
+
+
+def test_a_log_without_frames_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "noise.tlog"
+    path.write_bytes(bytes(5000))
+    assert_one_line(call("replay", str(path)), 1, "noise.tlog")
+
+
+@pytest.mark.parametrize("module", ["companion", "sim"])
+def test_help_has_an_example_for_every_command(module: str) -> None:
+    overview = call("--help", module=module)
+    assert overview.returncode == 0
+    commands = {"companion": ["run", "check", "replay"], "sim": ["demo", "vehicle"]}[module]
+    for command in commands:
+        assert command in overview.stdout
+        text = call(command, "--help", module=module)
+        assert text.returncode == 0
+        assert "Example:" in text.stdout
+
+
+@pytest.mark.parametrize("words", [["fly"], ["run"], ["replay", "x.tlog", "--unknown"]])
+def test_bad_usage_is_exit_2(words: list[str]) -> None:
+    assert call(*words).returncode == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["demo", "--scenario", "nowhere"], ["demo", "--speedup", "0"], ["vehicle", "--link", "carrier-pigeon"]],
+)
+def test_bad_usage_of_the_simulation_is_exit_2(words: list[str]) -> None:
+    result = call(*words, module="sim")
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.skipif(not LOGS.is_dir(), reason=f"the recorded logs are not here: {LOGS}")
+def test_replay_writes_report_and_decisions(tmp_path: Path) -> None:
+    report, decisions = tmp_path / "r.json", tmp_path / "d.jsonl"
+    log = LOGS / "arduplane_sitl_adsb_two_intruders.tlog"
+    result = call("replay", str(log), "--report", str(report), "--decisions", str(decisions))
+    assert result.returncode == 0
+    figures = json.loads(report.read_text())
+    assert figures["messages"] > 19_000
+    assert set(figures) >= {
+        "messages", "bad_bytes", "duration_s", "elapsed_s", "messages_per_s", "decisions", "layers",
+    }  # fmt: skip
+    assert set(figures["layers"]) == {"clear", "outer", "inner"}
+    lines = [json.loads(line) for line in decisions.read_text().splitlines()]
+    assert len(lines) == figures["decisions"]
+    assert "outer" in result.stdout
