@@ -66,7 +66,10 @@ class DemoView(AbstractContextManager["DemoView"]):
             return Panel("building the world ...")
         scenario = state.options.scenario
         head = Text(scenario.description, style="dim")
-        bar = ProgressBar(total=scenario.duration_s, completed=min(state.elapsed_s, scenario.duration_s))
+        bar = Table.grid(expand=True)
+        bar.add_row(
+            ProgressBar(total=scenario.duration_s, completed=min(state.elapsed_s, scenario.duration_s))
+        )
         texts = Text("\n".join(self._texts[-_TEXTS_SHOWN:]))
         title = f"Companion demo   {_clock(state.elapsed_s)}   {state.options.speedup:g} x"
         return Panel(Group(head, bar, _aircraft(state), _traffic(state), texts), title=title)
@@ -86,21 +89,21 @@ def _aircraft(state: DemoState) -> Table:
         f"course {course:03.0f}  {truth.airspeed_mps:4.1f} m/s  climb {-truth.velocity_mps[2]:+4.1f}",
     )
     table.add_row("mode", Text(Mode(truth.mode).name, style="bold cyan"))
-    table.add_row("companion", _companion(snapshot))
+    table.add_row("companion", _companion(snapshot, state.options.scenario.home.altitude_m))
     return table
 
 
-def _companion(snapshot: Snapshot | None) -> Text:
+def _companion(snapshot: Snapshot | None, home_m: float) -> Text:
     if snapshot is None:
         return Text("off (--no-avoidance)", style="red")
     decision = snapshot.decision
-    text = Text(f"{snapshot.state}, layer ")
+    text = Text(f"{snapshot.state}; layer ")
     text.append(str(decision.layer), style=_COLOURS[decision.layer])
     if decision.guidance is not None:
         guidance = decision.guidance
         text.append(
             f": course {course_deg(guidance.course_rad):03.0f}, {guidance.airspeed_mps:.0f} m/s, "
-            f"{guidance.altitude_m:.0f} m"
+            f"{guidance.altitude_m - home_m:.0f} m above home"
         )
     return text
 
