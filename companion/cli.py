@@ -46,15 +46,26 @@ def run(config_file: ConfigFile) -> None:
 
 
 async def _run(config: Config) -> None:
-    recorder = Recorder(config.recording.directory, time.time()) if config.recording.enabled else None
     log = logging.getLogger("companion")
+    links = [open_link(address) for address in config.links]
+    for link in links:
+        await link.open()
     log.info("companion %s on %s", __version__, ", ".join(config.links))
-    if recorder is not None:
-        log.info("recording %s", recorder.tlog_path)
-    runtime = Runtime(
-        Engine(config.for_engine()), [open_link(address) for address in config.links], recorder=recorder
-    )
-    await runtime.run(on_signals=True)
+    recorder = _recorder(config, log)
+    await Runtime(Engine(config.for_engine()), links, recorder=recorder).run(on_signals=True)
+
+
+def _recorder(config: Config, log: logging.Logger) -> Recorder | None:
+    """The recorder; a card that cannot be written to must not keep the aircraft from being protected."""
+    if not config.recording.enabled:
+        return None
+    try:
+        recorder = Recorder(config.recording.directory, time.time())
+    except LogError as error:
+        log.error("%s; flying without a recording", error)
+        return None
+    log.info("recording %s", recorder.tlog_path)
+    return recorder
 
 
 @app.command(epilog="Example: companion check configs/arduplane.yaml")
@@ -84,14 +95,14 @@ def replay_command(
     with ExitStack() as stack:
         on_decision: Callable[[str], object] = _ignore
         if decisions is not None:
-            on_decision = _LineWriter(stack.enter_context(_writing(decisions).open("w", encoding="utf-8")))
+            on_decision = _LineWriter(stack.enter_context(writable(decisions).open("w", encoding="utf-8")))
         on_progress: Callable[[int], object] = _ignore
         if console.is_terminal:
             on_progress = stack.enter_context(_ProgressBar(console, log))
         result = replay(log, engine, on_decision=on_decision, on_progress=on_progress)
     _print_replay(console, log, result)
     if report is not None:
-        _writing(report).write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
+        writable(report).write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
 
 
 def _ignore(_: object) -> None:
@@ -144,10 +155,12 @@ def _print_replay(console: Console, log: Path, result: Replay) -> None:
     )
 
 
-def _writing(path: Path) -> Path:
+def writable(path: Path) -> Path:
     """The same path, when a file can be written there."""
     if not path.parent.is_dir():
-        raise LogError(f"{path}: there is no folder {path.parent}")
+        raise ConfigError(f"{path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ConfigError(f"{path}: this is a folder, not a file")
     return path
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from companion.engine import Effect, Engine, Record, Stepper
+from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Stepper
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.model import Layer
@@ -99,7 +99,8 @@ def replay(
                 last = decision.layer
 
     log = read_tlog(path, only=WANTED)
-    clock, stepper = LogClock(), Stepper(engine, perform)
+    clock = LogClock()
+    stepper = Stepper(engine, perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
     now_us = 0
     for count, (stamp_us, frame) in enumerate(log):
         now_us = clock.at(stamp_us)

@@ -12,9 +12,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from companion.clock import Clock, SteadyClock
-from companion.engine import Effect, Engine, Record, Say, Stepper, Transmit
-from companion.errors import CompanionError
-from companion.links import Link
+from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Say, Stepper, Transmit
+from companion.errors import CompanionError, LinkError
+from companion.links import Link, open_link
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame
 from companion.mavlink.translate import frame_to_fact
@@ -22,12 +22,11 @@ from companion.recorder import Recorder
 
 _log = logging.getLogger("companion")
 
-# A suspended or starved machine does not make up for decisions that nobody can use any more.
-_LONGEST_CATCH_UP_US = 5_000_000
 # How long the autopilot gets to take the aircraft back before the service ends regardless.
 _LONGEST_GIVING_BACK_US = 8_000_000
 _SILENCE_TOLD_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
+_SHORTEST_REOPENING_S, _LONGEST_REOPENING_S = 0.5, 10.0
 
 
 class Runtime:
@@ -43,14 +42,16 @@ class Runtime:
         *,
         recorder: Recorder | None = None,
         clock: Clock | None = None,
+        reopen: Callable[[Link], Link] = lambda link: open_link(link.address),
     ) -> None:
         self.engine = engine
-        self.links = links
+        self.links = list(links)
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
+        self._reopen = reopen
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
-        self._stepper = Stepper(engine, self._perform, longest_catch_up_us=_LONGEST_CATCH_UP_US)
+        self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
         self._encoder = Encoder()
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
@@ -84,8 +85,8 @@ class Runtime:
         try:
             async with asyncio.TaskGroup() as tasks:
                 owned = [
-                    tasks.create_task(link.run(self._on_frames), name=f"link {link.address}")
-                    for link in self.links
+                    tasks.create_task(self._keep_link(place), name=f"link {link.address}")
+                    for place, link in enumerate(self.links)
                 ]
                 if self.recorder is not None:
                     owned.append(tasks.create_task(self.recorder.run(), name="recorder"))
@@ -96,6 +97,23 @@ class Runtime:
         except* CompanionError as group:
             # One line for the user; the group says nothing more.
             raise group.exceptions[0] from None
+
+    async def _keep_link(self, place: int) -> None:
+        """Run a link, and open it again when it fails: the others go on, and so does the flight."""
+        wait_s, level = _SHORTEST_REOPENING_S, logging.WARNING
+        while True:
+            link = self.links[place]
+            try:
+                await link.run(self._on_frames)
+            except LinkError as error:
+                _log.log(level, "%s; opening it again", error)
+            else:
+                return
+            level = logging.DEBUG  # said once: a link that stays away is not news
+            await asyncio.sleep(wait_s)
+            wait_s = min(2.0 * wait_s, _LONGEST_REOPENING_S)
+            link.close()
+            self.links[place] = self._reopen(link)
 
     async def _tick_until_stopped(self) -> None:
         while not self._stop.is_set():

@@ -33,10 +33,12 @@ class Event(StrEnum):
     OUTER_CONFLICT = "outer conflict"
     INNER_CONFLICT = "inner conflict"
     CLEAR = "clear"
-    TAKEN = "taken"  # the autopilot confirmed its guided mode
-    REFUSED = "refused"  # it refused, or did not answer in time
+    TAKEN = "taken"  # the autopilot's heartbeat shows its guided mode
+    REFUSED = "refused"  # it refused, or still shows the former mode after a while
+    UNKNOWN = "unknown"  # nothing is heard of what became of the request
+    LATE = "late"  # it entered the guided mode after we had given up asking
     LOST = "lost"  # a mode that we did not ask for, or disarmed, or landed
-    GIVEN_BACK = "given back"  # the autopilot confirmed the mode it was given back to
+    GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
     STOP = "stop"  # the service is told to end
 
 
@@ -45,6 +47,7 @@ WATCHING = frozenset({State.STANDBY, State.MONITOR, State.HANDS_OFF})
 
 TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.STANDBY, Event.READY): State.MONITOR,
+    (State.STANDBY, Event.LATE): State.RELEASING,
     (State.STANDBY, Event.STOP): State.STOPPED,
     (State.MONITOR, Event.NOT_READY): State.STANDBY,
     (State.MONITOR, Event.OUTER_CONFLICT): State.ENGAGING,
@@ -52,6 +55,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.MONITOR, Event.STOP): State.STOPPED,
     (State.ENGAGING, Event.TAKEN): State.OUTER,
     (State.ENGAGING, Event.REFUSED): State.STANDBY,
+    (State.ENGAGING, Event.UNKNOWN): State.RELEASING,
     (State.ENGAGING, Event.CLEAR): State.RELEASING,
     (State.ENGAGING, Event.LOST): State.HANDS_OFF,
     (State.ENGAGING, Event.STOP): State.STOPPING,
@@ -64,6 +68,8 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.INNER, Event.LOST): State.HANDS_OFF,
     (State.INNER, Event.STOP): State.STOPPING,
     (State.RELEASING, Event.GIVEN_BACK): State.MONITOR,
+    (State.RELEASING, Event.OUTER_CONFLICT): State.ENGAGING,
+    (State.RELEASING, Event.INNER_CONFLICT): State.ENGAGING,
     (State.RELEASING, Event.LOST): State.HANDS_OFF,
     (State.RELEASING, Event.STOP): State.STOPPING,
     (State.HANDS_OFF, Event.READY): State.MONITOR,

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from companion.cli import guarded
+from companion.cli import guarded, writable
 from companion.errors import CompanionError, ConfigError, LinkError
 from companion.links import open_link
 from sim.clock import ScaledClock
@@ -65,8 +65,8 @@ def demo(
 
     Exit code 0 only if no near mid-air collision happened and the mission was finished.
     """
-    if report is not None and not report.parent.is_dir():
-        raise ConfigError(f"--report {report}: there is no folder {report.parent}")
+    if report is not None:
+        writable(report)
     options = DemoOptions(
         scenario=load_scenario(scenario), speedup=speedup, avoidance=not no_avoidance, record=record
     )

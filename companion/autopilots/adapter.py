@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from companion.autopilots.commands import CommandDesk, Outcome
+from companion.autopilots.commands import CommandDesk
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Sender
@@ -30,6 +30,8 @@ class Adapter(ABC):
     can_fly: ClassVar[bool]
     # Messages to ask for, with the interval wanted [s].
     intervals_s: ClassVar[dict[int, float]]
+    # The command whose answers are about modes.
+    mode_command: ClassVar[int] = mavlink.MAV_CMD_DO_SET_MODE
     # The parameter that holds our own transponder's address: what it transmits comes back as traffic.
     own_icao_parameter: ClassVar[str] = "ADSB_ICAO_ID"
 
@@ -46,21 +48,18 @@ class Adapter(ABC):
         """Whether this is the mode in which our setpoints are obeyed."""
         return custom_mode == self.guided_mode
 
+    @property
     @abstractmethod
-    def engage(self, now_s: float) -> list[Message]:
-        """Ask for the guided mode."""
+    def fallback_mode(self) -> int:
+        """The mode to leave the aircraft in when it refuses the former one: there it looks after itself."""
 
     @abstractmethod
-    def engaged(self) -> Outcome | None:
-        """What became of that request."""
+    def set_mode(self, custom_mode: int) -> Message:
+        """The request for a mode; its command is `mode_command`."""
 
     @abstractmethod
     def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
         """Fly this: called at every tick while flying; `urgent` when the decision was made just now."""
-
-    @abstractmethod
-    def release(self, custom_mode: int, now_s: float) -> list[Message]:
-        """Ask for the mode that was flown before."""
 
     @property
     @abstractmethod
@@ -74,6 +73,10 @@ class Adapter(ABC):
     def tick(self, now_s: float) -> list[Message]:
         """Commands that are due to be sent again."""
         return self.desk.due(now_s)
+
+    def refusals(self) -> list[str]:
+        """What the autopilot refused since the last call, in words."""
+        return self.desk.refusals()
 
     def stand_back(self) -> None:
         """Somebody else has the aircraft: nothing asked so far may be repeated."""

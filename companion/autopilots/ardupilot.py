@@ -9,7 +9,6 @@ from collections import deque
 from typing import ClassVar, NamedTuple
 
 from companion.autopilots.adapter import Adapter, Flown
-from companion.autopilots.commands import Outcome
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Sender
@@ -41,7 +40,7 @@ MODES = {
     25: "LOITER_QLAND",
     26: "AUTOLAND",
 }
-GUIDED = 15
+LOITER, GUIDED = 12, 15
 
 # Each heading command resets the heading controller's integrator: sent on change, and slowly against loss.
 _HEADING_CHANGE_RAD = math.radians(1.0)
@@ -73,9 +72,12 @@ class ArduPlane(Adapter):
     name: ClassVar[str] = "ArduPlane"
     can_fly: ClassVar[bool] = True
     intervals_s: ClassVar[dict[int, float]] = {
+        # The mode is heard by heartbeat: the sooner, the sooner a pilot who takes the aircraft has it.
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT: 0.2,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
+        mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     }
@@ -95,19 +97,16 @@ class ArduPlane(Adapter):
         """GUIDED is the only mode that takes the 4300x commands."""
         return GUIDED
 
-    def engage(self, now_s: float) -> list[Message]:
-        """Ask for GUIDED; entering it clears all targets, so everything is to be sent afresh."""
-        self.stand_back()
-        return [self.desk.ask(self._set_mode(GUIDED), now_s)]
+    @property
+    def fallback_mode(self) -> int:
+        """LOITER circles where it is until somebody decides."""
+        return LOITER
 
-    def engaged(self) -> Outcome | None:
-        """What became of the last request for a mode."""
-        return self.desk.outcome(mavlink.MAV_CMD_DO_SET_MODE)
-
-    def release(self, custom_mode: int, now_s: float) -> list[Message]:
-        """Ask for the former mode; AUTO takes up the same mission item."""
-        self.stand_back()
-        return [self.desk.ask(self._set_mode(custom_mode), now_s)]
+    def set_mode(self, custom_mode: int) -> Message:
+        """DO_SET_MODE; entering GUIDED clears all targets, so everything is to be sent afresh."""
+        return self.command_long(
+            mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
+        )
 
     def stand_back(self) -> None:
         """Forget what was sent and asked."""
@@ -159,11 +158,6 @@ class ArduPlane(Adapter):
             return False
         # A thousandth less, as ticks fall on tenths that have no exact binary number.
         return urgent or now_s - times_s[-1] >= _SETPOINT_INTERVAL_S - 1e-3
-
-    def _set_mode(self, custom_mode: int) -> Message:
-        return self.command_long(
-            mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
-        )
 
     def _change_heading(self, course_rad: float) -> Message:
         lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(_TURN_BANK_RAD)

@@ -12,6 +12,24 @@ _TRIES = 6
 _IN_PROGRESS_S = 5.0
 
 
+_RESULTS = {
+    mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "temporarily rejected",
+    mavlink.MAV_RESULT_DENIED: "denied: bad value",
+    mavlink.MAV_RESULT_UNSUPPORTED: "unsupported",
+    mavlink.MAV_RESULT_FAILED: "failed",
+    6: "cancelled",
+    7: "only as COMMAND_LONG",
+    8: "only as COMMAND_INT",
+    9: "wrong frame",
+}
+
+
+def _name(command: int) -> str:
+    """The command's name without its prefixes."""
+    entry = mavlink.enums["MAV_CMD"].get(command)
+    return f"command {command}" if entry is None else str(entry.name).removeprefix("MAV_CMD_")
+
+
 class Outcome(Enum):
     """What became of the last command of a kind."""
 
@@ -37,7 +55,7 @@ class CommandDesk:
     def __init__(self) -> None:
         self._pending: dict[int, _Pending] = {}
         self._outcomes: dict[int, Outcome] = {}
-        self.refusals: int = 0
+        self._refusals: list[str] = []
 
     def ask(self, message: Message, now_s: float) -> Message:
         """Send a command, and again until it is answered; returns the message to send now."""
@@ -60,8 +78,14 @@ class CommandDesk:
         if fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             return  # asked again at the usual pace, until the tries are used up
         accepted = fact.result == mavlink.MAV_RESULT_ACCEPTED
-        self.refusals += not accepted
+        if not accepted:
+            self._refusals.append(f"{_name(fact.command)} {_RESULTS.get(fact.result, fact.result)}")
         self._settle(fact.command, Outcome.ACCEPTED if accepted else Outcome.REFUSED)
+
+    def refusals(self) -> list[str]:
+        """What was refused since the last call, in words."""
+        told, self._refusals = self._refusals, []
+        return told
 
     def due(self, now_s: float) -> list[Message]:
         """The commands to send again now."""
@@ -83,6 +107,7 @@ class CommandDesk:
         """Drop everything under way: nothing that was asked may be repeated now."""
         self._pending.clear()
         self._outcomes.clear()
+        self._refusals.clear()
 
     def _settle(self, command: int, outcome: Outcome) -> None:
         self._pending.pop(command, None)

@@ -3,7 +3,6 @@
 from typing import ClassVar
 
 from companion.autopilots.adapter import Adapter, Flown
-from companion.autopilots.commands import Outcome
 from companion.mavlink.dialect import Message, mavlink
 
 _MAIN_MODES = {
@@ -16,7 +15,9 @@ _MAIN_MODES = {
     8: "RATTITUDE",
 }
 _AUTO_MODES = {1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RETURN", 6: "LAND", 8: "FOLLOW"}
+MODES = frozenset(_MAIN_MODES.values()) | frozenset(_AUTO_MODES.values())
 _AUTO = 4
+_HOLD = 3
 _OFFBOARD = 6
 
 
@@ -29,6 +30,7 @@ class Px4FixedWing(Adapter):
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
+        mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     }
 
@@ -45,18 +47,18 @@ class Px4FixedWing(Adapter):
         """OFFBOARD takes setpoints."""
         return _OFFBOARD << 16
 
-    def engage(self, now_s: float) -> list[Message]:  # noqa: ARG002
-        """Nothing: this autopilot is not commanded."""
-        return []
+    @property
+    def fallback_mode(self) -> int:
+        """HOLD circles where it is until somebody decides."""
+        return _AUTO << 16 | _HOLD << 24
 
-    def engaged(self) -> Outcome | None:
-        """Nothing was asked."""
-        return None
+    def set_mode(self, custom_mode: int) -> Message:
+        """DO_SET_MODE with main and sub mode."""
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        return self.command_long(
+            mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main, sub
+        )
 
     def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:  # noqa: ARG002
-        """Nothing: this autopilot is not commanded."""
-        return []
-
-    def release(self, custom_mode: int, now_s: float) -> list[Message]:  # noqa: ARG002
         """Nothing: this autopilot is not commanded."""
         return []

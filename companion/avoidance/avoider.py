@@ -28,7 +28,7 @@ from companion.avoidance.prediction import (
     ground_speed_mps,
     separation,
 )
-from companion.avoidance.strategies import CostWeights, Priced, Situation, price, with_held
+from companion.avoidance.strategies import CostWeights, Priced, Situation, price
 from companion.model import (
     Decision,
     Goal,
@@ -63,8 +63,10 @@ class AvoidanceParams:
     # Transition domain: the cone is this much wider for whoever is in it.
     delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(5.0)
     # Back to the mission only when its flight keeps clear by this share more, for this long.
-    release_margin: Annotated[float, Ge(0), Le(5)] = 0.1
-    release_after_s: Annotated[float, Ge(0), Le(60)] = 2.0
+    release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
+    release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
+    # An avoidance goes no further up or down than this from where it would otherwise be.
+    largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
     # Rows are priced against the most pressing tracks; the others still count for the layers.
     priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
     envelope: Envelope = field(default_factory=Envelope)
@@ -117,12 +119,14 @@ class Avoider:
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
         """The decision at `now_s` for our aircraft among the tracks, in one north-east-down frame [m, m/s].
 
-        Tracks are extrapolated from their own time to `now_s`. Surface vehicles never matter.
+        Tracks are extrapolated from their own time to `now_s`. Surface vehicles never matter; a track that is
+        not finite is passed over. An ownship or goal that is not finite is a `ValueError`: there is no safe
+        answer to it.
         """
-        relevant = [track for track in tracks if track.kind is not TrafficKind.SURFACE_VEHICLE]
+        _refuse_nonsense(own, goal)
+        relevant = [track for track in tracks if _matters(track)]
         if not relevant:
-            self.reset()
-            return Decision(Layer.CLEAR, because="no traffic")
+            return self._without_conflict(now_s)
         state = _own_state(now_s, own)
         mission = _mission(state, own, goal, self.envelope)
         survey = self._survey(now_s, state, mission, relevant)
@@ -157,7 +161,7 @@ class Avoider:
         surface = distance - tracks.protected_horizontal_m
         outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * closing)
         inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * closing)
-        paths = fly_ahead(state, _single(mission), self.envelope)
+        paths = fly_ahead(state, Commands.of([mission]), self.envelope)
         closest = separation(paths, tracks).closest[0]
         held = self._held is not None
         lost = closest < (1.0 + params.release_margin if held else 1.0)
@@ -198,8 +202,8 @@ class Avoider:
             tuple(track.track_id for track in relevant),
             position + velocity * age_s[:, None],
             velocity,
-            horizontal * (1.0 + params.horizontal_margin),
-            vertical * (1.0 + params.vertical_margin),
+            np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin),
+            np.maximum(vertical, 1.0) * (1.0 + params.vertical_margin),
             grounded,
         )
 
@@ -207,20 +211,29 @@ class Avoider:
         situation = self._situation(state, mission, survey)
         pressing = survey.tracks.subset(self._pressing(survey))
         near = bool((survey.conflict & (survey.surface_m < survey.inner_reach_m)).any())
-        priced = self._outer(situation, survey, pressing)
-        # The inner layer takes over when a threat is near and what is flown does not keep clear.
-        # Once there it wants the margin back before it leaves, so that the layers do not flicker.
-        enough = 1.0 if self._layer is Layer.INNER else situation.lost
-        kept = priced.closest[priced.best()] >= enough
-        established = self._layer is not Layer.CLEAR
-        if not kept or (near and not established):
-            layer, priced = Layer.INNER, emergency(situation, pressing, self._held)
-        else:
-            layer = Layer.OUTER
+        layer, priced = self._priced(situation, survey, pressing, near=near)
         best = priced.best()
-        self._layer, self._held = layer, priced.guidance(best)
+        self._layer, self._held = layer, priced.commands.row(best)
         threats = self._threats(survey, relevant)
         return Decision(layer, self._held, threats, _because(threats[0], self._held, state))
+
+    def _priced(
+        self, situation: Situation, survey: _Survey, pressing: Tracks, *, near: bool
+    ) -> tuple[Layer, Priced]:
+        """The layer that decides, and its rows.
+
+        The inner layer takes over when a threat is near and what is flown does not keep clear, or when the
+        field has no way. It stays until the margin is there again, so that the layers do not flicker.
+        """
+        if near and self._layer is Layer.INNER:
+            priced = emergency(situation, pressing, self._held)
+            kept = priced.closest[priced.best()] >= 1.0
+            return Layer.OUTER if kept else Layer.INNER, priced
+        if self._layer is not Layer.CLEAR or not near:
+            priced = self._outer(situation, survey, pressing)
+            if priced.closest[priced.best()] >= situation.lost:
+                return Layer.OUTER, priced
+        return Layer.INNER, emergency(situation, pressing, self._held)
 
     def _outer(self, situation: Situation, survey: _Survey, pressing: Tracks) -> Priced:
         threat = survey.conflict
@@ -231,8 +244,7 @@ class Avoider:
             survey.outer_reach_m[threat],
             self.params.field_gains,
         )
-        commands = with_held(rows, self._held)
-        return price(situation, commands, pressing, first_is_held=self._held is not None)
+        return price(situation, rows, pressing, self._held)
 
     def _situation(self, state: OwnState, mission: Guidance, survey: _Survey) -> Situation:
         threat = survey.conflict
@@ -248,11 +260,14 @@ class Avoider:
         last = height + climb * (closest_s + crossing_s)
         # Slightly more than priced as clear, so that arriving at the height is enough.
         room = 1.02 * survey.tracks.protected_vertical_m[threat]
+        usual_m = (-float(state.position_m[2]), mission.altitude_m)
+        highest_m = max(usual_m) + self.params.largest_height_change_m
+        lowest_m = min(usual_m) - self.params.largest_height_change_m
         return Situation(
             own=state,
             mission=mission,
-            over_m=float((np.maximum(first, last) + room).max()),
-            under_m=float((np.minimum(first, last) - room).min()),
+            over_m=min(float((np.maximum(first, last) + room).max()), highest_m),
+            under_m=max(float((np.minimum(first, last) - room).min()), lowest_m),
             lost=1.0 / (1.0 + min(self.params.horizontal_margin, self.params.vertical_margin)),
             right_preferred=self._right_preferred(mission, survey),
             envelope=self.envelope,
@@ -298,12 +313,17 @@ class Avoider:
         )
 
 
-def _single(guidance: Guidance) -> Commands:
-    return Commands(
-        np.array([guidance.course_rad]),
-        np.array([guidance.airspeed_mps]),
-        np.array([guidance.altitude_m]),
-    )
+def _matters(track: Track) -> bool:
+    finite = all(map(math.isfinite, (*track.position_m, *track.velocity_mps, track.time_s)))
+    return finite and track.kind is not TrafficKind.SURFACE_VEHICLE
+
+
+def _refuse_nonsense(own: Ownship, goal: Goal) -> None:
+    numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
+    numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
+    numbers += [x for x in (goal.course_rad, goal.airspeed_mps, goal.altitude_m) if x is not None]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("ownship or goal is not finite")
 
 
 def _own_state(now_s: float, own: Ownship) -> OwnState:

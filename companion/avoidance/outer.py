@@ -44,11 +44,16 @@ def field_commands(
     course_rad = situation.mission.course_rad
     push = repulsion_magnitude(surface_distance_m / reach_m, 1.0, params.repulsion_gain)
     deflected_rad = _deflected(course_rad, own_rel_velocity_mps, push, params)
-    courses_rad = np.concatenate([np.full(3, course_rad), deflected_rad])
-    heights_m = np.full(len(courses_rad), height_m(Height.MISSION, situation))
-    heights_m[1] = height_m(Height.OVER, situation)
-    heights_m[2] = height_m(Height.UNDER, situation)
-    return Commands(courses_rad, np.full(len(courses_rad), speed_mps(Speed.MISSION, situation)), heights_m)
+    courses_rad = np.concatenate([[course_rad], deflected_rad])
+    rows = len(deflected_rad) + 3
+    ground_of, height_of = np.zeros(rows, dtype=np.intp), np.zeros(rows, dtype=np.intp)
+    height_of[1:3] = 1, 2  # straight on over, and under; around on the mission's height
+    ground_of[3:] = np.arange(1, len(courses_rad))
+    heights_m = np.array(
+        [height_m(choice, situation) for choice in (Height.MISSION, Height.OVER, Height.UNDER)]
+    )
+    speeds_mps = np.full(len(courses_rad), speed_mps(Speed.MISSION, situation))
+    return Commands(courses_rad, speeds_mps, heights_m, ground_of, height_of)
 
 
 def _deflected(course_rad: float, own_rel_velocity_mps: Array, push: Array, params: FieldParams) -> Array:

@@ -6,6 +6,7 @@ fly straight on.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
+from companion.model import Guidance
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
@@ -38,23 +40,56 @@ class OwnState:
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """Rows of commands, each array of shape (K,): course over ground, airspeed, altitude."""
+    """Rows of commands. Many rows share a ground path or a height, so each of those is kept, and flown, once.
+
+    Ground paths are `course_rad` over ground and `airspeed_mps`, (H,); heights `altitude_m`, (Z,).
+    `ground_of` and `height_of`, (K,), say which of them a row consists of.
+    """
 
     course_rad: Array
     airspeed_mps: Array
     altitude_m: Array
+    ground_of: NDArray[np.intp]
+    height_of: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, rows: Sequence[Guidance]) -> "Commands":
+        """One ground path and one height for each row."""
+        places = np.arange(len(rows))
+        return cls(
+            np.array([row.course_rad for row in rows]),
+            np.array([row.airspeed_mps for row in rows]),
+            np.array([row.altitude_m for row in rows]),
+            places,
+            places,
+        )
 
     def __len__(self) -> int:
-        return len(self.course_rad)
+        return len(self.ground_of)
+
+    def row(self, index: int) -> Guidance:
+        """The guidance that flies a row."""
+        ground, height = self.ground_of[index], self.height_of[index]
+        return Guidance(
+            float(self.course_rad[ground] % (2.0 * math.pi)),
+            float(self.airspeed_mps[ground]),
+            float(self.altitude_m[height]),
+        )
+
+    def after(self, first: Guidance) -> "Commands":
+        """The same rows after one more, which becomes row 0."""
+        return Commands(
+            np.concatenate([self.course_rad, [first.course_rad]]),
+            np.concatenate([self.airspeed_mps, [first.airspeed_mps]]),
+            np.concatenate([self.altitude_m, [first.altitude_m]]),
+            np.concatenate([[len(self.course_rad)], self.ground_of]),
+            np.concatenate([[len(self.altitude_m)], self.height_of]),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """Where rows lead. Many rows share a ground path or a height: each of those is flown once.
-
-    `ground_m` is (H, T, 2) north and east, `altitude_m` (Z, T); `ground_of` and `height_of` (K,) say which of
-    them a row consists of.
-    """
+    """Where rows lead: `ground_m` (H, T, 2) north and east, `altitude_m` (Z, T), and rows made of them."""
 
     ground_m: Array
     altitude_m: Array
@@ -107,19 +142,11 @@ class Separation:
 
 def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
     """Fly all rows ahead, at the times of the prediction."""
-    grounds: dict[tuple[float, float], int] = {}
-    heights: dict[float, int] = {}
-    ground_of = [
-        grounds.setdefault(ground, len(grounds))
-        for ground in zip(commands.course_rad.tolist(), commands.airspeed_mps.tolist(), strict=True)
-    ]
-    height_of = [heights.setdefault(altitude, len(heights)) for altitude in commands.altitude_m.tolist()]
-    course_rad, airspeed_mps = np.array(list(grounds)).T
     return Paths(
-        _ground_m(own, course_rad, airspeed_mps, envelope),
-        _altitude_m(own, np.array(list(heights)), envelope),
-        np.array(ground_of),
-        np.array(height_of),
+        _ground_m(own, commands.course_rad, commands.airspeed_mps, envelope),
+        _altitude_m(own, commands.altitude_m, envelope),
+        commands.ground_of,
+        commands.height_of,
     )
 
 
@@ -130,7 +157,7 @@ def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Env
     turned_rad = np.minimum(envelope.turn_rate_radps(own.airspeed_mps) * turning_s, np.abs(turn_rad))
     course_rad = own.course_rad + np.sign(turn_rad) * turned_rad
     gained_mps = envelope.max_acceleration_mps2 * _MIDDLES_S
-    airspeed_mps = own.airspeed_mps + np.clip(target_mps[:, None] - own.airspeed_mps, -gained_mps, gained_mps)
+    airspeed_mps = own.airspeed_mps + _within(target_mps[:, None] - own.airspeed_mps, -gained_mps, gained_mps)
     north, east = np.cos(course_rad), np.sin(course_rad)
     step_m = _STEPS_S * _over_ground_mps(north, east, airspeed_mps, own.wind_mps)
     path = np.empty((len(target_rad), len(_TIMES_S), 2))
@@ -138,6 +165,12 @@ def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Env
     path[:, 1:, 0] = own.position_m[0] + np.cumsum(step_m * north, axis=1)
     path[:, 1:, 1] = own.position_m[1] + np.cumsum(step_m * east, axis=1)
     return path
+
+
+def _within(values: Array, low: Array, high: Array) -> Array:
+    """As `np.clip`, without its overhead, which counts for arrays as small as these."""
+    clipped: Array = np.minimum(np.maximum(values, low), high)
+    return clipped
 
 
 def ground_speed_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> float:
@@ -161,7 +194,7 @@ def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
     before_m = now_m + climb_mps * np.minimum(_TIMES_S, envelope.response_s)
     acting_s = np.maximum(_TIMES_S - envelope.response_s, 0.0)
     to_go_m = target_m[:, None] - (now_m + climb_mps * envelope.response_s)
-    gained_m = np.clip(to_go_m, -envelope.max_sink_mps * acting_s, envelope.max_climb_mps * acting_s)
+    gained_m = _within(to_go_m, -envelope.max_sink_mps * acting_s, envelope.max_climb_mps * acting_s)
     altitude: Array = before_m + gained_m
     return altitude
 

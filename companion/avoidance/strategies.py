@@ -55,7 +55,11 @@ TABLE: tuple[Strategy, ...] = tuple(
     for turn_deg, height, speed in product(_TURNS_DEG, Height, Speed)
     if speed is Speed.MISSION or abs(turn_deg) <= _LARGEST_TURN_WITH_SPEED_DEG
 )
-_TABLE_TURN_RAD = np.array([row.turn_rad for row in TABLE])
+_GROUNDS = tuple(dict.fromkeys((row.turn_rad, row.speed) for row in TABLE))
+_HEIGHTS = tuple(Height)
+_GROUND_TURN_RAD = np.array([turn_rad for turn_rad, _ in _GROUNDS])
+_GROUND_OF = np.array([_GROUNDS.index((row.turn_rad, row.speed)) for row in TABLE])
+_HEIGHT_OF = np.array([_HEIGHTS.index(row.height) for row in TABLE])
 
 
 @dataclass(frozen=True)
@@ -101,14 +105,6 @@ class Priced:
         """The cheapest row; the first of equals, so that the same inputs give the same row."""
         return int(np.argmin(self.cost))
 
-    def guidance(self, row: int) -> Guidance:
-        """The setpoint that flies a row."""
-        return Guidance(
-            float(self.commands.course_rad[row] % (2.0 * math.pi)),
-            float(self.commands.airspeed_mps[row]),
-            float(self.commands.altitude_m[row]),
-        )
-
 
 def height_m(choice: Height, situation: Situation) -> float:
     """The altitude a choice of height asks for, within floor and ceiling."""
@@ -133,28 +129,20 @@ def speed_mps(choice: Speed, situation: Situation) -> float:
 
 def table_commands(situation: Situation) -> Commands:
     """The whole table as commands for this situation."""
-    heights_m = {choice: height_m(choice, situation) for choice in Height}
     speeds_mps = {choice: speed_mps(choice, situation) for choice in Speed}
     return Commands(
-        situation.own.course_rad + _TABLE_TURN_RAD,
-        np.array([speeds_mps[row.speed] for row in TABLE]),
-        np.array([heights_m[row.height] for row in TABLE]),
+        situation.own.course_rad + _GROUND_TURN_RAD,
+        np.array([speeds_mps[speed] for _, speed in _GROUNDS]),
+        np.array([height_m(choice, situation) for choice in _HEIGHTS]),
+        _GROUND_OF,
+        _HEIGHT_OF,
     )
 
 
-def with_held(commands: Commands, held: Guidance | None) -> Commands:
-    """The same rows after the guidance that is being flown, which thereby becomes row 0."""
-    if held is None:
-        return commands
-    return Commands(
-        np.concatenate([[held.course_rad], commands.course_rad]),
-        np.concatenate([[held.airspeed_mps], commands.airspeed_mps]),
-        np.concatenate([[held.altitude_m], commands.altitude_m]),
-    )
-
-
-def price(situation: Situation, commands: Commands, tracks: Tracks, *, first_is_held: bool) -> Priced:
-    """Fly all rows ahead and price them."""
+def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidance | None) -> Priced:
+    """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0."""
+    if held is not None:
+        commands = commands.after(held)
     kept = separation(fly_ahead(situation.own, commands, situation.envelope), tracks)
     weights = situation.weights
     # The margin is priced by how much of it is used, without a step: a flight planned along its edge is
@@ -167,7 +155,7 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, *, first_is_
         + weights.exposure * kept.exposure
     ).sum(axis=1)
     cost += effort(situation, commands)
-    if first_is_held:
+    if held is not None:
         cost[1:] += weights.switch
     return Priced(commands, cost, kept.closest.min(axis=1))
 
@@ -175,16 +163,15 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, *, first_is_
 def effort(situation: Situation, commands: Commands) -> Array:
     """What rows cost apart from separation, shape (K,)."""
     weights, mission = situation.weights, situation.mission
-    turn_rad = wrap_pi(commands.course_rad - situation.own.course_rad)
     off_course_rad = wrap_pi(commands.course_rad - mission.course_rad)
-    off_height_m = commands.altitude_m - mission.altitude_m
-    cost: Array = (
-        weights.turn * np.abs(turn_rad) / math.pi
-        + weights.deviation * np.abs(off_course_rad) / math.pi
-        + weights.height * np.abs(off_height_m) / 100.0
-        + weights.descent * (off_height_m < -1.0)
-        + weights.speed * np.abs(commands.airspeed_mps - mission.airspeed_mps) / 10.0
+    ground = (
+        weights.turn / math.pi * np.abs(wrap_pi(commands.course_rad - situation.own.course_rad))
+        + weights.deviation / math.pi * np.abs(off_course_rad)
+        + weights.speed / 10.0 * np.abs(commands.airspeed_mps - mission.airspeed_mps)
     )
     if situation.right_preferred:
-        cost += weights.wrong_side * (off_course_rad < math.radians(-1.0))
+        ground += weights.wrong_side * (off_course_rad < math.radians(-1.0))
+    off_height_m = commands.altitude_m - mission.altitude_m
+    height = weights.height / 100.0 * np.abs(off_height_m) + weights.descent * (off_height_m < -1.0)
+    cost: Array = ground[commands.ground_of] + height[commands.height_of]
     return cost

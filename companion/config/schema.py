@@ -8,6 +8,7 @@ from annotated_types import MinLen
 from pydantic import AfterValidator
 
 from companion.address import parse_address
+from companion.autopilots import MODE_NAMES
 from companion.avoidance import AvoidanceParams
 from companion.engine import EngineConfig, EngineParams
 from companion.errors import LinkError
@@ -52,6 +53,11 @@ class Config:
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
+
+    def __post_init__(self) -> None:
+        for name in self.supervisor.take_over_from:
+            if name not in MODE_NAMES:
+                raise ValueError(f"supervisor.take_over_from: no autopilot has a mode {name!r}")
 
     def for_engine(self) -> EngineConfig:
         """The part that the engine is built from."""

@@ -2,9 +2,10 @@
 
 from companion.engine.effects import Effect, Record, Say, Transmit
 from companion.engine.engine import Engine, EngineConfig, EngineParams
-from companion.engine.stepper import TICK_US, Stepper
+from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper
 
 __all__ = [
+    "LONGEST_CATCH_UP_US",
     "TICK_US",
     "Effect",
     "Engine",

@@ -13,6 +13,7 @@ from companion.mavlink.facts import (
     LandedState,
     NavigationTarget,
     OwnPosition,
+    PressureAltitude,
     Sender,
 )
 from companion.model import Goal, Ownship, Vec2, Vec3
@@ -22,6 +23,8 @@ _WIND_TIME_CONSTANT_S = 10.0
 _TARGET_FRESH_S = 10.0
 # Without heartbeats for so long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
+# Aeroplanes, and those VTOLs that fly as such.
+_FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
 
 
 @dataclass(slots=True)
@@ -32,14 +35,19 @@ class _Wind:
 
 
 class Aircraft:
-    """Adopts the first autopilot heard (or the configured one) and keeps to it.
+    """Adopts the one autopilot that is heard, or the configured one, and keeps to it.
 
-    `autopilot` is a MAV_AUTOPILOT; with it, or a system id, no other is adopted.
+    `autopilot` is a MAV_AUTOPILOT; with it, or a system id, no other is adopted. Without a system id, others
+    are waited for: when several are there, none is ours to choose.
     """
 
-    def __init__(self, system_id: int | None = None, autopilot: int | None = None) -> None:
+    def __init__(
+        self, system_id: int | None = None, autopilot: int | None = None, *, adopt_after_s: float = 0.0
+    ) -> None:
         self._wanted_system_id = system_id
         self._wanted_autopilot = autopilot
+        self._adopt_after_s = adopt_after_s
+        self._first_heard_s: float | None = None
         self.adapter: Adapter | None = None
         self.armed = False
         self.custom_mode = 0
@@ -47,7 +55,9 @@ class Aircraft:
         self.position: OwnPosition | None = None
         self.position_s = -math.inf
         self.others: set[int] = set()
-        self.unknown_autopilot: int | None = None
+        self.fixed_wing = False
+        # What to add to a height in the standard atmosphere to have it above mean sea level, here and now.
+        self.pressure_offset_m: float | None = None
         self._airspeed_mps: float | None = None
         self._landed_state: int | None = None
         self._target: NavigationTarget | None = None
@@ -81,6 +91,8 @@ class Aircraft:
                 self._estimate_wind(fact, now_s)
             case AirData():
                 self._airspeed_mps = fact.airspeed_mps
+            case PressureAltitude() if self.position is not None:
+                self.pressure_offset_m = self.position.altitude_m - fact.altitude_m
             case LandedState():
                 self._landed_state = fact.landed_state
             case NavigationTarget():
@@ -163,20 +175,34 @@ class Aircraft:
         if fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
             return False
         if self.adapter is None:
-            if self._wanted_system_id not in (None, fact.sender.system_id):
-                return False
-            if self._wanted_autopilot not in (None, fact.autopilot):
-                return False
-            self.adapter = choose(fact.autopilot, fact.sender)
-            if self.adapter is None:
-                self.unknown_autopilot = fact.autopilot
-                return False
+            self._consider(fact, now_s)
         if fact.sender != self.sender:
-            self.others.add(fact.sender.system_id)
+            if self._is_wanted(fact):
+                self.others.add(fact.sender.system_id)
             return False
         self.armed, self.heartbeat_s = fact.armed, now_s
         self.enter_mode(fact.custom_mode, now_s)
         return True
+
+    def _is_wanted(self, fact: Heartbeat) -> bool:
+        return self._wanted_system_id in (None, fact.sender.system_id) and self._wanted_autopilot in (
+            None,
+            fact.autopilot,
+        )
+
+    def _consider(self, fact: Heartbeat, now_s: float) -> None:
+        """Adopt the sender, unless it is not the one configured, or not the only one."""
+        if not self._is_wanted(fact):
+            return
+        if self._first_heard_s is None:
+            self._first_heard_s = now_s
+        waited = now_s - self._first_heard_s >= self._adopt_after_s
+        alone = not self.others - {fact.sender.system_id}
+        if self._wanted_system_id is None and not (waited and alone):
+            return
+        self.adapter = choose(fact.autopilot, fact.sender)
+        self.fixed_wing = fact.vehicle_type in _FIXED_WINGS
+        self.others.discard(fact.sender.system_id)
 
     def _airspeed(self) -> float:
         if self._airspeed_mps is not None and self._airspeed_mps > 1.0:

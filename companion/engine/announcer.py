@@ -19,16 +19,24 @@ class Announcer:
 
     def __init__(self) -> None:
         self._told_s: dict[str, float] = {}
+        self._told_once: set[str] = set()
         self._chunk_id = 0
         self._collisions_s = -math.inf
         self.last_text = ""
 
-    def text(self, severity: int, text: str, now_s: float, topic: str | None = None) -> list[Message]:
+    def text(
+        self, severity: int, text: str, now_s: float, topic: str | None = None, *, once: bool = False
+    ) -> list[Message]:
         """STATUSTEXT, in chunks when it is long; nothing when its topic was told a moment ago.
 
-        The topic is the text itself unless given: distances change, the news does not.
+        The topic is the text itself unless given: distances change, the news does not. With `once`, a state
+        of affairs is told a single time.
         """
         topic = topic or text
+        if once:
+            if topic in self._told_once:
+                return []
+            self._told_once.add(topic)
         told_s = self._told_s.get(topic)
         if told_s is not None and 0.0 <= now_s - told_s < _REPEAT_S:
             return []

@@ -12,11 +12,11 @@ from annotated_types import Ge, Gt, Le
 
 from companion.autopilots import NAMES
 from companion.autopilots.adapter import Adapter, Flown
-from companion.autopilots.commands import Outcome
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, describe_guidance, describe_threat
 from companion.engine.effects import Effect, Record, Say, Transmit
+from companion.engine.mode_request import ModeRequest, Progress
 from companion.engine.rates import RateKeeper
 from companion.engine.record import decision_line
 from companion.geodesy import LocalFrame
@@ -31,17 +31,36 @@ from companion.mavlink.facts import (
     Sender,
     Traffic,
 )
-from companion.model import Decision, Goal, Guidance, Layer, Ownship, Snapshot, Track
+from companion.model import (
+    AltitudeReference,
+    Decision,
+    Goal,
+    Guidance,
+    Layer,
+    Ownship,
+    Snapshot,
+    Track,
+    TrafficReport,
+)
 from companion.supervisor import WATCHING, Event, State, Supervisor, SupervisorParams
 from companion.traffic import Tracker, TrafficParams
 
 _HEARTBEAT_INTERVAL_S = 1.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
 _FRAME_REACH_M = 5_000.0
-# A heartbeat that was under way while the mode changed still names the old mode.
-_STALE_HEARTBEAT_S = 1.5
+# The mode is taken over only from one that was heard just now.
+_FRESH_HEARTBEAT_S = 1.5
+_LONGEST_ENGAGING_S = 3.0
+# A request that was given up may still arrive, on a slow link.
+_LATE_S = 10.0
+_SETTLE_S = 1.0
+_REFUSALS_BEFORE_FALLBACK = 3
 # Own position so old is no ground for a decision; after the longer time the aircraft is given back.
 _BLIND_S = 5.0
+
+
+_NOT_REFUSED = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
+_ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
 @dataclass(frozen=True)
@@ -49,9 +68,12 @@ class EngineParams:
     """Identity on the wire, and when own position is too old to act on."""
 
     system_id: Literal["auto"] | Annotated[int, Ge(1), Le(254)] = "auto"
-    component_id: Annotated[int, Ge(1), Le(255)] = 196
+    # 1 is the autopilot itself.
+    component_id: Annotated[int, Ge(2), Le(255)] = 196
     autopilot_system_id: Literal["auto"] | Annotated[int, Ge(1), Le(255)] = "auto"
-    position_stale_s: Annotated[float, Gt(0), Le(10)] = 2.0
+    # With no autopilot configured, others are waited for so long; of several none is chosen.
+    adopt_after_s: Annotated[float, Ge(0), Le(60)] = 1.5
+    position_stale_s: Annotated[float, Gt(0), Le(5)] = 2.0
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
     max_height_m: Annotated[float, Gt(0)] | None = None
 
@@ -75,7 +97,11 @@ class Engine:
         self._params = config.engine
         self._rules = config.supervisor
         wanted = config.engine.autopilot_system_id
-        self.aircraft = Aircraft(None if wanted == "auto" else wanted, NAMES.get(config.autopilot))
+        self.aircraft = Aircraft(
+            None if wanted == "auto" else wanted,
+            NAMES.get(config.autopilot),
+            adopt_after_s=config.engine.adopt_after_s,
+        )
         self.tracker = Tracker(config.traffic)
         self.supervisor = Supervisor()
         self._avoider = Avoider(config.avoidance)
@@ -88,7 +114,11 @@ class Engine:
         self._own: Ownship | None = None
         self._tracks: tuple[Track, ...] = ()
         self._mode_before = 0
-        self._asked_mode_s = -math.inf
+        self._request: ModeRequest | None = None
+        self._was_guided = False
+        self._against_us = False
+        self._abandoned = 0
+        self._abandoned_s = -math.inf
         self._ready_since_s: float | None = None
         self._not_before_s = -math.inf
         self._heartbeat_s = -math.inf
@@ -161,23 +191,23 @@ class Engine:
 
     def request_stop(self, now_s: float) -> list[Effect]:
         """The service ends: give the aircraft back first. Tick on until `finished`."""
-        was_held = self.supervisor.flying or self.supervisor.state is State.ENGAGING
-        if not self.supervisor.handle(Event.STOP) or not was_held:
+        held = self.supervisor.flying or self.supervisor.state is State.ENGAGING
+        if not self.supervisor.handle(Event.STOP) or not held:
             return []
-        return [*self._release(now_s), *self._tell(mavlink.MAV_SEVERITY_WARNING, self._returned(), now_s)]
+        ending = f"Avoidance ends, back to {self._before()}"
+        return [*self._release(now_s), *self._tell(mavlink.MAV_SEVERITY_WARNING, ending, now_s)]
 
     def emergency_release(self) -> list[Message]:
         """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
         adapter = self.aircraft.adapter
-        held = self.supervisor.flying or self.supervisor.state in (State.ENGAGING, State.STOPPING)
-        if adapter is None or not held:
-            return []
-        return adapter.release(self._mode_before, 0.0)
+        held = self.supervisor.flying or self.supervisor.state in _ASKING
+        return [adapter.set_mode(self._mode_before)] if adapter is not None and held else []
 
     def tick(self, now_s: float) -> list[Effect]:
         """Decide, supervise, command, and keep up the manners."""
         self.ticks += 1
         effects: list[Effect] = []
+        effects += self._tell_who_is_there(now_s)
         self._decide(now_s)
         effects += self._supervise(now_s)
         if self.supervisor.flying:
@@ -201,8 +231,13 @@ class Engine:
     # --- deciding
 
     def _decide(self, now_s: float) -> None:
+        if self._blind(now_s):
+            self._avoider.reset()
+            self._own, self._tracks = None, ()
+            self._decision = Decision(Layer.CLEAR, because="no position")
+            return
         if now_s - self.aircraft.position_s > self._params.position_stale_s:
-            return  # what was decided last stands; `_supervise` gives the aircraft back if this lasts
+            return  # for a moment, what was decided last stands
         self._frame = self._frame_here()
         if self._frame is None:
             return
@@ -255,101 +290,131 @@ class Engine:
         state = self.supervisor.state
         if state in WATCHING:
             return self._while_watching(now_s)
+        if state is State.STOPPED:
+            return []
+        if self._overruled():
+            return self._hands_off(now_s)
         if state is State.ENGAGING:
             return self._while_engaging(now_s)
-        if state in (State.RELEASING, State.STOPPING):
-            return self._while_releasing(now_s)
         if self.supervisor.flying:
             return self._while_flying(now_s)
-        return []
+        return self._while_releasing(now_s)
+
+    def _overruled(self) -> bool:
+        """Whether somebody else decided about the aircraft while we had it, or asked for it."""
+        aircraft, request = self.aircraft, self._request
+        if aircraft.landed():
+            return True
+        if request is None:
+            return not aircraft.guided
+        return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
 
     def _while_watching(self, now_s: float) -> list[Effect]:
-        ready = self._ready(now_s)
-        if not ready:
+        if self._came_late(now_s):
+            self.supervisor.handle(Event.LATE)
+            return self._release(now_s)
+        clear = self._decision.layer is Layer.CLEAR
+        # Whoever sent the aircraft back on its mission against us has decided about this conflict.
+        if not self._ready(now_s) or (self._against_us and not clear):
             self._ready_since_s = None
-            self.supervisor.handle(Event.NOT_READY)
+            if not self._ready(now_s):
+                self.supervisor.handle(Event.NOT_READY)
             return []
         if self._ready_since_s is None:
             self._ready_since_s = now_s
-        waited_s = now_s - self._ready_since_s
-        if self.supervisor.state is State.HANDS_OFF and waited_s < self._rules.settle_s:
+        hands_off = self.supervisor.state is State.HANDS_OFF
+        if hands_off and now_s - self._ready_since_s < self._rules.settle_s:
             return []
+        self._against_us = False
         self.supervisor.handle(Event.READY)
-        if self._decision.layer is Layer.CLEAR or self.supervisor.state is not State.MONITOR:
+        fresh = now_s - self.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
+        if clear or not fresh:
             return []
-        self._mode_before = self.aircraft.custom_mode
         self.supervisor.handle(self._conflict())
-        self._asked_mode_s = now_s
-        return [
-            *self._transmit(self._adapter().engage(now_s)),
-            *self._tell_conflict(now_s),
-        ]
+        self._mode_before = self.aircraft.custom_mode
+        self._was_guided = False
+        self._request = ModeRequest(self._mode_before, self._adapter().guided_mode, now_s)
+        self._adapter().stand_back()
+        return [*self._ask(now_s), *self._tell_conflict(now_s)]
 
     def _while_engaging(self, now_s: float) -> list[Effect]:
-        aircraft, adapter = self.aircraft, self._adapter()
-        outcome = adapter.engaged()
-        if aircraft.landed() or not (aircraft.guided or aircraft.custom_mode == self._mode_before):
-            return self._hands_off(now_s)
-        if aircraft.guided or outcome is Outcome.ACCEPTED:
-            aircraft.enter_mode(adapter.guided_mode, now_s)
+        aircraft, request = self.aircraft, self._asked()
+        if aircraft.guided:
+            self._request, self._was_guided = None, True
             self.supervisor.handle(Event.TAKEN)
             self.supervisor.handle(self._conflict())
-            self._asked_mode_s = now_s
             return []
-        if outcome in (Outcome.REFUSED, Outcome.UNANSWERED):
-            self.supervisor.handle(Event.REFUSED)
-            self._ready_since_s = None
-            self._not_before_s = now_s + self._rules.retry_s
-            words = "refused" if outcome is Outcome.REFUSED else "did not answer"
-            return self._tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
         if self._decision.layer is Layer.CLEAR:
             self.supervisor.handle(Event.CLEAR)
             return self._release(now_s)
-        return []
+        if request.refusals or now_s - request.made_s >= _LONGEST_ENGAGING_S:
+            return self._give_up_engaging(now_s)
+        return self._ask(now_s)
+
+    def _give_up_engaging(self, now_s: float) -> list[Effect]:
+        request = self._asked()
+        if not request.refusals and self.aircraft.heartbeat_s <= request.made_s:
+            # Not a word since: the aircraft may be in the guided mode by now, with nobody flying it.
+            self.supervisor.handle(Event.UNKNOWN)
+            return self._release(now_s)
+        self.supervisor.handle(Event.REFUSED)
+        self._request, self._ready_since_s = None, None
+        self._abandoned_s, self._abandoned = now_s, self._abandoned + 1
+        self._not_before_s = now_s + self._rules.retry_s * min(self._abandoned, 5)
+        words = "refused" if request.refusals else "did not answer"
+        return self._tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
+
+    def _came_late(self, now_s: float) -> bool:
+        """The guided mode, entered on a request that we had given up: nobody else flies it."""
+        late = self.aircraft.guided and now_s - self._abandoned_s < _LATE_S
+        return late and self.supervisor.state is State.STANDBY
 
     def _while_flying(self, now_s: float) -> list[Effect]:
-        if self._taken_by_another(now_s):
-            return self._hands_off(now_s)
-        if now_s - self.aircraft.position_s > _BLIND_S:
+        self._abandoned = 0
+        if self._blind(now_s):
             self.supervisor.handle(Event.CLEAR)
             lost = self._tell(mavlink.MAV_SEVERITY_CRITICAL, "Avoidance: own position lost", now_s)
             return [*self._release(now_s), *lost]
+        refused = [
+            effect
+            for words in self._adapter().refusals()
+            for effect in self._tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
+        ]
         if self._decision.layer is Layer.CLEAR:
             self.supervisor.handle(Event.CLEAR)
-            return [
-                *self._release(now_s),
-                *self._tell(mavlink.MAV_SEVERITY_NOTICE, self._returned(), now_s),
-            ]
+            told = self._tell(mavlink.MAV_SEVERITY_NOTICE, self._returned(), now_s)
+            return [*refused, *self._release(now_s), *told]
         if self.supervisor.handle(self._conflict()):
-            return self._tell_conflict(now_s)
-        return []
+            return [*refused, *self._tell_conflict(now_s)]
+        return refused
 
     def _while_releasing(self, now_s: float) -> list[Effect]:
-        adapter, aircraft = self._adapter(), self.aircraft
-        outcome = adapter.engaged()
-        if aircraft.landed() or not (aircraft.guided or aircraft.custom_mode == self._mode_before):
-            return self._hands_off(now_s)
-        confirmed = aircraft.custom_mode == self._mode_before and aircraft.heartbeat_s > self._asked_mode_s
-        if confirmed or outcome is Outcome.ACCEPTED:
-            adapter.stand_back()
-            # The answer is the newer word: until the next heartbeat the old mode must not be held against us.
-            aircraft.enter_mode(self._mode_before, now_s)
+        aircraft, request = self.aircraft, self._asked()
+        if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.CONFIRMED:
+            self._request = None
             self.supervisor.handle(Event.GIVEN_BACK)
             return []
-        if outcome in (Outcome.REFUSED, Outcome.UNANSWERED):
-            failed = self._tell(
-                mavlink.MAV_SEVERITY_CRITICAL,
-                f"Avoidance: {self._before()} not taken up, asking again",
-                now_s,
+        stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
+        if stuck and self._decision.layer is not Layer.CLEAR:
+            # It cannot leave, and there is traffic: better flown by us than by nobody.
+            self.supervisor.handle(self._conflict())
+            return self._while_engaging(now_s)
+        if request.refusals >= _REFUSALS_BEFORE_FALLBACK and request.wanted == self._mode_before:
+            fallback = self._adapter().fallback_mode
+            self._request = ModeRequest(request.start, fallback, now_s)
+            name = self._adapter().mode_name(fallback)
+            told = self._tell(
+                mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {self._before()} refused, {name} instead", now_s
             )
-            return [*self._release(now_s), *failed]
-        return []
+            return [*self._ask(now_s), *told]
+        return self._ask(now_s)
 
     def _ready(self, now_s: float) -> bool:
         aircraft = self.aircraft
         return (
             aircraft.adapter is not None
             and aircraft.adapter.can_fly
+            and aircraft.fixed_wing
             and aircraft.heard(now_s)
             and now_s - aircraft.position_s <= self._params.position_stale_s
             and aircraft.mode in self._rules.take_over_from
@@ -357,27 +422,38 @@ class Engine:
             and now_s >= self._not_before_s
         )
 
-    def _taken_by_another(self, now_s: float) -> bool:
-        aircraft = self.aircraft
-        if aircraft.landed():
-            return True
-        if aircraft.guided:
-            return False
-        # The answer to our request overtakes the heartbeat: one that still names the former mode is old.
-        stale = aircraft.custom_mode == self._mode_before and now_s - self._asked_mode_s < _STALE_HEARTBEAT_S
-        return not stale
-
     def _hands_off(self, now_s: float) -> list[Effect]:
         self._adapter().stand_back()
         self.supervisor.handle(Event.LOST)
-        self._ready_since_s = None
+        self._request, self._ready_since_s = None, None
+        self._against_us = self.aircraft.mode in self._rules.take_over_from
         self._avoider.reset()
         mode = self.aircraft.mode if self.aircraft.armed else "disarmed"
         return self._tell(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: hands off, {mode}", now_s)
 
     def _release(self, now_s: float) -> list[Effect]:
-        self._asked_mode_s = now_s
-        return self._transmit(self._adapter().release(self._mode_before, now_s))
+        adapter = self._adapter()
+        adapter.stand_back()
+        # Our own request for the guided mode may still be under way: then the former mode, seen too soon, is
+        # what it was before that arrived.
+        settle_s = 0.0 if self._was_guided else _SETTLE_S
+        self._request = ModeRequest(adapter.guided_mode, self._mode_before, now_s, settle_s=settle_s)
+        return self._ask(now_s)
+
+    def _ask(self, now_s: float) -> list[Effect]:
+        """Send the request for a mode, if the heartbeats allow it."""
+        aircraft, request = self.aircraft, self._asked()
+        if not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
+            return []
+        return self._transmit([self._adapter().set_mode(request.wanted)])
+
+    def _asked(self) -> ModeRequest:
+        if self._request is None:
+            raise RuntimeError("no request under way: the supervisor must not get here")
+        return self._request
+
+    def _blind(self, now_s: float) -> bool:
+        return now_s - self.aircraft.position_s > _BLIND_S
 
     def _conflict(self) -> Event:
         return Event.INNER_CONFLICT if self._decision.layer is Layer.INNER else Event.OUTER_CONFLICT
@@ -396,17 +472,29 @@ class Engine:
     def _receive_traffic(self, fact: Traffic, now_s: float) -> bool:
         if fact.sender == self.aircraft.sender:
             self._rates.observe(fact, now_s)
-        if not self.tracker.receive(fact.report, now_s):
+        if not self.tracker.receive(self._above_sea_level(fact.report), now_s):
             return False
         track_id = f"{fact.report.icao:06X}"
         self._prompted = any(threat.track_id == track_id for threat in self._decision.threats)
         return self._prompted
 
+    def _above_sea_level(self, report: TrafficReport) -> TrafficReport:
+        """A transponder's height compared by pressure, barometer against barometer."""
+        offset_m = self.aircraft.pressure_offset_m
+        barometric = report.altitude_reference is AltitudeReference.BAROMETRIC
+        if not barometric or offset_m is None or report.altitude_m is None:
+            return report
+        return replace(report, altitude_m=report.altitude_m + offset_m)
+
     def _receive_answer(self, fact: CommandResult, now_s: float) -> bool:
         if fact.target is not None and fact.target != self.sender:
             return False
-        self._adapter().observe(fact, now_s)
-        return bool(fact.command == mavlink.MAV_CMD_DO_SET_MODE)
+        adapter = self._adapter()
+        if fact.command != adapter.mode_command:
+            adapter.observe(fact, now_s)
+        elif self._request is not None and fact.result not in _NOT_REFUSED:
+            self._request.refused(now_s)
+        return False
 
     # --- telling
 
@@ -421,6 +509,18 @@ class Engine:
 
     def _returned(self) -> str:
         return f"Clear of traffic, back to {self._before()}"
+
+    def _tell_who_is_there(self, now_s: float) -> list[Effect]:
+        """Whatever keeps us from flying the autopilot that is heard."""
+        aircraft = self.aircraft
+        problem = None
+        if aircraft.adapter is None and len(aircraft.others) > 1:
+            problem = "Avoidance: several autopilots, set autopilot_system_id"
+        elif aircraft.adapter is not None and aircraft.others:
+            problem = f"Avoidance: another autopilot, system {min(aircraft.others)}"
+        elif aircraft.adapter is not None and not aircraft.fixed_wing:
+            problem = "Avoidance: not a fixed wing, advising only"
+        return [] if problem is None else self._tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
 
     def _tell_conflict(self, now_s: float) -> list[Effect]:
         """Once for each traffic and layer: where it is, and what we do."""
@@ -449,8 +549,10 @@ class Engine:
             3,
         )
 
-    def _tell(self, severity: int, text: str, now_s: float, topic: str | None = None) -> list[Effect]:
-        messages = self._announcer.text(severity, text, now_s, topic)
+    def _tell(
+        self, severity: int, text: str, now_s: float, topic: str | None = None, *, once: bool = False
+    ) -> list[Effect]:
+        messages = self._announcer.text(severity, text, now_s, topic, once=once)
         return [Say(severity, text), *self._transmit(messages)] if messages else []
 
     def _transmit(self, messages: list[Message]) -> list[Effect]:

@@ -7,6 +7,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
     Fact,
+    Heartbeat,
     LandedState,
     NavigationTarget,
     OwnPosition,
@@ -15,6 +16,7 @@ from companion.mavlink.facts import (
 )
 
 _MEASURED: dict[type, int] = {
+    Heartbeat: mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     OwnPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
     AirData: mavlink.MAVLINK_MSG_ID_VFR_HUD,
     LandedState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,

@@ -12,6 +12,9 @@ from companion.engine.engine import Engine
 from companion.mavlink.facts import Fact
 
 TICK_US = 100_000
+# A suspended or starved machine does not make up for decisions that nobody can use any more. A log shows such
+# a gap too, as our own heartbeats are missing in it.
+LONGEST_CATCH_UP_US = 5_000_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
 
@@ -40,9 +43,10 @@ class Stepper:
         """Make all ticks that are due."""
         due_us = self.next_tick_us(now_us)
         if self._longest_catch_up_us is not None and now_us - due_us > self._longest_catch_up_us:
-            latest_us = now_us // TICK_US * TICK_US
-            self.skipped_ticks += (latest_us - due_us) // TICK_US
-            due_us = latest_us
+            # Not even the latest: what arrived meanwhile comes first.
+            resumed_us = (now_us // TICK_US + 1) * TICK_US
+            self.skipped_ticks += (resumed_us - due_us) // TICK_US
+            due_us = resumed_us
         while due_us <= now_us:
             self._next_tick_us = due_us + TICK_US
             self._perform(due_us, self.engine.tick(due_us / 1e6))

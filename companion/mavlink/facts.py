@@ -52,6 +52,14 @@ class AirData:
 
 
 @dataclass(frozen=True, slots=True)
+class PressureAltitude:
+    """SCALED_PRESSURE: height in the standard atmosphere, as transponders report it."""
+
+    sender: Sender
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Wind:
     """WIND or WIND_COV: velocity of the air over the ground, north and east."""
 
@@ -125,6 +133,7 @@ Fact = (
     Heartbeat
     | OwnPosition
     | AirData
+    | PressureAltitude
     | Wind
     | LandedState
     | NavigationTarget

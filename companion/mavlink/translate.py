@@ -23,6 +23,7 @@ from companion.mavlink.facts import (
     OwnPosition,
     OwnTransponder,
     Parameter,
+    PressureAltitude,
     Sender,
     Traffic,
     Wind,
@@ -37,6 +38,9 @@ _FULL_CIRCLE_CDEG = 36_000
 # ADS-B encodes -1,000 to 126,700 ft; what is far outside was never measured.
 _LOWEST_TRAFFIC_M = -1_000.0
 _HIGHEST_TRAFFIC_M = 40_000.0
+_FASTEST_MPS = 200.0
+_SEA_LEVEL_HPA = 1_013.25
+_LOWEST_PRESSURE_HPA, _HIGHEST_PRESSURE_HPA = 230.0, 1_100.0  # 11 km, and below the Dead Sea
 
 _KINDS = {
     14: TrafficKind.UAV,
@@ -119,8 +123,16 @@ def _own_position(message: Message, sender: Sender, _received_s: float) -> Fact 
 
 def _air_data(message: Message, sender: Sender, _received_s: float) -> Fact:
     airspeed_mps = message.airspeed
-    measured = math.isfinite(airspeed_mps) and airspeed_mps >= 0.0
+    measured = 0.0 <= airspeed_mps <= _FASTEST_MPS  # false for NaN too
     return AirData(sender, airspeed_mps if measured else None)
+
+
+def _pressure_altitude(message: Message, sender: Sender, _received_s: float) -> Fact | None:
+    """The standard atmosphere (ICAO Doc 7488) below 11 km: h = T0 / L (1 - (p / p0)^(L R / g))."""
+    if not _LOWEST_PRESSURE_HPA <= message.press_abs <= _HIGHEST_PRESSURE_HPA:
+        return None
+    ratio = message.press_abs / _SEA_LEVEL_HPA
+    return PressureAltitude(sender, 44_330.77 * (1.0 - ratio**0.190_263))
 
 
 def _wind(message: Message, sender: Sender, _received_s: float) -> Fact | None:
@@ -154,7 +166,7 @@ def _navigation_target(message: Message, sender: Sender, _received_s: float) -> 
         return None
     absolute = message.coordinate_frame in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
     ignored = message.type_mask & mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
-    given = absolute and not ignored and math.isfinite(message.alt)
+    given = absolute and not ignored and _LOWEST_TRAFFIC_M <= message.alt <= _HIGHEST_TRAFFIC_M
     return NavigationTarget(sender, place[0], place[1], message.alt if given else None)
 
 
@@ -274,6 +286,7 @@ _TRANSLATIONS: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _own_position,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: _air_data,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: _pressure_altitude,
     mavlink.MAVLINK_MSG_ID_WIND: _wind,
     mavlink.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,

@@ -174,12 +174,15 @@ class FakeArduPlane:
         self._missions.step(now_s)
         self._tell_events()
         for channel, streams in self._streams.items():
-            if now_s + _TOLERANCE_S >= self._heartbeat_due_s[channel]:
+            asked_for = streams.interval_s(mavlink.MAVLINK_MSG_ID_HEARTBEAT) > 0.0
+            if not asked_for and now_s + _TOLERANCE_S >= self._heartbeat_due_s[channel]:
                 self._heartbeat_due_s[channel] = now_s + _HEARTBEAT_PERIOD_S
                 self._send(channel, self._telemetry.heartbeat(now_s))
             for message_id in streams.due(now_s):
                 if message_id == mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE:
                     message = self._traffic.next_for(channel, now_s)
+                elif message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+                    message = self._telemetry.heartbeat(now_s)
                 else:
                     message = self._telemetry.build(message_id, now_s)
                 if message is not None:

@@ -220,3 +220,120 @@ def test_a_lost_request_for_traffic_is_made_again() -> None:
     loop = Watched(deaf=deaf)
     loop.until(State.OUTER, State.INNER)
     assert requests == 2
+
+
+def silent_downlink(loop: Watched) -> Callable[[], None]:
+    """Nothing of the vehicle is heard until the returned function is called."""
+    hear = loop._hear
+    loop._hear = lambda _message: None  # type: ignore[method-assign]
+
+    def back() -> None:
+        loop._hear = hear  # type: ignore[method-assign]
+
+    return back
+
+
+@pytest.mark.parametrize("after_s", [0.05, 0.3, 0.6, 1.1, 1.7, 2.6])
+def test_lost_answers_do_not_take_the_aircraft_from_the_pilot(after_s: float) -> None:
+    loop = Watched()
+    hear = loop._hear
+    loop._hear = lambda message: None if message.get_type() == "COMMAND_ACK" else hear(message)  # type: ignore[method-assign]
+    loop.until(State.ENGAGING)
+    loop.until(State.OUTER, State.INNER)
+    loop.run(after_s)
+    loop.world.vehicle.set_mode(Mode.FBWA)
+    loop.run(10.0)
+    assert loop.mode() is Mode.FBWA
+    assert loop.flight.modes[-1][1] == "FBWA"
+
+
+def test_giving_back_blindly_does_not_take_the_aircraft_from_the_pilot() -> None:
+    loop = Watched()
+    flying(loop)
+    silent_downlink(loop)
+    loop.run(7.0)  # own position is lost, and the aircraft given back
+    assert loop.mode() is Mode.AUTO
+    loop.world.vehicle.set_mode(Mode.FBWA)
+    before = len(loop.sent)
+    loop.run(60.0)
+    assert loop.mode() is Mode.FBWA
+    assert len(loop.sent) - before <= 3
+
+
+def test_silent_after_the_request_and_back_later_the_aircraft_is_not_left_behind() -> None:
+    loop = Watched()
+    loop.until(State.ENGAGING)
+    back = silent_downlink(loop)
+    loop.run(8.0)
+    back()
+    loop.run(5.0)
+    assert loop.mode() is not Mode.GUIDED or loop.engine.supervisor.flying
+    loop.run(100.0)
+    assert loop.mode() is Mode.AUTO
+
+
+def test_stopped_while_asking_for_the_mode_and_the_first_answer_lost() -> None:
+    lost = 0
+
+    def deaf(effect: Transmit) -> bool:
+        nonlocal lost
+        auto = asks_for_a_mode(effect) and effect.message.param2 == Mode.AUTO
+        lost += auto
+        return auto and lost == 1
+
+    loop = Watched(deaf=deaf)
+    loop.until(State.ENGAGING)
+    loop.stop()
+    loop.run(4.0)
+    assert loop.engine.finished
+    assert loop.mode() is Mode.AUTO
+
+
+def test_an_autopilot_that_refuses_the_mission_is_left_loitering() -> None:
+    loop = Watched()
+    flying(loop)
+    receive = loop.world.vehicle.receive
+    refused = 0
+
+    def refusing(message: object, now_s: float, channel: int = 0) -> None:
+        nonlocal refused
+        if getattr(message, "command", None) == 176 and message.param2 == Mode.AUTO:  # type: ignore[attr-defined]
+            refused += 1
+            loop.world.vehicle._acknowledge(176, 4, (1, 196), channel)
+            return
+        receive(message, now_s, channel)
+
+    loop.world.vehicle.receive = refusing  # type: ignore[method-assign]
+    loop.stop()
+    loop.run(12.0)
+    assert loop.engine.finished
+    assert loop.mode() is Mode.LOITER
+    assert refused == 3
+    assert "Avoidance: AUTO refused, LOITER instead" in "".join(loop.flight.texts)
+
+
+def test_who_sends_the_aircraft_on_against_us_has_decided_about_this_conflict() -> None:
+    loop = Watched()
+    flying(loop)
+    loop.world.vehicle.set_mode(Mode.AUTO)
+    loop.run(40.0)
+    assert loop.mode() is Mode.AUTO
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+    loop.run(60.0)
+    assert loop.engine.supervisor.state is State.MONITOR, "the traffic is past"
+
+
+def test_refused_setpoints_are_told() -> None:
+    loop = Watched()
+    loop.until(State.ENGAGING)
+    receive = loop.world.vehicle.receive
+
+    def refusing(message: object, now_s: float, channel: int = 0) -> None:
+        if getattr(message, "command", None) == 43002:
+            loop.world.vehicle._acknowledge(43002, 3, (1, 196), channel)
+            return
+        receive(message, now_s, channel)
+
+    loop.world.vehicle.receive = refusing  # type: ignore[method-assign]
+    loop.run(20.0)
+    assert loop.flight.texts.count("Avoidance: GUIDED_CHANGE_HEADING unsupported") == 1

@@ -121,9 +121,10 @@ def test_the_position_target_is_whole() -> None:
 def test_everything_can_be_packed() -> None:
     adapter = ArduPlane(TARGET)
     messages = [
-        *adapter.engage(1.7e9),
+        adapter.set_mode(adapter.guided_mode),
         *adapter.command(flown(), 1.7e9, urgent=True),
-        *adapter.release(10, 1.7e9),
+        adapter.set_mode(adapter.fallback_mode),
+        Px4FixedWing(TARGET).set_mode(4 << 16 | 4 << 24),
         adapter.request_interval(33, 0.1),
         adapter.request_parameter("ADSB_ICAO_ID"),
     ]
@@ -131,10 +132,10 @@ def test_everything_can_be_packed() -> None:
         assert Encoder().encode(message, 1, 196)
 
 
-def test_entering_the_mode_means_sending_everything_again() -> None:
+def test_after_standing_back_everything_is_sent_again() -> None:
     adapter = ArduPlane(TARGET)
     adapter.command(flown(), 100.0, urgent=False)
-    adapter.engage(101.0)
+    adapter.stand_back()
     assert kinds(adapter.command(flown(), 101.1, urgent=False))["COMMAND_INT 43001"] == 1
 
 
@@ -164,7 +165,14 @@ def test_px4_mode_names(main: int, sub: int, name: str) -> None:
 def test_px4_is_not_commanded() -> None:
     adapter = Px4FixedWing(TARGET)
     assert not adapter.can_fly
-    assert adapter.engage(0.0) == adapter.release(0, 0.0) == adapter.command(flown(), 0.0, urgent=True) == []
+    assert adapter.command(flown(), 0.0, urgent=True) == []
+
+
+def test_modes_are_asked_for_by_their_numbers() -> None:
+    plane = ArduPlane(TARGET).set_mode(15)
+    assert (plane.command, plane.param1, plane.param2) == (176, 1, 15)
+    px4 = Px4FixedWing(TARGET).set_mode(4 << 16 | 4 << 24)
+    assert (px4.command, px4.param1, px4.param2, px4.param3) == (176, 1, 4, 4)
 
 
 def test_adapters_are_chosen_by_the_heartbeat() -> None:

@@ -34,21 +34,22 @@ def test_repeated_with_rising_confirmation_until_it_gives_up() -> None:
 
 
 @pytest.mark.parametrize(
-    ("result", "outcome", "refusals"),
+    ("result", "outcome", "words"),
     [
-        (mavlink.MAV_RESULT_ACCEPTED, Outcome.ACCEPTED, 0),
-        (mavlink.MAV_RESULT_DENIED, Outcome.REFUSED, 1),
-        (mavlink.MAV_RESULT_UNSUPPORTED, Outcome.REFUSED, 1),
-        (mavlink.MAV_RESULT_FAILED, Outcome.REFUSED, 1),
-        (6, Outcome.REFUSED, 1),
+        (mavlink.MAV_RESULT_ACCEPTED, Outcome.ACCEPTED, []),
+        (mavlink.MAV_RESULT_DENIED, Outcome.REFUSED, ["DO_SET_MODE denied: bad value"]),
+        (mavlink.MAV_RESULT_UNSUPPORTED, Outcome.REFUSED, ["DO_SET_MODE unsupported"]),
+        (mavlink.MAV_RESULT_FAILED, Outcome.REFUSED, ["DO_SET_MODE failed"]),
+        (6, Outcome.REFUSED, ["DO_SET_MODE cancelled"]),
     ],
 )
-def test_an_answer_ends_it(result: int, outcome: Outcome, refusals: int) -> None:
+def test_an_answer_ends_it(result: int, outcome: Outcome, words: list[str]) -> None:
     desk = CommandDesk()
     desk.ask(command(), 0.0)
     desk.answered(answer(result), 0.1)
     assert desk.outcome(SET_MODE) is outcome
-    assert desk.refusals == refusals
+    assert desk.refusals() == words
+    assert desk.refusals() == [], "told once"
     assert sent_until(desk, 5.0) == []
 
 
@@ -87,4 +88,4 @@ def test_answers_to_nothing_are_ignored() -> None:
     desk = CommandDesk()
     desk.answered(answer(mavlink.MAV_RESULT_DENIED), 0.0)
     assert desk.outcome(SET_MODE) is None
-    assert desk.refusals == 0
+    assert desk.refusals() == []

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -14,14 +15,21 @@ from companion.mavlink.facts import (
     OwnPosition,
     OwnTransponder,
     Parameter,
+    PressureAltitude,
     Sender,
     Traffic,
 )
-from companion.model import Layer, TrafficReport
+from companion.model import AltitudeReference, Layer, TrafficReport
 from companion.supervisor import State
 
 AUTOPILOT, OTHER, GCS = Sender(1, 1), Sender(7, 1), Sender(255, 190)
 T0 = 1_700_000_000.0
+
+
+def new_engine(autopilot_system_id: int | str = 1, **changes: object) -> Engine:
+    """An engine that knows its autopilot's system, and so need not wait for others."""
+    params = EngineParams(autopilot_system_id=autopilot_system_id, **changes)  # type: ignore[arg-type]
+    return Engine(EngineConfig(engine=params))
 
 
 def heartbeat(
@@ -77,7 +85,7 @@ def fly(
 
 
 def test_own_heartbeat_has_the_autopilots_system_and_our_component() -> None:
-    engine = Engine()
+    engine = new_engine(23)
     run(engine, [heartbeat(Sender(23, 1))], T0)
     assert engine.sender == Sender(23, 196)
     beats = [
@@ -92,24 +100,42 @@ def test_own_heartbeat_has_the_autopilots_system_and_our_component() -> None:
 
 
 def test_heartbeat_tells_whether_all_is_well() -> None:
-    engine = Engine()
+    engine = new_engine()
     (lonely,) = of(run(engine, [], T0), "HEARTBEAT")
     assert lonely.system_status == mavlink.MAV_STATE_CRITICAL
     sent = run(engine, [heartbeat(), position(T0 + 1)], T0 + 1)
     assert of(sent, "HEARTBEAT")[0].system_status == mavlink.MAV_STATE_ACTIVE
 
 
-def test_ground_stations_and_second_autopilots_are_not_adopted() -> None:
-    engine = Engine()
-    run(engine, [heartbeat(GCS, autopilot=8)], T0)
+def test_the_one_autopilot_heard_is_adopted_after_a_moment() -> None:
+    engine = new_engine("auto")
+    run(engine, [heartbeat(GCS, autopilot=8), heartbeat()], T0)
     assert engine.aircraft.adapter is None
-    run(engine, [heartbeat(), heartbeat(OTHER)], T0 + 1)
+    run(engine, [heartbeat()], T0 + 1.6)
     assert engine.aircraft.sender == AUTOPILOT
-    assert engine.aircraft.others == {7}
+
+
+def test_of_two_autopilots_none_is_chosen_and_the_operator_is_told_once() -> None:
+    engine = new_engine("auto")
+    sent = []
+    for second in range(60):
+        sent += run(engine, [heartbeat(), heartbeat(OTHER)], T0 + second)
+    assert engine.aircraft.adapter is None
+    texts = [message.text for message in of(sent, "STATUSTEXT")]
+    assert "".join(texts) == "Avoidance: several autopilots, set autopilot_system_id"
+
+
+def test_a_second_autopilot_that_comes_later_is_told_and_ignored() -> None:
+    engine = new_engine("auto")
+    sent = run(engine, [heartbeat()], T0) + run(engine, [heartbeat()], T0 + 1.6)
+    sent += run(engine, [heartbeat(OTHER, mode=15)], T0 + 2.0)
+    assert engine.aircraft.sender == AUTOPILOT
+    assert engine.aircraft.mode == "AUTO"
+    assert [m.text for m in of(sent, "STATUSTEXT")] == ["Avoidance: another autopilot, system 7"]
 
 
 def test_a_configured_autopilot_is_waited_for() -> None:
-    engine = Engine(EngineConfig(engine=EngineParams(autopilot_system_id=7, system_id=42)))
+    engine = new_engine(7, system_id=42)
     run(engine, [heartbeat()], T0)
     assert engine.aircraft.adapter is None
     run(engine, [heartbeat(OTHER)], T0 + 1)
@@ -118,8 +144,20 @@ def test_a_configured_autopilot_is_waited_for() -> None:
     assert Engine(EngineConfig(autopilot="px4")).receive(heartbeat(), T0) is False
 
 
+def test_a_copter_is_advised_and_not_flown() -> None:
+    engine = new_engine()
+    copter = Heartbeat(AUTOPILOT, 2, 3, True, 10, 4)
+    sent = []
+    for tick in range(50):
+        now_s = T0 + tick / 10
+        sent += run(engine, [copter, position(now_s), traffic(now_s)], now_s)
+    assert engine.decision.layer is not Layer.CLEAR
+    assert engine.supervisor.state is State.STANDBY
+    assert [m for m in of(sent, "COMMAND_LONG") if m.command == 176] == []
+
+
 def test_rates_and_own_address_are_asked_for() -> None:
-    sent = run(Engine(), [heartbeat()], T0)
+    sent = run(new_engine(), [heartbeat()], T0)
     asked = {int(m.param1): m.param2 for m in of(sent, "COMMAND_LONG") if m.command == 511}
     assert asked[33] == pytest.approx(100_000)
     assert asked[246] == pytest.approx(200_000)
@@ -127,7 +165,7 @@ def test_rates_and_own_address_are_asked_for() -> None:
 
 
 def test_engages_on_a_conflict_by_asking_for_guided() -> None:
-    engine = Engine()
+    engine = new_engine()
     sent = fly(engine, 3.0)
     modes = [m for m in of(sent, "COMMAND_LONG") if m.command == 176]
     assert modes
@@ -138,7 +176,7 @@ def test_engages_on_a_conflict_by_asking_for_guided() -> None:
 
 
 def test_flies_once_the_mode_is_confirmed_and_tells_the_threat() -> None:
-    engine = Engine()
+    engine = new_engine()
     fly(engine, 3.0)
     sent = run(engine, [heartbeat(mode=15), position(T0 + 3.1)], T0 + 3.1)
     assert engine.supervisor.flying
@@ -154,7 +192,7 @@ def test_flies_once_the_mode_is_confirmed_and_tells_the_threat() -> None:
     ("mode", "armed", "height_m"), [(10, False, 300.0), (5, True, 300.0), (10, True, 20.0)]
 )
 def test_takes_nothing_over_disarmed_in_another_mode_or_low(mode: int, armed: bool, height_m: float) -> None:
-    engine = Engine()
+    engine = new_engine()
     sent = []
     for tick in range(100):
         now_s = T0 + tick / 10
@@ -169,7 +207,7 @@ def test_takes_nothing_over_disarmed_in_another_mode_or_low(mode: int, armed: bo
 
 
 def test_px4_is_advised_and_not_commanded() -> None:
-    engine = Engine()
+    engine = new_engine()
     sent = []
     for tick in range(50):
         now_s = T0 + tick / 10
@@ -182,14 +220,39 @@ def test_px4_is_advised_and_not_commanded() -> None:
 
 def test_own_transponder_is_no_traffic() -> None:
     for fact in (OwnTransponder(AUTOPILOT, 0xA00001), Parameter(AUTOPILOT, "ADSB_ICAO_ID", float(0xA00001))):
-        engine = Engine()
+        engine = new_engine()
         run(engine, [heartbeat(), fact], T0)
         fly(engine, 2.0)
         assert engine.snapshot(T0 + 2.0).tracks == ()
 
 
+def test_barometric_heights_are_compared_by_pressure() -> None:
+    """The altimeter setting is 100 m off: both we and they read 100 m low, and meet all the same."""
+    heights = []
+    for fact in (None, PressureAltitude(AUTOPILOT, 784.0)):
+        engine = new_engine()
+        run(engine, [heartbeat(), position(T0)], T0)
+        if fact is not None:
+            engine.receive(fact, T0)
+        low = traffic(T0)
+        report = replace(low.report, altitude_m=784.0, altitude_reference=AltitudeReference.BAROMETRIC)
+        run(engine, [Traffic(AUTOPILOT, report)], T0 + 0.1)
+        (track,) = engine.snapshot(T0 + 0.1).tracks
+        heights.append(-track.position_m[2])
+    assert heights == [pytest.approx(784.0), pytest.approx(884.0)]
+
+
+def test_without_position_nothing_is_decided_and_old_threats_are_not_repeated() -> None:
+    engine = new_engine()
+    fly(engine, 3.0)
+    late = [m for tick in range(600) for m in run(engine, [heartbeat()], T0 + 3.0 + tick / 10)]
+    assert engine.decision.layer is Layer.CLEAR
+    assert len(of(late, "COLLISION")) <= 6
+    assert engine.snapshot(T0 + 63.0).ownship is None
+
+
 def test_facts_of_others_and_of_ourselves_change_nothing() -> None:
-    engine = Engine()
+    engine = new_engine()
     run(engine, [heartbeat(), position(T0)], T0)
     before = engine.snapshot(T0).ownship
     run(
@@ -204,7 +267,7 @@ def test_facts_of_others_and_of_ourselves_change_nothing() -> None:
 
 
 def test_the_frame_moves_along_and_decisions_with_it() -> None:
-    engine = Engine()
+    engine = new_engine()
     for kilometre in range(0, 60, 2):
         now_s = T0 + kilometre * 1000.0 / 22.0
         run(engine, [heartbeat(), position(now_s)], now_s)
@@ -214,7 +277,7 @@ def test_the_frame_moves_along_and_decisions_with_it() -> None:
 
 
 def test_one_record_for_each_tick_once_the_position_is_known() -> None:
-    engine = Engine()
+    engine = new_engine()
     assert not any(isinstance(effect, Record) for effect in engine.tick(T0))
     engine.receive(heartbeat(), T0)
     engine.receive(position(T0), T0)
@@ -227,7 +290,7 @@ def test_one_record_for_each_tick_once_the_position_is_known() -> None:
 
 def test_stepper_ticks_on_tenths_and_before_the_facts_that_come_later() -> None:
     ticks: list[int] = []
-    stepper = Stepper(Engine(), lambda time_us, _: ticks.append(time_us))
+    stepper = Stepper(new_engine(), lambda time_us, _: ticks.append(time_us))
     stepper.receive(heartbeat(), 1_050_000)
     stepper.receive(position(1.0), 1_250_000)
     assert ticks == [1_100_000, 1_200_000] or ticks == [1_050_000, 1_100_000, 1_200_000]
@@ -239,11 +302,12 @@ def test_stepper_ticks_on_tenths_and_before_the_facts_that_come_later() -> None:
 
 def test_stepper_leaves_out_what_a_stall_made_useless() -> None:
     ticks: list[int] = []
-    stepper = Stepper(Engine(), lambda time_us, _: ticks.append(time_us), longest_catch_up_us=5_000_000)
+    stepper = Stepper(new_engine(), lambda time_us, _: ticks.append(time_us), longest_catch_up_us=5_000_000)
     stepper.advance(1_000_000)
     stepper.advance(4_000_000)
     assert len(ticks) == 31
     stepper.advance(60_000_000)
-    assert len(ticks) == 32
-    assert ticks[-1] == 60_000_000
-    assert stepper.skipped_ticks == 559
+    assert len(ticks) == 31, "what arrived meanwhile comes before the next tick"
+    assert stepper.skipped_ticks == 560
+    stepper.advance(60_100_000)
+    assert ticks[-1] == 60_100_000

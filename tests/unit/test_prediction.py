@@ -16,6 +16,7 @@ from companion.avoidance.prediction import (
     ground_speed_mps,
     separation,
 )
+from companion.model import Guidance
 
 ENVELOPE = Envelope()
 CALM = np.zeros(2)
@@ -33,7 +34,7 @@ def own(**changes: object) -> OwnState:
 
 
 def command(course_deg: float = 0.0, airspeed_mps: float = 22.0, altitude_m: float = 300.0) -> Commands:
-    return Commands(np.array([math.radians(course_deg)]), np.array([airspeed_mps]), np.array([altitude_m]))
+    return Commands.of([Guidance(math.radians(course_deg), airspeed_mps, altitude_m)])
 
 
 def tracks(*states: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Tracks:
@@ -82,8 +83,8 @@ def test_wind_triangle() -> None:
 
 
 def test_separation_is_that_of_every_row_and_track() -> None:
-    commands = Commands(
-        np.radians([0.0, 90.0, 0.0]), np.array([22.0, 22.0, 22.0]), np.array([300.0, 300.0, 400.0])
+    commands = Commands.of(
+        [Guidance(0.0, 22.0, 300.0), Guidance(math.pi / 2, 22.0, 300.0), Guidance(0.0, 22.0, 400.0)]
     )
     traffic = tracks(((3000.0, 0.0, -300.0), (-50.0, 0.0, 0.0)), ((0.0, 5000.0, -380.0), (0.0, 0.0, 1.0)))
     paths = fly_ahead(own(), commands, ENVELOPE)

@@ -1,0 +1,69 @@
+"""A change of mode, asked for until the heartbeat shows it, and never against what the heartbeat shows.
+
+An acknowledgement does not say which mode it is about, and arrives late or not at all; the heartbeat alone
+says who has the aircraft. A request is repeated only on the evidence of a heartbeat, newer than the last try,
+that still shows the mode we started from: were it repeated blindly, it would take the aircraft from a pilot
+who changed the mode meanwhile.
+"""
+
+import math
+from enum import Enum
+
+_RESEND_S = 0.5
+# Without any heartbeat it is tried so often, and then only heartbeats can help.
+_BLIND_TRIES = 3
+_EVIDENCE_S = 1.5
+_LONGEST_WAIT_S = 5.0
+
+
+class Progress(Enum):
+    """Where a request stands, by the heartbeats since it was made."""
+
+    WAITING = "waiting"
+    CONFIRMED = "confirmed"
+    OVERRULED = "overruled"  # a third mode: somebody else chose it
+
+
+class ModeRequest:
+    """One request, from `start` to `wanted` (custom modes), made at `now_s`.
+
+    With `settle_s`, the wanted mode counts only when seen so long after the first try: an older request,
+    still under way, might come after it.
+    """
+
+    def __init__(self, start: int, wanted: int, now_s: float, *, settle_s: float = 0.0) -> None:
+        self.start = start
+        self.wanted = wanted
+        self.made_s = now_s
+        self.refusals = 0
+        self._settle_s = settle_s
+        self._sent_s = -math.inf
+        self._not_before_s = now_s
+        self._blind = 0
+
+    def progress(self, mode: int, heartbeat_s: float) -> Progress:
+        """What the newest heartbeat, received at `heartbeat_s`, says."""
+        if heartbeat_s <= self.made_s:
+            return Progress.WAITING
+        if mode == self.wanted:
+            settled = heartbeat_s - self.made_s >= self._settle_s
+            return Progress.CONFIRMED if settled else Progress.WAITING
+        return Progress.WAITING if mode == self.start else Progress.OVERRULED
+
+    def due(self, mode: int, heartbeat_s: float, now_s: float) -> bool:
+        """Whether to send now; takes note that it is sent."""
+        if now_s < self._not_before_s:
+            return False
+        evidence = mode == self.start and heartbeat_s > self._sent_s and now_s - heartbeat_s <= _EVIDENCE_S
+        if not evidence:
+            if self._blind >= _BLIND_TRIES or (mode not in (self.start, self.wanted)):
+                return False
+            self._blind += 1
+        self._sent_s = now_s
+        self._not_before_s = now_s + _RESEND_S
+        return True
+
+    def refused(self, now_s: float) -> None:
+        """The autopilot said no: ask again, with growing patience."""
+        self.refusals += 1
+        self._not_before_s = now_s + min(_RESEND_S * 2.0**self.refusals, _LONGEST_WAIT_S)
