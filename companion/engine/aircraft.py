@@ -23,6 +23,7 @@ _WIND_TIME_CONSTANT_S = 10.0
 _TARGET_FRESH_S = 10.0
 # Without heartbeats for so long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
+_BLIND_S = 5.0
 # Aeroplanes, and those VTOLs that fly as such.
 _FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
 
@@ -113,6 +114,10 @@ class Aircraft:
     def heard(self, now_s: float) -> bool:
         """Whether the autopilot is there."""
         return now_s - self.heartbeat_s < _HEARTBEAT_LOST_S
+
+    def blind(self, now_s: float) -> bool:
+        """Whether own position is too old for anything, and the aircraft better given back."""
+        return now_s - self.position_s > _BLIND_S
 
     def home_altitude_m(self) -> float | None:
         """Height of home above mean sea level."""

@@ -1,10 +1,13 @@
-"""What the operator is told: STATUSTEXT in words, once per event, and COLLISION for every threat."""
+"""What we say: STATUSTEXT in words, once per event, COLLISION for every threat, our own HEARTBEAT."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
+from companion.engine.effects import Effect, Say, Transmit
 from companion.mavlink.dialect import Message, mavlink
-from companion.model import Decision, Layer, Ownship, Threat
+from companion.mavlink.facts import Sender
+from companion.model import Decision, Layer, Ownship, Threat, Track
 from companion.units import wrap_two_pi
 
 _TEXT_BYTES = 50
@@ -14,35 +17,93 @@ _COLLISION_INTERVAL_S = 1.0
 _MAX_COLLISIONS = 4
 
 
-class Announcer:
-    """Makes the messages and remembers what was said."""
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What there is to tell about: the decision, and what it was made from."""
 
-    def __init__(self) -> None:
+    decision: Decision
+    own: Ownship | None
+    tracks: Sequence[Track]
+
+
+class Announcer:
+    """Speaks with our address, which `sender` gives, and remembers what was said."""
+
+    def __init__(self, sender: Callable[[], Sender]) -> None:
+        self._sender = sender
         self._told_s: dict[str, float] = {}
         self._told_once: set[str] = set()
         self._chunk_id = 0
         self._collisions_s = -math.inf
         self.last_text = ""
 
-    def text(
+    def transmit(self, messages: Sequence[Message]) -> list[Effect]:
+        """These messages, from us."""
+        sender = self._sender()
+        return [Transmit(sender, message) for message in messages]
+
+    def tell(
         self, severity: int, text: str, now_s: float, topic: str | None = None, *, once: bool = False
-    ) -> list[Message]:
-        """STATUSTEXT, in chunks when it is long; nothing when its topic was told a moment ago.
+    ) -> list[Effect]:
+        """STATUSTEXT; nothing when its topic was told a moment ago.
 
         The topic is the text itself unless given: distances change, the news does not. With `once`, a state
         of affairs is told a single time.
         """
-        topic = topic or text
+        if not self._is_news(topic or text, now_s, once=once):
+            return []
+        self.last_text = text
+        return [Say(severity, text), *self.transmit(self._chunks(severity, text))]
+
+    def conflict(self, outlook: Outlook, now_s: float) -> list[Effect]:
+        """Once for each traffic and layer: where it is, and what we do."""
+        own, decision = outlook.own, outlook.decision
+        if own is None or not decision.threats:
+            return []
+        threat = decision.threats[0]
+        names = [(track.track_id, track.callsign) for track in outlook.tracks]
+        inner = decision.layer is Layer.INNER
+        text = f"{describe_threat(threat, own, names)}: {describe_guidance(decision, own)}"
+        return self.tell(
+            mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
+            f"{'Traffic!' if inner else 'Traffic'} {text}",
+            now_s,
+            topic=f"{decision.layer} {threat.track_id}",
+        )
+
+    def collisions(self, decision: Decision, *, flying: bool, now_s: float) -> list[Effect]:
+        """COLLISION for the threats, once a second."""
+        if not decision.threats or 0.0 <= now_s - self._collisions_s < _COLLISION_INTERVAL_S - 1e-3:
+            return []
+        self._collisions_s = now_s
+        return self.transmit([_collision(t, flying=flying) for t in decision.threats[:_MAX_COLLISIONS]])
+
+    def heartbeat(self, *, healthy: bool) -> list[Effect]:
+        """Our own HEARTBEAT."""
+        message = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+            mavlink.MAV_AUTOPILOT_INVALID,
+            0,
+            0,
+            mavlink.MAV_STATE_ACTIVE if healthy else mavlink.MAV_STATE_CRITICAL,
+            3,
+        )
+        return self.transmit([message])
+
+    def _is_news(self, topic: str, now_s: float, *, once: bool) -> bool:
         if once:
             if topic in self._told_once:
-                return []
+                return False
             self._told_once.add(topic)
         told_s = self._told_s.get(topic)
         if told_s is not None and 0.0 <= now_s - told_s < _REPEAT_S:
-            return []
+            return False
         self._told_s = {t: s for t, s in self._told_s.items() if now_s - s < _REPEAT_S}
         self._told_s[topic] = now_s
-        self.last_text = text
+        return True
+
+    def _chunks(self, severity: int, text: str) -> list[Message]:
+        """The text in as many messages as it takes."""
         raw = text.encode("ascii", "replace")
         if len(raw) <= _TEXT_BYTES:
             return [mavlink.MAVLink_statustext_message(severity, raw, 0, 0)]
@@ -54,13 +115,6 @@ class Announcer:
             mavlink.MAVLink_statustext_message(severity, chunk, self._chunk_id, i)
             for i, chunk in enumerate(chunks)
         ]
-
-    def collisions(self, decision: Decision, *, flying: bool, now_s: float) -> list[Message]:
-        """COLLISION for the threats, once a second."""
-        if not decision.threats or 0.0 <= now_s - self._collisions_s < _COLLISION_INTERVAL_S:
-            return []
-        self._collisions_s = now_s
-        return [_collision(threat, flying=flying) for threat in decision.threats[:_MAX_COLLISIONS]]
 
 
 def _collision(threat: Threat, *, flying: bool) -> Message:

@@ -14,9 +14,9 @@ from companion.autopilots import NAMES
 from companion.autopilots.adapter import Adapter, Flown
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.engine.aircraft import Aircraft
-from companion.engine.announcer import Announcer, describe_guidance, describe_threat
-from companion.engine.effects import Effect, Record, Say, Transmit
-from companion.engine.mode_request import ModeRequest, Progress
+from companion.engine.announcer import Announcer, Outlook
+from companion.engine.authority import Authority
+from companion.engine.effects import Effect, Record
 from companion.engine.rates import RateKeeper
 from companion.engine.record import decision_line
 from companion.geodesy import LocalFrame
@@ -42,25 +42,12 @@ from companion.model import (
     Track,
     TrafficReport,
 )
-from companion.supervisor import WATCHING, Event, State, Supervisor, SupervisorParams
+from companion.supervisor import WATCHING, State, Supervisor, SupervisorParams
 from companion.traffic import Tracker, TrafficParams
 
 _HEARTBEAT_INTERVAL_S = 1.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
 _FRAME_REACH_M = 5_000.0
-# The mode is taken over only from one that was heard just now.
-_FRESH_HEARTBEAT_S = 1.5
-_LONGEST_ENGAGING_S = 3.0
-# A request that was given up may still arrive, on a slow link.
-_LATE_S = 10.0
-_SETTLE_S = 1.0
-_REFUSALS_BEFORE_FALLBACK = 3
-# Own position so old is no ground for a decision; after the longer time the aircraft is given back.
-_BLIND_S = 5.0
-
-
-_NOT_REFUSED = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
-_ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
 @dataclass(frozen=True)
@@ -103,24 +90,18 @@ class Engine:
             adopt_after_s=config.engine.adopt_after_s,
         )
         self.tracker = Tracker(config.traffic)
-        self.supervisor = Supervisor()
+        self._announcer = Announcer(lambda: self.sender)
+        self._authority = Authority(
+            self.aircraft, config.supervisor, self._announcer, position_stale_s=config.engine.position_stale_s
+        )
         self._avoider = Avoider(config.avoidance)
         self._envelope = config.avoidance.envelope
-        self._announcer = Announcer()
         self._rates = RateKeeper()
         self._frame: LocalFrame | None = None
         self._goal: Goal | None = None
         self._decision = Decision(Layer.CLEAR, because="no position")
         self._own: Ownship | None = None
         self._tracks: tuple[Track, ...] = ()
-        self._mode_before = 0
-        self._request: ModeRequest | None = None
-        self._was_guided = False
-        self._against_us = False
-        self._abandoned = 0
-        self._abandoned_s = -math.inf
-        self._ready_since_s: float | None = None
-        self._not_before_s = -math.inf
         self._heartbeat_s = -math.inf
         self._boot_time_s = -math.inf
         self._prompted = False
@@ -134,6 +115,11 @@ class Engine:
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
         return Sender(system_id, self._params.component_id)
+
+    @property
+    def supervisor(self) -> Supervisor:
+        """Who may fly."""
+        return self._authority.supervisor
 
     @property
     def decision(self) -> Decision:
@@ -181,7 +167,7 @@ class Engine:
                 self._boot_time_s = fact.boot_time_s
             case CommandResult():
                 return self._receive_answer(fact, now_s)
-            case Parameter() if fact.name == self._adapter().own_icao_parameter and fact.value >= 1.0:
+            case Parameter() if fact.name == Adapter.own_icao_parameter and fact.value >= 1.0:
                 self.tracker.learn_own(int(fact.value))
             case OwnTransponder():
                 self.tracker.learn_own(fact.icao)
@@ -191,17 +177,11 @@ class Engine:
 
     def request_stop(self, now_s: float) -> list[Effect]:
         """The service ends: give the aircraft back first. Tick on until `finished`."""
-        held = self.supervisor.flying or self.supervisor.state is State.ENGAGING
-        if not self.supervisor.handle(Event.STOP) or not held:
-            return []
-        ending = f"Avoidance ends, back to {self._before()}"
-        return [*self._release(now_s), *self._tell(mavlink.MAV_SEVERITY_WARNING, ending, now_s)]
+        return self._authority.request_stop(now_s)
 
     def emergency_release(self) -> list[Message]:
         """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
-        adapter = self.aircraft.adapter
-        held = self.supervisor.flying or self.supervisor.state in _ASKING
-        return [adapter.set_mode(self._mode_before)] if adapter is not None and held else []
+        return self._authority.emergency_release()
 
     def tick(self, now_s: float) -> list[Effect]:
         """Decide, supervise, command, and keep up the manners."""
@@ -209,29 +189,38 @@ class Engine:
         effects: list[Effect] = []
         effects += self._tell_who_is_there(now_s)
         self._decide(now_s)
-        effects += self._supervise(now_s)
-        if self.supervisor.flying:
+        flying_before = self.supervisor.flying
+        effects += self._authority.step(Outlook(self._decision, self._own, self._tracks), now_s)
+        flying = self.supervisor.flying
+        if flying_before and not flying:
+            self._avoider.reset()
+        if flying:
             effects += self._command(now_s)
-        adapter = self.aircraft.adapter
-        if adapter is not None:
-            effects += self._transmit(adapter.tick(now_s))
-            if self.aircraft.heard(now_s):
-                effects += self._transmit(self._rates.tick(adapter, now_s))
-        effects += self._transmit(
-            self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
-        )
-        if now_s - self._heartbeat_s >= _HEARTBEAT_INTERVAL_S - 1e-3 or now_s < self._heartbeat_s:
-            self._heartbeat_s = now_s
-            effects += self._transmit([self._heartbeat(now_s)])
+        effects += self._keep_up_manners(now_s)
         if self._own is not None:
             effects.append(Record(decision_line(now_s, self._decision, self._own, len(self._tracks))))
         self._prompted = False
         return effects
 
+    def _keep_up_manners(self, now_s: float) -> list[Effect]:
+        """Repetitions, rates, COLLISION and our own heartbeat."""
+        effects: list[Effect] = []
+        adapter = self.aircraft.adapter
+        if adapter is not None:
+            effects += self._announcer.transmit(adapter.tick(now_s))
+            if self.aircraft.heard(now_s):
+                effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
+        effects += self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
+        if now_s - self._heartbeat_s >= _HEARTBEAT_INTERVAL_S - 1e-3 or now_s < self._heartbeat_s:
+            self._heartbeat_s = now_s
+            healthy = self.aircraft.heard(now_s) and not self.aircraft.blind(now_s)
+            effects += self._announcer.heartbeat(healthy=healthy)
+        return effects
+
     # --- deciding
 
     def _decide(self, now_s: float) -> None:
-        if self._blind(now_s):
+        if self.aircraft.blind(now_s):
             self._avoider.reset()
             self._own, self._tracks = None, ()
             self._decision = Decision(Layer.CLEAR, because="no position")
@@ -284,188 +273,15 @@ class Engine:
             max_altitude_m=None if ceiling_m is None else home_m + ceiling_m,
         )
 
-    # --- supervising
-
-    def _supervise(self, now_s: float) -> list[Effect]:
-        state = self.supervisor.state
-        if state in WATCHING:
-            return self._while_watching(now_s)
-        if state is State.STOPPED:
-            return []
-        if self._overruled():
-            return self._hands_off(now_s)
-        if state is State.ENGAGING:
-            return self._while_engaging(now_s)
-        if self.supervisor.flying:
-            return self._while_flying(now_s)
-        return self._while_releasing(now_s)
-
-    def _overruled(self) -> bool:
-        """Whether somebody else decided about the aircraft while we had it, or asked for it."""
-        aircraft, request = self.aircraft, self._request
-        if aircraft.landed():
-            return True
-        if request is None:
-            return not aircraft.guided
-        return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
-
-    def _while_watching(self, now_s: float) -> list[Effect]:
-        if self._came_late(now_s):
-            self.supervisor.handle(Event.LATE)
-            return self._release(now_s)
-        clear = self._decision.layer is Layer.CLEAR
-        # Whoever sent the aircraft back on its mission against us has decided about this conflict.
-        if not self._ready(now_s) or (self._against_us and not clear):
-            self._ready_since_s = None
-            if not self._ready(now_s):
-                self.supervisor.handle(Event.NOT_READY)
-            return []
-        if self._ready_since_s is None:
-            self._ready_since_s = now_s
-        hands_off = self.supervisor.state is State.HANDS_OFF
-        if hands_off and now_s - self._ready_since_s < self._rules.settle_s:
-            return []
-        self._against_us = False
-        self.supervisor.handle(Event.READY)
-        fresh = now_s - self.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
-        if clear or not fresh:
-            return []
-        self.supervisor.handle(self._conflict())
-        self._mode_before = self.aircraft.custom_mode
-        self._was_guided = False
-        self._request = ModeRequest(self._mode_before, self._adapter().guided_mode, now_s)
-        self._adapter().stand_back()
-        return [*self._ask(now_s), *self._tell_conflict(now_s)]
-
-    def _while_engaging(self, now_s: float) -> list[Effect]:
-        aircraft, request = self.aircraft, self._asked()
-        if aircraft.guided:
-            self._request, self._was_guided = None, True
-            self.supervisor.handle(Event.TAKEN)
-            self.supervisor.handle(self._conflict())
-            return []
-        if self._decision.layer is Layer.CLEAR:
-            self.supervisor.handle(Event.CLEAR)
-            return self._release(now_s)
-        if request.refusals or now_s - request.made_s >= _LONGEST_ENGAGING_S:
-            return self._give_up_engaging(now_s)
-        return self._ask(now_s)
-
-    def _give_up_engaging(self, now_s: float) -> list[Effect]:
-        request = self._asked()
-        if not request.refusals and self.aircraft.heartbeat_s <= request.made_s:
-            # Not a word since: the aircraft may be in the guided mode by now, with nobody flying it.
-            self.supervisor.handle(Event.UNKNOWN)
-            return self._release(now_s)
-        self.supervisor.handle(Event.REFUSED)
-        self._request, self._ready_since_s = None, None
-        self._abandoned_s, self._abandoned = now_s, self._abandoned + 1
-        self._not_before_s = now_s + self._rules.retry_s * min(self._abandoned, 5)
-        words = "refused" if request.refusals else "did not answer"
-        return self._tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
-
-    def _came_late(self, now_s: float) -> bool:
-        """The guided mode, entered on a request that we had given up: nobody else flies it."""
-        late = self.aircraft.guided and now_s - self._abandoned_s < _LATE_S
-        return late and self.supervisor.state is State.STANDBY
-
-    def _while_flying(self, now_s: float) -> list[Effect]:
-        self._abandoned = 0
-        if self._blind(now_s):
-            self.supervisor.handle(Event.CLEAR)
-            lost = self._tell(mavlink.MAV_SEVERITY_CRITICAL, "Avoidance: own position lost", now_s)
-            return [*self._release(now_s), *lost]
-        refused = [
-            effect
-            for words in self._adapter().refusals()
-            for effect in self._tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
-        ]
-        if self._decision.layer is Layer.CLEAR:
-            self.supervisor.handle(Event.CLEAR)
-            told = self._tell(mavlink.MAV_SEVERITY_NOTICE, self._returned(), now_s)
-            return [*refused, *self._release(now_s), *told]
-        if self.supervisor.handle(self._conflict()):
-            return [*refused, *self._tell_conflict(now_s)]
-        return refused
-
-    def _while_releasing(self, now_s: float) -> list[Effect]:
-        aircraft, request = self.aircraft, self._asked()
-        if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.CONFIRMED:
-            self._request = None
-            self.supervisor.handle(Event.GIVEN_BACK)
-            return []
-        stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
-        if stuck and self._decision.layer is not Layer.CLEAR:
-            # It cannot leave, and there is traffic: better flown by us than by nobody.
-            self.supervisor.handle(self._conflict())
-            return self._while_engaging(now_s)
-        if request.refusals >= _REFUSALS_BEFORE_FALLBACK and request.wanted == self._mode_before:
-            fallback = self._adapter().fallback_mode
-            self._request = ModeRequest(request.start, fallback, now_s)
-            name = self._adapter().mode_name(fallback)
-            told = self._tell(
-                mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {self._before()} refused, {name} instead", now_s
-            )
-            return [*self._ask(now_s), *told]
-        return self._ask(now_s)
-
-    def _ready(self, now_s: float) -> bool:
-        aircraft = self.aircraft
-        return (
-            aircraft.adapter is not None
-            and aircraft.adapter.can_fly
-            and aircraft.fixed_wing
-            and aircraft.heard(now_s)
-            and now_s - aircraft.position_s <= self._params.position_stale_s
-            and aircraft.mode in self._rules.take_over_from
-            and aircraft.flying(self._rules.min_height_m)
-            and now_s >= self._not_before_s
-        )
-
-    def _hands_off(self, now_s: float) -> list[Effect]:
-        self._adapter().stand_back()
-        self.supervisor.handle(Event.LOST)
-        self._request, self._ready_since_s = None, None
-        self._against_us = self.aircraft.mode in self._rules.take_over_from
-        self._avoider.reset()
-        mode = self.aircraft.mode if self.aircraft.armed else "disarmed"
-        return self._tell(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: hands off, {mode}", now_s)
-
-    def _release(self, now_s: float) -> list[Effect]:
-        adapter = self._adapter()
-        adapter.stand_back()
-        # Our own request for the guided mode may still be under way: then the former mode, seen too soon, is
-        # what it was before that arrived.
-        settle_s = 0.0 if self._was_guided else _SETTLE_S
-        self._request = ModeRequest(adapter.guided_mode, self._mode_before, now_s, settle_s=settle_s)
-        return self._ask(now_s)
-
-    def _ask(self, now_s: float) -> list[Effect]:
-        """Send the request for a mode, if the heartbeats allow it."""
-        aircraft, request = self.aircraft, self._asked()
-        if not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
-            return []
-        return self._transmit([self._adapter().set_mode(request.wanted)])
-
-    def _asked(self) -> ModeRequest:
-        if self._request is None:
-            raise RuntimeError("no request under way: the supervisor must not get here")
-        return self._request
-
-    def _blind(self, now_s: float) -> bool:
-        return now_s - self.aircraft.position_s > _BLIND_S
-
-    def _conflict(self) -> Event:
-        return Event.INNER_CONFLICT if self._decision.layer is Layer.INNER else Event.OUTER_CONFLICT
-
     # --- commanding
 
     def _command(self, now_s: float) -> list[Effect]:
-        place, guidance = self.aircraft.place(), self._decision.guidance
-        if place is None or guidance is None:
+        adapter, place = self.aircraft.adapter, self.aircraft.place()
+        guidance = self._decision.guidance
+        if adapter is None or place is None or guidance is None:
             return []
         flown = Flown(_in_reach(guidance), place, self.aircraft.velocity_mps())
-        return self._transmit(self._adapter().command(flown, now_s, urgent=self._prompted))
+        return self._announcer.transmit(adapter.command(flown, now_s, urgent=self._prompted))
 
     # --- receiving
 
@@ -489,26 +305,8 @@ class Engine:
     def _receive_answer(self, fact: CommandResult, now_s: float) -> bool:
         if fact.target is not None and fact.target != self.sender:
             return False
-        adapter = self._adapter()
-        if fact.command != adapter.mode_command:
-            adapter.observe(fact, now_s)
-        elif self._request is not None and fact.result not in _NOT_REFUSED:
-            self._request.refused(now_s)
+        self._authority.answered(fact, now_s)
         return False
-
-    # --- telling
-
-    def _adapter(self) -> Adapter:
-        adapter = self.aircraft.adapter
-        if adapter is None:
-            raise RuntimeError("no autopilot: the supervisor must not get here")
-        return adapter
-
-    def _before(self) -> str:
-        return self._adapter().mode_name(self._mode_before)
-
-    def _returned(self) -> str:
-        return f"Clear of traffic, back to {self._before()}"
 
     def _tell_who_is_there(self, now_s: float) -> list[Effect]:
         """Whatever keeps us from flying the autopilot that is heard."""
@@ -520,44 +318,9 @@ class Engine:
             problem = f"Avoidance: another autopilot, system {min(aircraft.others)}"
         elif aircraft.adapter is not None and not aircraft.fixed_wing:
             problem = "Avoidance: not a fixed wing, advising only"
-        return [] if problem is None else self._tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
-
-    def _tell_conflict(self, now_s: float) -> list[Effect]:
-        """Once for each traffic and layer: where it is, and what we do."""
-        own, decision = self._own, self._decision
-        if own is None or not decision.threats:
+        if problem is None:
             return []
-        threat = decision.threats[0]
-        names = [(track.track_id, track.callsign) for track in self._tracks]
-        inner = decision.layer is Layer.INNER
-        text = f"{describe_threat(threat, own, names)}: {describe_guidance(decision, own)}"
-        return self._tell(
-            mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
-            f"{'Traffic!' if inner else 'Traffic'} {text}",
-            now_s,
-            topic=f"{decision.layer} {threat.track_id}",
-        )
-
-    def _heartbeat(self, now_s: float) -> Message:
-        healthy = self.aircraft.heard(now_s) and now_s - self.aircraft.position_s < _BLIND_S
-        return mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-            mavlink.MAV_AUTOPILOT_INVALID,
-            0,
-            0,
-            mavlink.MAV_STATE_ACTIVE if healthy else mavlink.MAV_STATE_CRITICAL,
-            3,
-        )
-
-    def _tell(
-        self, severity: int, text: str, now_s: float, topic: str | None = None, *, once: bool = False
-    ) -> list[Effect]:
-        messages = self._announcer.text(severity, text, now_s, topic, once=once)
-        return [Say(severity, text), *self._transmit(messages)] if messages else []
-
-    def _transmit(self, messages: list[Message]) -> list[Effect]:
-        sender = self.sender
-        return [Transmit(sender, message) for message in messages]
+        return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
 
 
 def _in_reach(guidance: Guidance) -> Guidance:
