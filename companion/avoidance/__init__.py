@@ -1,6 +1,7 @@
 """The maths of collision avoidance. Pure: no socket, no clock, no file."""
 
-from companion.avoidance.avoider import AvoidanceParams, Avoider
+from companion.avoidance.avoider import Avoider
 from companion.avoidance.envelope import Envelope
+from companion.avoidance.params import AvoidanceParams
 
 __all__ = ["AvoidanceParams", "Avoider", "Envelope"]

@@ -1,0 +1,47 @@
+"""The parameters of the avoidance; those of its parts stand with their maths."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from companion.avoidance.envelope import Envelope
+from companion.avoidance.outer import FieldParams
+from companion.avoidance.strategies import CostWeights
+
+
+@dataclass(frozen=True)
+class AvoidanceParams:
+    """Volumes, layers and prices. Radii are measured from the protected volume's surface (paper §2.3)."""
+
+    # Well clear for small UAS against crewed aircraft (ASTM F3442).
+    well_clear_horizontal_m: Annotated[float, Gt(0), Le(20_000)] = 609.6
+    well_clear_vertical_m: Annotated[float, Gt(0), Le(2_000)] = 76.2
+    # Masts and other things that stand on the ground need less room: there is nobody to be startled.
+    obstacle_horizontal_m: Annotated[float, Gt(0), Le(20_000)] = 150.0
+    obstacle_vertical_m: Annotated[float, Gt(0), Le(2_000)] = 50.0
+    # The volume is kept larger than required by these shares, against what is not predicted.
+    horizontal_margin: Annotated[float, Ge(0), Le(5)] = 0.15
+    vertical_margin: Annotated[float, Ge(0), Le(5)] = 0.25
+    # Each layer reaches as far as its length or its time at the closing speed, whichever is larger.
+    outer_radius_m: Annotated[float, Gt(0)] = 1500.0
+    outer_time_s: Annotated[float, Gt(0), Le(80)] = 60.0
+    inner_radius_m: Annotated[float, Gt(0)] = 300.0
+    inner_time_s: Annotated[float, Gt(0), Le(80)] = 20.0
+    # Transition domain: the cone is this much wider for whoever is in it.
+    delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(5.0)
+    # Back to the mission only when its flight keeps clear by this share more, for this long.
+    release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
+    release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
+    # An avoidance goes no further up or down than this from where it would otherwise be.
+    largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
+    # Rows are priced against the most pressing tracks; the others still count for the layers.
+    priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
+    envelope: Envelope = field(default_factory=Envelope)
+    field_gains: FieldParams = field(default_factory=FieldParams)
+    weights: CostWeights = field(default_factory=CostWeights)
+
+    def __post_init__(self) -> None:
+        if self.inner_radius_m > self.outer_radius_m or self.inner_time_s > self.outer_time_s:
+            raise ValueError("the inner layer must not reach further than the outer layer")

@@ -1,0 +1,202 @@
+"""The situation measured: all tracks against flying the mission on, at aircraft scale."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
+from companion.avoidance.envelope import Envelope
+from companion.avoidance.geometry import (
+    Array,
+    closing_speed_mps,
+    position_at,
+    time_to_closest_s,
+    vertical_distance_m,
+)
+from companion.avoidance.params import AvoidanceParams
+from companion.avoidance.prediction import (
+    Commands,
+    OwnState,
+    Tracks,
+    fly_ahead,
+    ground_speed_mps,
+    separation,
+)
+from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind
+
+# How fast we could fly towards somebody who is near but not on his way to us.
+_OWN_REACH_MPS = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """All tracks measured against flying the mission on; arrays of shape (N,) unless said otherwise."""
+
+    tracks: Tracks
+    rel_position_m: Array  # other minus own, (N, 3)
+    own_rel_velocity_mps: Array  # own on the mission minus other, (N, 3)
+    surface_m: Array  # horizontal distance to the protected volume
+    closing_mps: Array
+    time_to_closest_s: Array
+    outer_reach_m: Array
+    inner_reach_m: Array
+    conflict: NDArray[np.bool_]
+
+    def pressing(self, most: int) -> NDArray[np.intp]:
+        """Places of the tracks to price against: conflicts first, then those soonest reached."""
+        reach_s = self.surface_m / (np.hypot(*self.own_rel_velocity_mps[:, :2].T) + _OWN_REACH_MPS)
+        return np.lexsort((reach_s, ~self.conflict))[:most]
+
+    @property
+    def near(self) -> bool:
+        """Whether a conflict is within the inner layer."""
+        return bool((self.conflict & (self.surface_m < self.inner_reach_m)).any())
+
+    @property
+    def nearest(self) -> int:
+        """Place of the nearest conflict."""
+        return int(np.argmin(np.where(self.conflict, self.surface_m, np.inf)))
+
+
+def take(
+    state: OwnState,
+    mission: Guidance,
+    tracks: Tracks,
+    params: AvoidanceParams,
+    envelope: Envelope,
+    domain: TransitionDomain,
+    *,
+    avoiding: bool,
+) -> Survey:
+    """Measure all tracks; `domain` remembers the cones entered, `avoiding` asks for the release margin."""
+    rel_position = tracks.position_m - state.position_m
+    speed_mps = ground_speed_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+    own_velocity = np.array(
+        [speed_mps * math.cos(mission.course_rad), speed_mps * math.sin(mission.course_rad), 0.0]
+    )
+    rel_velocity = tracks.velocity_mps - own_velocity
+    closing = closing_speed_mps(rel_position[:, :2], rel_velocity[:, :2])
+    distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
+    surface = distance - tracks.protected_horizontal_m
+    outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * closing)
+    inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * closing)
+    closest = separation(fly_ahead(state, Commands.of([mission]), envelope), tracks).closest[0]
+    lost = closest < (1.0 + params.release_margin if avoiding else 1.0)
+    in_cone = domain.update(
+        tracks.ids,
+        approach_angle_rad(rel_position, -rel_velocity),
+        half_angle_rad(distance, tracks.protected_horizontal_m),
+        lost & (surface < outer_reach),
+    )
+    return Survey(
+        tracks=tracks,
+        rel_position_m=rel_position,
+        own_rel_velocity_mps=-rel_velocity,
+        surface_m=surface,
+        closing_mps=closing,
+        time_to_closest_s=time_to_closest_s(rel_position, rel_velocity),
+        outer_reach_m=outer_reach,
+        inner_reach_m=inner_reach,
+        # Near by, a turn back to the mission may lead through the volume although its far end does not.
+        conflict=in_cone | (lost & (surface < inner_reach)),
+    )
+
+
+def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams) -> Tracks:
+    """The tracks extrapolated to `now_s`, with the volumes to keep out of, margins included."""
+    position = np.array([track.position_m for track in relevant], dtype=np.float64)
+    velocity = np.array([track.velocity_mps for track in relevant], dtype=np.float64)
+    grounded = np.array([track.kind is TrafficKind.OBSTACLE for track in relevant])
+    age_s = now_s - np.array([track.time_s for track in relevant])
+    horizontal = np.where(grounded, params.obstacle_horizontal_m, params.well_clear_horizontal_m)
+    vertical = np.where(grounded, params.obstacle_vertical_m, params.well_clear_vertical_m)
+    for i, track in enumerate(relevant):
+        if track.protected_horizontal_m is not None:
+            horizontal[i] = track.protected_horizontal_m
+        if track.protected_vertical_m is not None:
+            vertical[i] = track.protected_vertical_m
+    return Tracks(
+        tuple(track.track_id for track in relevant),
+        position + velocity * age_s[:, None],
+        velocity,
+        np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin),
+        np.maximum(vertical, 1.0) * (1.0 + params.vertical_margin),
+        grounded,
+    )
+
+
+def threats(survey: Survey, relevant: Sequence[Track], most: int) -> tuple[Threat, ...]:
+    """The conflicts, nearest first."""
+    at_closest = position_at(
+        survey.rel_position_m, -survey.own_rel_velocity_mps, np.maximum(survey.time_to_closest_s, 0.0)
+    )
+    vertical = vertical_distance_m(at_closest[:, 2], survey.tracks.grounded)
+    places = np.flatnonzero(survey.conflict)
+    order = places[np.argsort(survey.surface_m[places], kind="stable")][:most]
+    return tuple(
+        Threat(
+            track_id=relevant[i].track_id,
+            icao=relevant[i].icao,
+            distance_m=float(np.hypot(*survey.rel_position_m[i, :2])),
+            relative_altitude_m=-float(survey.rel_position_m[i, 2]),
+            bearing_rad=math.atan2(survey.rel_position_m[i, 1], survey.rel_position_m[i, 0]),
+            closing_mps=float(survey.closing_mps[i]),
+            time_to_closest_s=float(survey.time_to_closest_s[i]),
+            miss_horizontal_m=float(np.hypot(*at_closest[i, :2])),
+            miss_vertical_m=float(vertical[i]),
+            layer=Layer.INNER if survey.surface_m[i] < survey.inner_reach_m[i] else Layer.OUTER,
+        )
+        for i in order.tolist()
+    )
+
+
+def matters(track: Track) -> bool:
+    """Whether a track is finite, and of something that flies or stands in the way."""
+    finite = all(map(math.isfinite, (*track.position_m, *track.velocity_mps, track.time_s)))
+    return finite and track.kind is not TrafficKind.SURFACE_VEHICLE
+
+
+def refuse_nonsense(own: Ownship, goal: Goal) -> None:
+    """`ValueError` when there is no safe answer."""
+    numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
+    numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
+    numbers += [x for x in (goal.course_rad, goal.airspeed_mps, goal.altitude_m) if x is not None]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("ownship or goal is not finite")
+
+
+def own_state(now_s: float, own: Ownship) -> OwnState:
+    """Ownship at `now_s`, with the wind that it measured or implies."""
+    velocity = np.array(own.velocity_mps, dtype=np.float64)
+    position = np.array(own.position_m, dtype=np.float64) + velocity * (now_s - own.time_s)
+    ground_speed = math.hypot(velocity[0], velocity[1])
+    airspeed = own.airspeed_mps if own.airspeed_mps > 1.0 else max(ground_speed, 1.0)
+    if own.wind_mps is not None:
+        wind = np.array(own.wind_mps, dtype=np.float64)
+    else:
+        # What moves over the ground but not through the air is the wind; a bad heading must not make a storm.
+        wind = velocity[:2] - airspeed * np.array([math.cos(own.heading_rad), math.sin(own.heading_rad)])
+        strength = math.hypot(wind[0], wind[1])
+        if strength > 0.6 * airspeed:
+            wind = np.zeros(2)
+    course = math.atan2(velocity[1], velocity[0]) if ground_speed > 1.0 else own.heading_rad
+    return OwnState(position, course, airspeed, -float(velocity[2]), wind)
+
+
+def mission_of(state: OwnState, own: Ownship, goal: Goal) -> Guidance:
+    """What the goal means from here: course, airspeed and height."""
+    airspeed = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
+    altitude, course = goal.altitude_m, goal.course_rad
+    if goal.position_m is not None:
+        north, east = (goal.position_m[i] - float(state.position_m[i]) for i in (0, 1))
+        # On top of the goal its bearing means nothing.
+        course = math.atan2(east, north) if math.hypot(north, east) > 1.0 else state.course_rad
+        altitude = -goal.position_m[2] if altitude is None else altitude
+    return Guidance(
+        state.course_rad if course is None else course,
+        airspeed,
+        -float(state.position_m[2]) if altitude is None else altitude,
+    )
