@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
 from companion.model import Guidance
+from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
@@ -71,7 +72,7 @@ class Commands:
         """The guidance that flies a row."""
         ground, height = self.ground_of[index], self.height_of[index]
         return Guidance(
-            float(self.course_rad[ground] % (2.0 * math.pi)),
+            wrap_two_pi(float(self.course_rad[ground])),
             float(self.airspeed_mps[ground]),
             float(self.altitude_m[height]),
         )

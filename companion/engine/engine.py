@@ -35,7 +35,6 @@ from companion.model import (
     AltitudeReference,
     Decision,
     Goal,
-    Guidance,
     Layer,
     Ownship,
     Snapshot,
@@ -280,7 +279,7 @@ class Engine:
         guidance = self._decision.guidance
         if adapter is None or place is None or guidance is None:
             return []
-        flown = Flown(_in_reach(guidance), place, self.aircraft.velocity_mps())
+        flown = Flown(guidance, place, self.aircraft.velocity_mps())
         return self._announcer.transmit(adapter.command(flown, now_s, urgent=self._prompted))
 
     # --- receiving
@@ -321,8 +320,3 @@ class Engine:
         if problem is None:
             return []
         return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
-
-
-def _in_reach(guidance: Guidance) -> Guidance:
-    """A course in [0, 2 pi), whatever came of rounding."""
-    return replace(guidance, course_rad=guidance.course_rad % (2.0 * math.pi))

@@ -1,0 +1,143 @@
+"""What must hold for every geometry: closest approach, symmetry, invariance, limits, finite answers."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.avoidance import AvoidanceParams, Avoider, Envelope
+from companion.avoidance.cone import TransitionDomain, half_angle_rad
+from companion.avoidance.geometry import position_at, signed_angle_rad, time_to_closest_s
+from companion.avoidance.potential import repulsion_magnitude
+from companion.geodesy import GeoPoint, LocalFrame
+from companion.model import Decision, Goal, Layer, Ownship, Track, Vec3
+from companion.units import wrap_pi
+
+lengths = st.floats(-20_000.0, 20_000.0)
+speeds = st.floats(-130.0, 130.0)
+angles = st.floats(-math.pi, math.pi)
+PARAMS = AvoidanceParams(envelope=Envelope(min_altitude_m=50.0, max_altitude_m=1500.0))
+
+
+@given(lengths, lengths, speeds, speeds)
+def test_nothing_is_nearer_than_the_closest_approach(n: float, e: float, vn: float, ve: float) -> None:
+    position, velocity = np.array([[n, e]]), np.array([[vn, ve]])
+    time_s = time_to_closest_s(position, velocity)
+    nearest_m = np.hypot(*position_at(position, velocity, time_s)[0])
+    for offset_s in (-100.0, -1.0, -0.01, 0.01, 1.0, 100.0):
+        if math.isfinite(time_s[0]):
+            other = position_at(position, velocity, time_s + offset_s)[0]
+            assert np.hypot(*other) >= nearest_m - 1e-6 * (1.0 + abs(n) + abs(e))
+
+
+@given(lengths, lengths, lengths, lengths)
+def test_angles_change_sign_with_the_side(a: float, b: float, c: float, d: float) -> None:
+    one, other = np.array([[a, b]]), np.array([[c, d]])
+    mirrored = signed_angle_rad(one * [1.0, -1.0], other * [1.0, -1.0])
+    angle = signed_angle_rad(one, other)
+    assert np.isclose(abs(angle), abs(mirrored)).all()
+    assert np.isclose(wrap_pi(float(angle[0] + mirrored[0])) % (2 * math.pi), 0.0, atol=1e-9) or np.isclose(
+        abs(angle), math.pi
+    )
+
+
+@given(st.floats(0.1, 50_000.0), st.floats(0.1, 5_000.0))
+def test_the_cone_is_that_of_the_tangent(distance_m: float, radius_m: float) -> None:
+    beta = float(half_angle_rad(np.array([distance_m]), np.array([radius_m]))[0])
+    if distance_m > radius_m:
+        assert math.isclose(math.sin(beta), radius_m / distance_m, rel_tol=1e-9)
+    else:
+        assert beta == math.pi
+
+
+@given(st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=40))
+def test_within_the_domain_it_never_chatters(alphas: list[float]) -> None:
+    """Between beta1 and beta2 the answer is the last one."""
+    beta1, delta = math.radians(10.0), math.radians(5.0)
+    domain, last = TransitionDomain(delta), False
+    for alpha in alphas:
+        now = bool(domain.update(["A"], np.array([alpha]), np.array([beta1]), np.array([True]))[0])
+        if beta1 < abs(alpha) <= beta1 + delta:
+            assert now is last
+        else:
+            assert now is (abs(alpha) <= beta1)
+        last = now
+
+
+@given(st.floats(-1e6, 1e6), st.floats(0.01, 1e5), st.floats(0.0, 1e3))
+def test_the_field_is_finite_and_never_attracts(rho: float, reach: float, gain: float) -> None:
+    force = repulsion_magnitude(np.array([rho]), reach, gain)
+    assert np.isfinite(force).all()
+    assert (force >= 0.0).all()
+
+
+def decide(own: Ownship, tracks: list[Track], goal: Goal) -> Decision:
+    return Avoider(PARAMS).decide(own.time_s, own, tracks, goal)
+
+
+@st.composite
+def situations(draw: st.DrawFn) -> tuple[Ownship, list[Track], Goal]:
+    course, airspeed = draw(angles), draw(st.floats(15.0, 30.0))
+    velocity = (airspeed * math.cos(course), airspeed * math.sin(course), draw(st.floats(-3.0, 3.0)))
+    own = Ownship(0.0, (0.0, 0.0, -draw(st.floats(60.0, 1400.0))), velocity, airspeed, course)
+    tracks = [
+        Track(
+            f"T{i}",
+            draw(st.floats(-20.0, 0.0)),
+            (draw(lengths), draw(lengths), own.position_m[2] + draw(st.floats(-300.0, 300.0))),
+            (draw(speeds), draw(speeds), draw(st.floats(-10.0, 10.0))),
+        )
+        for i in range(draw(st.integers(0, 4)))
+    ]
+    return own, tracks, Goal(course_rad=course, airspeed_mps=airspeed, altitude_m=-own.position_m[2])
+
+
+@settings(max_examples=150, deadline=None)
+@given(situations())
+def test_whatever_comes_the_answer_is_finite_and_within_the_limits(
+    situation: tuple[Ownship, list[Track], Goal],
+) -> None:
+    decision = decide(*situation)
+    assert (decision.layer is Layer.CLEAR) == (decision.guidance is None)
+    if decision.guidance is None:
+        return
+    guidance = decision.guidance
+    assert 0.0 <= guidance.course_rad < 2.0 * math.pi
+    assert PARAMS.envelope.min_airspeed_mps <= guidance.airspeed_mps <= PARAMS.envelope.max_airspeed_mps
+    assert 50.0 <= guidance.altitude_m <= 1500.0
+    assert decision.threats
+    assert all(math.isfinite(threat.distance_m) for threat in decision.threats)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(situations(), st.floats(-30_000.0, 30_000.0), st.floats(-30_000.0, 30_000.0))
+def test_where_the_frame_lies_decides_nothing(
+    situation: tuple[Ownship, list[Track], Goal], north_m: float, east_m: float
+) -> None:
+    own, tracks, goal = situation
+
+    def moved(place: Vec3) -> Vec3:
+        return (place[0] + north_m, place[1] + east_m, place[2])
+
+    first = decide(own, tracks, goal)
+    second = decide(
+        Ownship(0.0, moved(own.position_m), own.velocity_mps, own.airspeed_mps, own.heading_rad),
+        [Track(t.track_id, t.time_s, moved(t.position_m), t.velocity_mps) for t in tracks],
+        goal,
+    )
+    assert first.layer is second.layer
+    assert len(first.threats) == len(second.threats)
+
+
+@given(st.floats(-89.0, 89.0), st.floats(-180.0, 179.999), lengths, lengths)
+def test_the_local_frame_is_its_own_inverse(lat: float, lon: float, north_m: float, east_m: float) -> None:
+    frame = LocalFrame(lat, lon)
+    back = frame.to_ned_m(frame.to_geo(north_m, east_m, -100.0))
+    assert np.allclose(back, (north_m, east_m, -100.0), atol=1e-4)
+
+
+def test_north_and_east_have_the_lengths_of_the_ellipsoid() -> None:
+    north_m, east_m, _ = LocalFrame(47.0, 8.0).to_ned_m(GeoPoint(47.01, 8.01, 0.0))
+    assert math.isclose(north_m, 1111.8, rel_tol=2e-4)
+    assert math.isclose(east_m, 760.6, rel_tol=2e-4)
