@@ -1,6 +1,7 @@
-"""The command line: `companion-sim demo` and `companion-sim vehicle`."""
+"""The command line: `companion-sim demo`, `vehicle` and `bench`."""
 
 import asyncio
+import contextlib
 import json
 import logging
 import signal
@@ -12,10 +13,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from companion.cli import guarded, writable
 from companion.errors import CompanionError, ConfigError, LinkError
 from companion.links import open_link
+from sim.bench import run as run_bench
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, DemoState, fly_demo
 from sim.scenario import DEFAULT_SCENARIO, build_world, load_scenario, scenario_names
@@ -132,6 +135,39 @@ def vehicle(
     server = VehicleServer(world.vehicle, links, clock, receiver=world.receiver)
     logging.getLogger("sim").info("ArduPlane, system 1, on %s: %s", ", ".join(link), chosen.description)
     asyncio.run(_serve(server))
+
+
+@app.command(epilog="Example: companion-sim bench --report bench.json")
+def bench(
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")
+    ] = None,
+) -> None:
+    """Measure what a decision costs, from datagram to setpoint, and replay; about a minute."""
+    if report is not None:
+        writable(report)
+    logging.getLogger("companion").addHandler(logging.NullHandler())
+    console = Console(highlight=False)
+    status = console.status("starting") if console.is_terminal else contextlib.nullcontext()
+    with status as shown:
+        figures = run_bench(lambda text: shown.update(text) if shown is not None else None)
+    table = Table(title="Milliseconds", title_justify="left")
+    for heading in ("what", "p50", "p99"):
+        table.add_column(heading, justify="left" if heading == "what" else "right")
+    for count, times in figures["decide_ms"].items():
+        table.add_row(
+            f"a decision among {count}, all in conflict", f"{times['p50']:.2f}", f"{times['p99']:.2f}"
+        )
+    wire = figures["wire_latency_ms"]
+    table.add_row("ADS-B datagram in to setpoint out", f"{wire['p50']:.2f}", f"{wire['p99']:.2f}")
+    console.print(table)
+    console.print(
+        f"Replay through the engine: {figures['replay_messages_per_s']:,} messages/s, "
+        f"{figures['replay_ratio']} times pymavlink's reader; reading alone "
+        f"{figures['read_messages_per_s']:,}, {figures['read_ratio']} times."
+    )
+    if report is not None:
+        report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
 
 
 async def _serve(server: VehicleServer) -> None:
