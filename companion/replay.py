@@ -44,6 +44,7 @@ class Replay:
     messages: int = 0
     bad_bytes: int = 0
     unknown: int = 0
+    unusable: int = 0
     duration_s: float = 0.0
     elapsed_s: float = 0.0
     layers: Counter[Layer] = field(default_factory=Counter)
@@ -60,6 +61,7 @@ class Replay:
             "messages": self.messages,
             "bad_bytes": self.bad_bytes,
             "unknown": self.unknown,
+            "unusable": self.unusable,
             "duration_s": round(self.duration_s, 3),
             "elapsed_s": round(self.elapsed_s, 3),
             "messages_per_s": round(self.messages_per_s),
@@ -110,7 +112,9 @@ def replay(
             on_progress(log.read_bytes)
         stepper.advance(now_us)
         fact = frame_to_fact(frame, now_us / 1e6)
-        if fact is not None:
+        if fact is None:
+            result.unusable += 1
+        else:
             stepper.receive(fact, now_us)
     result.messages, result.bad_bytes, result.unknown = log.messages, log.bad_bytes, log.unknown
     result.duration_s = (now_us - (first_us or 0)) / 1e6

@@ -17,7 +17,7 @@ from companion.errors import CompanionError, LinkError
 from companion.links import Link, open_link
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame
-from companion.mavlink.translate import frame_to_fact
+from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.recorder import Recorder
 
 _log = logging.getLogger("companion")
@@ -49,6 +49,7 @@ class Runtime:
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
+        self.unusable = 0  # messages that we want, of which nothing could be believed
         self._reopen = reopen
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
@@ -74,6 +75,7 @@ class Runtime:
         finally:
             for link in self.links:
                 link.close()
+            self._sum_up()
             if self.recorder is not None:
                 self.recorder.close()
         if self._failure is not None:
@@ -170,8 +172,12 @@ class Runtime:
             self._stepper.advance(now_us)
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
+            if frame.message_id not in WANTED:
+                continue
             fact = frame_to_fact(frame, now_us / 1e6)
-            if fact is not None:
+            if fact is None:
+                self.unusable += 1
+            else:
                 self._stepper.receive(fact, now_us)
         self._arrived_s = None
 
@@ -219,6 +225,28 @@ class Runtime:
                 _log.warning("no autopilot heard on %s; waiting for one", where)
         adapter = self.engine.aircraft.adapter
         _log.info("%s, system %d", adapter.name, adapter.target.system_id)
+
+    def _sum_up(self) -> None:
+        """What the links carried, and what was dropped."""
+        for link in self.links:
+            heard = link.counters
+            _log.info(
+                "%s: %d frames in (%d bad bytes, %d lost, %d unknown), %d out (%d errors)",
+                link.address,
+                heard.frames,
+                heard.bad_bytes,
+                heard.lost,
+                heard.unknown,
+                heard.sent_frames,
+                heard.send_errors,
+            )
+        refused = self.engine.tracker.dropped.total()
+        _log.info(
+            "%d unusable messages, %d from others, %d traffic reports refused",
+            self.unusable,
+            self.engine.foreign,
+            refused,
+        )
 
     def _catch_signals(self, undo: contextlib.ExitStack) -> None:
         loop = asyncio.get_running_loop()

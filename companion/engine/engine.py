@@ -105,6 +105,7 @@ class Engine:
         self._boot_time_s = -math.inf
         self._prompted = False
         self.ticks = 0
+        self.foreign = 0  # facts of systems that are not ours
 
     @property
     def sender(self) -> Sender:
@@ -153,6 +154,7 @@ class Engine:
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
         if not self.aircraft.observe(fact, now_s):
+            self.foreign += 1
             return False
         self._rates.observe(fact, now_s)
         match fact:

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import re
 import signal
 import socket
 import sys
@@ -143,6 +144,9 @@ async def test_garbage_on_the_link_changes_nothing(tmp_path: Path) -> None:
         assert vehicle.truth.mode is Mode.AUTO
     assert process.returncode == 0
     assert b"Traceback" not in errors
+    counted = re.search(rb"(\d+) bad bytes", errors)
+    assert counted is not None
+    assert int(counted[1]) > 1_000
 
 
 async def test_a_port_in_use_is_said_in_one_line(tmp_path: Path) -> None:

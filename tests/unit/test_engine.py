@@ -261,6 +261,7 @@ def test_facts_of_others_and_of_ourselves_change_nothing() -> None:
         T0 + 0.1,
     )
     after = engine.snapshot(T0).ownship
+    assert engine.foreign == 2, "what we sent ourselves is not foreign"
     assert before is not None
     assert after is not None
     assert after.position_m == before.position_m
