@@ -1,0 +1,134 @@
+"""The shell: links that fail, bugs, and the end of the service, over links in memory."""
+
+import asyncio
+
+import pytest
+
+from companion.engine import Engine, EngineConfig, EngineParams
+from companion.errors import CompanionError
+from companion.links import MemoryLink, memory_pair
+from companion.mavlink.dialect import Encoder, mavlink
+from companion.mavlink.framing import Frame, decode
+from companion.runtime import Runtime
+from companion.supervisor import State
+
+
+def traffic(tick: int) -> object:
+    """An aircraft two kilometres ahead, coming at 66 m/s."""
+    lat = -349_800_000 - tick * 300
+    flags = 0b1000_1111
+    return mavlink.MAVLink_adsb_vehicle_message(
+        0xA00001, lat, 1_490_000_000, 1, 884_000 + tick, 18_000, 6_000, 0, b"T", 1, 0, flags, 1200
+    )
+
+
+class Autopilot:
+    """Says that it flies north in AUTO with traffic ahead, and takes every mode it is asked for."""
+
+    def __init__(self, link: MemoryLink, *, obeys: bool = True) -> None:
+        self.link = link
+        self.mode = 10
+        self.modes_asked: list[int] = []
+        self._obeys = obeys
+        self._encoder = Encoder()
+
+    def hear(self, frames: list[Frame], _link: object) -> None:
+        for frame in frames:
+            message = decode(frame)
+            if getattr(message, "command", None) == 176:
+                self.modes_asked.append(int(message.param2))
+                if self._obeys or self.mode == 10:
+                    self.mode = int(message.param2)
+
+    def say(self, message: object) -> None:
+        self.link.send(self._encoder.encode(message, 1, 1))
+
+    async def run(self) -> None:
+        hearing = asyncio.create_task(self.link.run(self.hear))
+        try:
+            for tick in range(10_000):
+                self.say(mavlink.MAVLink_heartbeat_message(1, 3, 217, self.mode, 4, 3))
+                self.say(
+                    mavlink.MAVLink_global_position_int_message(
+                        tick * 50, -350_000_000, 1_490_000_000, 884_000, 300_000, 2200, 0, 0, 0
+                    )
+                )
+                if tick % 10 == 0:
+                    self.say(traffic(tick))
+                await asyncio.sleep(0.05)
+        finally:
+            self.link.close()
+            await hearing
+
+
+async def until(runtime: Runtime, *states: State) -> None:
+    async with asyncio.timeout(10.0):
+        while runtime.engine.supervisor.state not in states:  # noqa: ASYNC110 - the engine sets no events
+            await asyncio.sleep(0.02)
+
+
+def new_engine() -> Engine:
+    return Engine(EngineConfig(engine=EngineParams(autopilot_system_id=1)))
+
+
+async def test_stopping_gives_back_and_ends() -> None:
+    near, far = memory_pair()
+    runtime, autopilot = Runtime(new_engine(), [near]), Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    assert autopilot.mode == 15
+    runtime.stop()
+    runtime.stop()
+    await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    flying.cancel()
+
+
+async def test_a_bug_gives_the_aircraft_back_before_it_ends_the_service() -> None:
+    near, far = memory_pair()
+    runtime, autopilot = Runtime(new_engine(), [near]), Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+
+    def broken(_now_s: float) -> list[object]:
+        raise ZeroDivisionError("a bug")
+
+    runtime.engine.tick = broken  # type: ignore[method-assign,assignment]
+    with pytest.raises(ZeroDivisionError):
+        await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    flying.cancel()
+
+
+async def test_an_autopilot_that_never_takes_it_back_is_said() -> None:
+    near, far = memory_pair()
+    runtime, autopilot = Runtime(new_engine(), [near]), Autopilot(far, obeys=False)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    runtime.stop()
+    with pytest.raises(CompanionError, match="did not confirm"):
+        await asyncio.wait_for(running, 15.0)
+    assert autopilot.modes_asked.count(10) >= 3
+    flying.cancel()
+
+
+async def test_a_link_that_fails_is_opened_again_and_the_flight_goes_on() -> None:
+    near, far = memory_pair()
+    spare, spare_far = memory_pair()
+    runtime = Runtime(new_engine(), [near, spare], reopen=lambda _link: memory_pair()[0])
+    autopilot = Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    spare.failed("cable pulled")
+    await asyncio.sleep(1.0)
+    assert runtime.engine.supervisor.flying
+    assert runtime.links[1] is not spare
+    runtime.stop()
+    await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    flying.cancel()
+    spare_far.close()
