@@ -337,3 +337,25 @@ def test_refused_setpoints_are_told() -> None:
     loop.world.vehicle.receive = refusing  # type: ignore[method-assign]
     loop.run(20.0)
     assert loop.flight.texts.count("Avoidance: GUIDED_CHANGE_HEADING unsupported") == 1
+
+
+def test_a_request_that_arrives_after_the_stop_does_not_strand_the_aircraft() -> None:
+    held: list[Transmit] = []
+
+    def deaf(effect: Transmit) -> bool:
+        late = asks_for_a_mode(effect) and effect.message.param2 == Mode.GUIDED
+        early = asks_for_a_mode(effect) and effect.message.param2 == Mode.AUTO and bool(held)
+        if late:
+            held.append(effect)
+        return late or early
+
+    loop = Watched(deaf=deaf)
+    loop.until(State.ENGAGING)
+    loop.stop()
+    loop.run(0.4)
+    (request, *_) = held
+    held.clear()  # from here on the mode commands get through
+    loop.world.vehicle.receive(request.message, loop.now_us / 1e6, 0)
+    loop.run(5.0)
+    assert loop.engine.finished
+    assert loop.mode() is Mode.AUTO
