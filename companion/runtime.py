@@ -9,7 +9,7 @@ import logging
 import signal
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 
 from companion.clock import Clock, SteadyClock
 from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Say, Stepper, Transmit
@@ -26,7 +26,8 @@ _log = logging.getLogger("companion")
 _LONGEST_GIVING_BACK_US = 8_000_000
 _SILENCE_TOLD_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
-_SHORTEST_REOPENING_S, _LONGEST_REOPENING_S = 0.5, 10.0
+_SHORTEST_REOPENING_S, _LONGEST_REOPENING_S = 0.5, 5.0
+_WORKED_S = 10.0  # a link that lasted so long had been well
 
 
 class Runtime:
@@ -87,12 +88,12 @@ class Runtime:
         try:
             async with asyncio.TaskGroup() as tasks:
                 owned = [
-                    tasks.create_task(self._keep_link(place), name=f"link {link.address}")
+                    tasks.create_task(self._owned(self._keep_link(place)), name=f"link {link.address}")
                     for place, link in enumerate(self.links)
                 ]
                 if self.recorder is not None:
-                    owned.append(tasks.create_task(self.recorder.run(), name="recorder"))
-                owned.append(tasks.create_task(self._watch_silence(), name="silence"))
+                    owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
+                owned.append(tasks.create_task(self._owned(self._watch_silence()), name="silence"))
                 await self._tick_until_stopped()
                 for task in owned:
                     task.cancel()
@@ -100,11 +101,19 @@ class Runtime:
             # One line for the user; the group says nothing more.
             raise group.exceptions[0] from None
 
+    async def _owned(self, work: Coroutine[None, None, None]) -> None:
+        """A task whose failure ends the service, after the aircraft is given back."""
+        try:
+            await work
+        except Exception as error:  # noqa: BLE001 - as in `_guarded`, for tasks
+            self._failure = self._failure or error
+            self._stop.set()
+
     async def _keep_link(self, place: int) -> None:
         """Run a link, and open it again when it fails: the others go on, and so does the flight."""
         wait_s, level = _SHORTEST_REOPENING_S, logging.WARNING
         while True:
-            link = self.links[place]
+            link, began_s = self.links[place], time.monotonic()
             try:
                 await link.run(self._on_frames)
             except LinkError as error:
@@ -112,6 +121,8 @@ class Runtime:
             else:
                 return
             level = logging.DEBUG  # said once: a link that stays away is not news
+            if time.monotonic() - began_s > _WORKED_S:
+                wait_s, level = _SHORTEST_REOPENING_S, logging.WARNING
             await asyncio.sleep(wait_s)
             wait_s = min(2.0 * wait_s, _LONGEST_REOPENING_S)
             link.close()

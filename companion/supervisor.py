@@ -73,6 +73,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.RELEASING, Event.LOST): State.HANDS_OFF,
     (State.RELEASING, Event.STOP): State.STOPPING,
     (State.HANDS_OFF, Event.READY): State.MONITOR,
+    (State.HANDS_OFF, Event.LATE): State.RELEASING,
     (State.HANDS_OFF, Event.STOP): State.STOPPED,
     (State.STOPPING, Event.GIVEN_BACK): State.STOPPED,
     (State.STOPPING, Event.LOST): State.STOPPED,

@@ -19,10 +19,11 @@ from companion.supervisor import WATCHING, Event, State, Supervisor, SupervisorP
 _FRESH_HEARTBEAT_S = 1.5
 _LONGEST_ENGAGING_S = 3.0
 # A request that was given up may still arrive, on a slow link.
-_LATE_S = 10.0
+_LATE_S = 6.0
+# Without heartbeats nobody knows whose the aircraft is: one try to give it back, more when we are going.
+_BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
 _REFUSALS_BEFORE_FALLBACK = 3
-_NOT_REFUSED = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
 _ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
@@ -43,7 +44,8 @@ class Authority:
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
         self._abandoned = 0
-        self._abandoned_s = -math.inf
+        self._guided_sent_s = -math.inf
+        self._other_mode = 0  # the last one heard that was not ours
         self._ready_since_s: float | None = None
         self._not_before_s = -math.inf
 
@@ -64,6 +66,8 @@ class Authority:
     def step(self, outlook: Outlook, now_s: float) -> list[Effect]:
         """Act on what is heard and decided, by the supervisor's table."""
         self._outlook = outlook
+        if not self._aircraft.guided:
+            self._other_mode = self._aircraft.custom_mode
         state = self.supervisor.state
         if state in WATCHING:
             return self._while_watching(now_s)
@@ -89,6 +93,7 @@ class Authority:
     def _while_watching(self, now_s: float) -> list[Effect]:
         if self._came_late(now_s):
             self.supervisor.handle(Event.LATE)
+            self._mode_before = self._other_mode
             return self._release(now_s)
         clear = self._outlook.decision.layer is Layer.CLEAR
         # Whoever sent the aircraft back on its mission against us has decided about this conflict.
@@ -130,21 +135,21 @@ class Authority:
 
     def _give_up_engaging(self, now_s: float) -> list[Effect]:
         request = self._asked()
-        if not request.refusals and self._aircraft.heartbeat_s <= request.made_s:
+        if not request.refusals and self._aircraft.heartbeat_s <= request.sent_s:
             # Not a word since: the aircraft may be in the guided mode by now, with nobody flying it.
             self.supervisor.handle(Event.UNKNOWN)
             return self._release(now_s)
         self.supervisor.handle(Event.REFUSED)
         self._request, self._ready_since_s = None, None
-        self._abandoned_s, self._abandoned = now_s, self._abandoned + 1
+        self._abandoned += 1
         self._not_before_s = now_s + self._rules.retry_s * min(self._abandoned, 5)
         words = "refused" if request.refusals else "did not answer"
         return self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
 
     def _came_late(self, now_s: float) -> bool:
         """The guided mode, entered on a request that we had given up: nobody else flies it."""
-        late = self._aircraft.guided and now_s - self._abandoned_s < _LATE_S
-        return late and self.supervisor.state is State.STANDBY
+        late = self._aircraft.guided and now_s - self._guided_sent_s < _LATE_S
+        return late and self.supervisor.state in (State.STANDBY, State.HANDS_OFF)
 
     def _while_flying(self, now_s: float) -> list[Effect]:
         self._abandoned = 0
@@ -176,15 +181,20 @@ class Authority:
             # It cannot leave, and there is traffic: better flown by us than by nobody.
             self.supervisor.handle(self._conflict())
             return self._while_engaging(now_s)
-        if request.refusals >= _REFUSALS_BEFORE_FALLBACK and request.wanted == self._mode_before:
-            fallback = self._adapter().fallback_mode
-            self._request = ModeRequest(request.start, fallback, now_s)
-            name = self._adapter().mode_name(fallback)
-            told = self._announcer.tell(
-                mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {self._before()} refused, {name} instead", now_s
-            )
-            return [*self._ask(now_s), *told]
+        if request.refusals >= _REFUSALS_BEFORE_FALLBACK:
+            return self._try_other_mode(now_s)
         return self._ask(now_s)
+
+    def _try_other_mode(self, now_s: float) -> list[Effect]:
+        """The former mode and the fallback in turn, while the autopilot refuses both."""
+        adapter, request = self._adapter(), self._asked()
+        text = "Avoidance: cannot leave GUIDED, take over"
+        other = self._mode_before
+        if request.wanted == self._mode_before:
+            other = adapter.fallback_mode
+            text = f"Avoidance: {self._before()} refused, {adapter.mode_name(other)} instead"
+        self._request = ModeRequest(request.start, other, now_s)
+        return [*self._ask(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, text, now_s)]
 
     def _ready(self, now_s: float) -> bool:
         aircraft = self._aircraft
@@ -213,7 +223,14 @@ class Authority:
         # Our own request for the guided mode may still be under way: then the former mode, seen too soon, is
         # what it was before that arrived.
         settle_s = 0.0 if self._was_guided else _SETTLE_S
-        self._request = ModeRequest(adapter.guided_mode, self._mode_before, now_s, settle_s=settle_s)
+        ending = self.supervisor.state is State.STOPPING
+        self._request = ModeRequest(
+            adapter.guided_mode,
+            self._mode_before,
+            now_s,
+            settle_s=settle_s,
+            blind_tries=_BLIND_RELEASES_AT_END if ending else _BLIND_RELEASES,
+        )
         return self._ask(now_s)
 
     def _ask(self, now_s: float) -> list[Effect]:
@@ -221,6 +238,8 @@ class Authority:
         aircraft, request = self._aircraft, self._asked()
         if not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
             return []
+        if request.wanted == self._adapter().guided_mode:
+            self._guided_sent_s = now_s
         return self._announcer.transmit([self._adapter().set_mode(request.wanted)])
 
     def _asked(self) -> ModeRequest:
@@ -236,8 +255,12 @@ class Authority:
         adapter = self._adapter()
         if fact.command != adapter.mode_command:
             adapter.observe(fact, now_s)
-        elif self._request is not None and fact.result not in _NOT_REFUSED:
+        elif self._request is not None and fact.result == mavlink.MAV_RESULT_ACCEPTED:
+            self._request.accepted(now_s)
+        elif self._request is not None and fact.result != mavlink.MAV_RESULT_IN_PROGRESS:
             self._request.refused(now_s)
+            if self.supervisor.state is State.ENGAGING:
+                self._guided_sent_s = -math.inf  # nothing is under way any more
 
     def _adapter(self) -> Adapter:
         adapter = self._aircraft.adapter

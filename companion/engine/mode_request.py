@@ -9,11 +9,11 @@ who changed the mode meanwhile.
 import math
 from enum import Enum
 
-_RESEND_S = 0.5
-# Without any heartbeat it is tried so often, and then only heartbeats can help.
-_BLIND_TRIES = 3
+_RESEND_S = 1.0
 _EVIDENCE_S = 1.5
-_LONGEST_WAIT_S = 5.0
+# An accepted request shows in the heartbeat soon; on a slow link, that much later.
+_ACCEPTED_S = 3.0
+_FIRST_REFUSAL_S, _LONGEST_REFUSAL_S = 1.0, 5.0
 
 
 class Progress(Enum):
@@ -28,18 +28,21 @@ class ModeRequest:
     """One request, from `start` to `wanted` (custom modes), made at `now_s`.
 
     With `settle_s`, the wanted mode counts only when seen so long after the first try: an older request,
-    still under way, might come after it.
+    still under way, might come after it. `blind_tries` are those allowed without evidence: none for taking
+    the aircraft over, few for giving it back.
     """
 
-    def __init__(self, start: int, wanted: int, now_s: float, *, settle_s: float = 0.0) -> None:
+    def __init__(
+        self, start: int, wanted: int, now_s: float, *, settle_s: float = 0.0, blind_tries: int = 0
+    ) -> None:
         self.start = start
         self.wanted = wanted
         self.made_s = now_s
         self.refusals = 0
         self._settle_s = settle_s
-        self._sent_s = -math.inf
+        self.sent_s = -math.inf
         self._not_before_s = now_s
-        self._blind = 0
+        self._blind_tries = blind_tries
 
     def progress(self, mode: int, heartbeat_s: float) -> Progress:
         """What the newest heartbeat, received at `heartbeat_s`, says."""
@@ -54,16 +57,22 @@ class ModeRequest:
         """Whether to send now; takes note that it is sent."""
         if now_s < self._not_before_s:
             return False
-        evidence = mode == self.start and heartbeat_s > self._sent_s and now_s - heartbeat_s <= _EVIDENCE_S
+        evidence = mode == self.start and heartbeat_s > self.sent_s and now_s - heartbeat_s <= _EVIDENCE_S
         if not evidence:
-            if self._blind >= _BLIND_TRIES or (mode not in (self.start, self.wanted)):
+            if self._blind_tries <= 0 or mode not in (self.start, self.wanted):
                 return False
-            self._blind += 1
-        self._sent_s = now_s
+            self._blind_tries -= 1
+        self.sent_s = now_s
         self._not_before_s = now_s + _RESEND_S
         return True
 
+    def accepted(self, now_s: float) -> None:
+        """The autopilot said yes: whoever changes the mode now means it, so nothing is repeated soon."""
+        self._not_before_s = max(self._not_before_s, now_s + _ACCEPTED_S)
+        self._blind_tries = 0
+
     def refused(self, now_s: float) -> None:
         """The autopilot said no: ask again, with growing patience."""
+        wait_s = min(_FIRST_REFUSAL_S * 2.0**self.refusals, _LONGEST_REFUSAL_S)
         self.refusals += 1
-        self._not_before_s = now_s + min(_RESEND_S * 2.0**self.refusals, _LONGEST_WAIT_S)
+        self._not_before_s = now_s + wait_s

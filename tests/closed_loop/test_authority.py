@@ -308,7 +308,7 @@ def test_an_autopilot_that_refuses_the_mission_is_left_loitering() -> None:
     loop.run(12.0)
     assert loop.engine.finished
     assert loop.mode() is Mode.LOITER
-    assert refused == 3
+    assert refused == 3, "then something else is asked for"
     assert "Avoidance: AUTO refused, LOITER instead" in "".join(loop.flight.texts)
 
 
@@ -359,3 +359,65 @@ def test_a_request_that_arrives_after_the_stop_does_not_strand_the_aircraft() ->
     loop.run(5.0)
     assert loop.engine.finished
     assert loop.mode() is Mode.AUTO
+
+
+def test_a_request_that_arrives_after_the_pilots_choice_is_undone() -> None:
+    held: list[Transmit] = []
+
+    def deaf(effect: Transmit) -> bool:
+        if asks_for_a_mode(effect) and effect.message.param2 == Mode.GUIDED:
+            held.append(effect)
+            return True
+        return False
+
+    loop = Watched(deaf=deaf)
+    loop.until(State.ENGAGING)
+    loop.world.vehicle.set_mode(Mode.FBWA)
+    loop.run(0.5)
+    assert loop.engine.supervisor.state is State.HANDS_OFF
+    loop.world.vehicle.receive(held[0].message, loop.now_us / 1e6, 0)
+    assert loop.mode() is Mode.GUIDED
+    loop.run(3.0)
+    assert loop.mode() is Mode.FBWA
+    assert not loop.engine.supervisor.flying
+
+
+@pytest.mark.parametrize("after_s", [0.2, 0.7, 1.2])
+def test_without_heartbeats_nothing_is_taken_from_the_pilot(after_s: float) -> None:
+    loop = Watched()
+    loop.until(State.ENGAGING)
+    back = silent_downlink(loop)
+    loop.run(after_s)
+    loop.world.vehicle.set_mode(Mode.FBWA)
+    loop.run(1.5)
+    back()
+    loop.run(10.0)
+    assert loop.mode() is Mode.FBWA
+
+
+def test_silent_for_long_after_the_request_it_is_still_given_back() -> None:
+    loop = Watched()
+    loop.until(State.ENGAGING)
+    back = silent_downlink(loop)
+    loop.run(20.0)
+    back()
+    loop.run(100.0)
+    assert loop.mode() is Mode.AUTO
+
+
+def test_an_autopilot_that_refuses_everything_is_told_to_the_operator() -> None:
+    loop = Watched()
+    flying(loop)
+    receive = loop.world.vehicle.receive
+
+    def refusing(message: object, now_s: float, channel: int = 0) -> None:
+        if getattr(message, "command", None) == 176:
+            loop.world.vehicle._acknowledge(176, 4, (1, 196), channel)
+            return
+        receive(message, now_s, channel)
+
+    loop.world.vehicle.receive = refusing  # type: ignore[method-assign]
+    loop.stop()
+    loop.run(30.0)
+    assert not loop.engine.finished
+    assert "Avoidance: cannot leave GUIDED, take over" in loop.flight.texts

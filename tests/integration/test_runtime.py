@@ -1,6 +1,7 @@
 """The shell: links that fail, bugs, and the end of the service, over links in memory."""
 
 import asyncio
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from companion.errors import CompanionError
 from companion.links import MemoryLink, memory_pair
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode
+from companion.recorder import Recorder
 from companion.runtime import Runtime
 from companion.supervisor import State
 
@@ -132,3 +134,29 @@ async def test_a_link_that_fails_is_opened_again_and_the_flight_goes_on() -> Non
     assert autopilot.mode == 10
     flying.cancel()
     spare_far.close()
+
+
+class FailingRecorder(Recorder):
+    """Records until it is told to fail."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, 0.0)
+        self.fail = asyncio.Event()
+
+    async def run(self) -> None:
+        await self.fail.wait()
+        raise OSError("the disk is gone")
+
+
+async def test_whatever_fails_beside_the_engine_gives_the_aircraft_back(tmp_path: Path) -> None:
+    near, far = memory_pair()
+    recorder = FailingRecorder(tmp_path)
+    runtime, autopilot = Runtime(new_engine(), [near], recorder=recorder), Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    recorder.fail.set()
+    with pytest.raises(OSError, match="the disk is gone"):
+        await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    flying.cancel()

@@ -18,11 +18,19 @@ def sent(request: ModeRequest, mode: int, heartbeats_s: list[float], until_s: fl
 
 def test_sent_again_while_heartbeats_show_the_old_mode() -> None:
     request = ModeRequest(AUTO, GUIDED, 0.0)
-    assert sent(request, AUTO, [n / 5 for n in range(20)], 2.0) == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert sent(request, AUTO, [n / 5 for n in range(20)], 2.0) == [0.0, 1.0, 2.0]
 
 
 def test_without_heartbeats_only_a_few_times() -> None:
-    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 4
+    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 1, "never to take it over"
+    assert len(sent(ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3), GUIDED, [0.0], 60.0)) == 4
+
+
+def test_accepted_means_wait_and_see() -> None:
+    request = ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3)
+    assert request.due(GUIDED, 0.0, 0.0)
+    request.accepted(0.2)
+    assert sent(request, GUIDED, [n / 5 for n in range(16)], 3.1) == []
 
 
 def test_never_against_a_third_mode() -> None:

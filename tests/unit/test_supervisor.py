@@ -26,9 +26,10 @@ def test_whoever_takes_the_aircraft_has_it(state: State) -> None:
     assert TRANSITIONS[state, Event.LOST] is State.HANDS_OFF
 
 
-def test_after_hands_off_only_readiness_leads_back() -> None:
+def test_after_hands_off_only_readiness_leads_back_to_taking_over() -> None:
     ways = {event for (state, event) in TRANSITIONS if state is State.HANDS_OFF}
-    assert ways == {Event.READY, Event.STOP}
+    assert ways == {Event.READY, Event.STOP, Event.LATE}
+    assert TRANSITIONS[State.HANDS_OFF, Event.LATE] is State.RELEASING
 
 
 @pytest.mark.parametrize("state", [s for s in State if s not in (State.STOPPED, State.STOPPING)])
