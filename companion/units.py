@@ -3,7 +3,6 @@
 import math
 
 STANDARD_GRAVITY_MPS2 = 9.80665
-FEET_PER_METRE = 1.0 / 0.3048
 
 
 def wrap_pi(angle_rad: float) -> float:
