@@ -4,16 +4,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-import yaml
 from annotated_types import Ge, Gt, Le, Len, Lt
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict
 from pydantic import dataclasses as checked
 
 from companion.errors import ConfigError
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Vec2
+from sim.files import read_checked
 from sim.traffic import ALL_VALID, AdsbReceiver, Intruder, ReceiverModel
 from sim.vehicle import FakeArduPlane, MissionItem, Mode, Truth, takeoff_item, waypoint_item
 
@@ -182,26 +182,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         if not path.is_file():
             known = ", ".join(scenario_names()) or "none installed"
             raise ConfigError(f"{name_or_path}: no such scenario; there are: {known}")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not a text file in UTF-8") from error
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: {' '.join(str(error).split())}") from error
-    return scenario_from(content, str(path))
-
-
-def scenario_from(content: Any, source: str) -> Scenario:
-    """A scenario from parsed YAML; `source` names it in errors."""
-    try:
-        return TypeAdapter(Scenario).validate_python(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        why = "unknown key" if first["type"] == "unexpected_keyword_argument" else first["msg"]
-        raise ConfigError(f"{source}: {key}: {why}" if key else f"{source}: {why}") from error
+    return read_checked(path, Scenario)
 
 
 def make_vehicle(scenario: Scenario, start_s: float) -> FakeArduPlane:

@@ -19,7 +19,8 @@ from companion.mavlink.tlog import read_tlog
 from companion.replay import replay
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, fly_demo
-from sim.scenario import build_world, load_scenario, scenario_from
+from sim.files import checked_from
+from sim.scenario import Scenario, build_world, load_scenario
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, Mode
 
@@ -74,7 +75,7 @@ async def test_without_avoidance_the_demo_ends_in_a_near_mid_air_collision() -> 
 @contextlib.asynccontextmanager
 async def flying_vehicle(port: int) -> AsyncIterator[FakeArduPlane]:
     """A vehicle in the air with a conflict ahead, in real time, that talks to a port."""
-    scenario = scenario_from(SOON, "test")
+    scenario = checked_from(SOON, Scenario, "test")
     start_s = float(int(time.time()))
     world = build_world(scenario, start_s)
     clock = ScaledClock(1.0, start_s=start_s)

@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 
 from companion.errors import ConfigError
+from sim.files import checked_from
 from sim.scenario import (
     SCENARIO_FOLDER,
+    Scenario,
     build_world,
     load_scenario,
-    scenario_from,
     scenario_names,
     undisturbed,
 )
@@ -98,7 +99,7 @@ def test_the_miss_is_as_described() -> None:
         "miss_m": 200.0,
         "miss_height_m": 40.0,
     }
-    scenario = scenario_from({**SMALL, "intruders": [conflict]}, "test")
+    scenario = checked_from({**SMALL, "intruders": [conflict]}, Scenario, "test")
     (intruder,) = build_world(scenario, START_S).intruders
     assert intruder.icao == 0xABCDEF
     nearest = min(
@@ -149,7 +150,7 @@ def test_building_is_deterministic() -> None:
 )
 def test_what_is_wrong_is_named(change: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        scenario_from({**SMALL, **change}, "file.yaml")
+        checked_from({**SMALL, **change}, Scenario, "file.yaml")
     assert str(caught.value).startswith("file.yaml: ")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)

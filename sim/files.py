@@ -1,0 +1,35 @@
+"""YAML files of the simulation, read and checked; every mistake is one line that names file and key."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
+from companion.errors import ConfigError
+
+T = TypeVar("T")
+
+
+def read_checked(path: Path, kind: type[T]) -> T:
+    """What a file holds, as this checked dataclass. `ConfigError` if it cannot."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not a text file in UTF-8") from error
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: {' '.join(str(error).split())}") from error
+    return checked_from(content, kind, str(path))
+
+
+def checked_from(content: Any, kind: type[T], source: str) -> T:
+    """A checked dataclass from parsed YAML; `source` names it in errors."""
+    try:
+        return TypeAdapter(kind).validate_python(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        why = "unknown key" if first["type"] == "unexpected_keyword_argument" else first["msg"]
+        raise ConfigError(f"{source}: {key}: {why}" if key else f"{source}: {why}") from error
