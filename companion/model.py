@@ -72,8 +72,8 @@ class Track:
     """Another aircraft, as estimated at `time_s` in the shared local frame (north, east, down).
 
     `protected_horizontal_m` and `protected_vertical_m` are the volume to keep out of; `None` takes the
-    well-clear volume of the avoidance parameters. A `kind` of OBSTACLE stands on the ground: its position
-    is its top, and nothing flies under it.
+    well-clear volume of the avoidance parameters. `member`: it is one of our group, and tells. A `kind` of
+    OBSTACLE stands on the ground: its position is its top, and nothing flies under it.
     """
 
     track_id: str
@@ -86,6 +86,7 @@ class Track:
     age_s: float = 0.0
     protected_horizontal_m: float | None = None
     protected_vertical_m: float | None = None
+    member: "Member | None" = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +94,25 @@ class Goal:
     """What the mission wants: a course and an altitude to hold, or a position to reach.
 
     `altitude_m` is height above the zero of the local frame (in flight: mean sea level). With `position_m`
-    the course and altitude follow from it.
+    the course and altitude follow from it. `is_end`: the flight ends at the position, so that nothing beyond
+    it matters.
     """
 
     course_rad: float | None = None
     airspeed_mps: float | None = None
     altitude_m: float | None = None
     position_m: Vec3 | None = None
+    is_end: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """What a UAV of our group tells the others: where it goes, and what it can do."""
+
+    goal: Goal
+    min_airspeed_mps: float
+    max_airspeed_mps: float
+    max_turn_rate_radps: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,26 +2,32 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.formation import Answer, MemberState, joint_response
 from companion.avoidance.inner import emergency
-from companion.avoidance.outer import field_commands
-from companion.avoidance.params import AvoidanceParams
+from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
+from companion.avoidance.params import AvoidanceParams, Layers
 from companion.avoidance.prediction import OwnState, Tracks
-from companion.avoidance.strategies import Priced, Situation, price
+from companion.avoidance.rules import Pace, heading_rule_rad, speed_rule
+from companion.avoidance.strategies import Control, Priced, Situation, StrategyTable, price
 from companion.avoidance.survey import (
     Survey,
+    distance_m,
+    horizon_s,
     matters,
     mission_of,
+    moved,
     own_state,
     refuse_nonsense,
     take,
     threats,
     tracks_at,
 )
-from companion.model import Decision, Goal, Guidance, Layer, Ownship, Threat, Track
+from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Threat, Track
 from companion.units import wrap_pi
 
 
@@ -35,9 +41,12 @@ class Avoider:
     def __init__(self, params: AvoidanceParams) -> None:
         self.params = params
         self.envelope = params.envelope
-        self._domain = TransitionDomain(params.delta_beta_rad)
+        has_domain = params.outer_method in (OuterMethod.TRANSITION, OuterMethod.PRICED)
+        self._domain = TransitionDomain(params.delta_beta_rad if has_domain else 0.0)
+        self._table = StrategyTable.within(params.controls)
         self._held: Guidance | None = None
         self._layer = Layer.CLEAR
+        self._rule: _Rule | None = None
         self._clear_since_s: float | None = None
 
     def reset(self) -> None:
@@ -45,14 +54,16 @@ class Avoider:
         self._domain.reset()
         self._held = None
         self._layer = Layer.CLEAR
+        self._rule = None
         self._clear_since_s = None
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
         """The decision at `now_s` for our aircraft among the tracks, in one north-east-down frame [m, m/s].
 
-        Tracks are extrapolated from their own time to `now_s`. Surface vehicles never matter; a track that is
-        not finite is passed over. An ownship or goal that is not finite is a `ValueError`: there is no safe
-        answer to it.
+        The flow of §4.1, figure 6: the mission while nothing conflicts, else the outer layer or the inner
+        one. Tracks are extrapolated from their own time to `now_s`. Surface vehicles never matter; a track
+        that is not finite is passed over. An ownship or goal that is not finite is a `ValueError`: there is
+        no safe answer to it.
         """
         refuse_nonsense(own, goal)
         relevant = [track for track in tracks if matters(track)]
@@ -63,16 +74,56 @@ class Avoider:
         survey = take(
             state,
             mission,
-            tracks_at(now_s, relevant, self.params),
+            tracks_at(now_s, relevant, self.params, goal),
             self.params,
             self.envelope,
             self._domain,
+            horizon_s=horizon_s(state, mission, goal),
             avoiding=self._held is not None,
         )
+        answer = self._group_answer(now_s, own, relevant, goal)
+        if answer is not None:
+            grouped = np.array([track.member is not None for track in relevant])
+            if not (survey.conflict & ~grouped).any():
+                return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
         if not survey.conflict.any():
             return self._without_conflict(now_s)
         self._clear_since_s = None
-        return self._avoid(state, mission, survey, relevant)
+        return self._avoid(state, mission, survey, relevant, goal)
+
+    def member(self, goal: Goal) -> Member:
+        """What the other members of our group are to know of us."""
+        envelope = self.envelope
+        speed_mps = envelope.min_airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
+        rate_radps = envelope.turn_rate_radps(speed_mps)
+        return Member(goal, envelope.min_airspeed_mps, envelope.max_airspeed_mps, rate_radps)
+
+    def _group_answer(
+        self, now_s: float, own: Ownship, relevant: Sequence[Track], goal: Goal
+    ) -> Answer | None:
+        """The joint response of our group, if there is one near and the response keeps out of all volumes."""
+        params = self.params.formation
+        states = [
+            MemberState(track.track_id, moved(track, now_s), track.velocity_mps, track.member)
+            for track in relevant
+            if track.member is not None
+        ]
+        if not (params.cooperate and states and self.params.layers is Layers.BOTH):
+            return None
+        states.append(MemberState(params.own_id, moved(own, now_s), own.velocity_mps, self.member(goal)))
+        answer = joint_response(states, params)
+        return answer if answer is not None and answer.closest_m >= params.smallest_m else None
+
+    def _answered(
+        self, answer: Answer, state: OwnState, survey: Survey, relevant: Sequence[Track]
+    ) -> Decision:
+        """Our part of the joint response."""
+        self.reset()
+        near = bool((survey.conflict & (survey.surface_m < self.params.inner_radius_m)).any())
+        guidance = answer.guidance[self.params.formation.own_id]
+        found = threats(survey, relevant, self.params.priced_tracks)
+        layer = Layer.INNER if near else Layer.OUTER
+        return Decision(layer, guidance, found, "group: " + _because(found[0], guidance, state))
 
     def _without_conflict(self, now_s: float) -> Decision:
         if self._held is None:
@@ -86,45 +137,86 @@ class Avoider:
         self.reset()
         return Decision(Layer.CLEAR, because="clear of conflict")
 
-    def _avoid(self, state: OwnState, mission: Guidance, survey: Survey, relevant: list[Track]) -> Decision:
-        situation = self._situation(state, mission, survey)
+    def _avoid(
+        self,
+        state: OwnState,
+        mission: Guidance,
+        survey: Survey,
+        relevant: list[Track],
+        goal: Goal,
+    ) -> Decision:
+        situation = self._situation(state, mission, survey, goal)
         pressing = survey.tracks.subset(survey.pressing(self.params.priced_tracks))
-        layer, priced = self._priced(situation, survey, pressing, near=survey.near)
+        layer, priced = self._priced(situation, survey, pressing)
         best = priced.best()
         self._layer, self._held = layer, priced.commands.row(best)
+        if layer is not Layer.INNER:
+            self._rule = None
         found = threats(survey, relevant, self.params.priced_tracks)
         return Decision(layer, self._held, found, _because(found[0], self._held, state))
 
-    def _priced(
-        self, situation: Situation, survey: Survey, pressing: Tracks, *, near: bool
-    ) -> tuple[Layer, Priced]:
+    def _priced(self, situation: Situation, survey: Survey, pressing: Tracks) -> tuple[Layer, Priced]:
         """The layer that decides, and its rows.
 
-        The inner layer takes over when a threat is near and what is flown does not keep clear, or when the
-        field has no way. It stays until the margin is there again, so that the layers do not flicker.
+        The paper's inner layer takes over by distance (§2.3). What flies by default leaves a near threat to
+        the outer layer as long as that keeps clear, and lets the inner layer go on until the margin is there
+        again, so that the layers do not flicker; the inner layer also takes over when the field has no way.
         """
+        params, near = self.params, bool(survey.emergency.any())
+        if params.layers is Layers.INNER:
+            return Layer.INNER, self._inner(situation, survey, pressing)
+        if params.outer_method is not OuterMethod.PRICED:
+            if near and params.layers is Layers.BOTH:
+                return Layer.INNER, self._inner(situation, survey, pressing)
+            return Layer.OUTER, self._resultant(situation, survey, pressing)
+        if params.layers is Layers.OUTER:
+            return Layer.OUTER, self._field(situation, survey, pressing)
+        if near and params.clears_inner_layer:
+            return Layer.INNER, self._inner(situation, survey, pressing)
         if near and self._layer is Layer.INNER:
-            priced = emergency(situation, pressing, self._held)
+            priced = self._inner(situation, survey, pressing)
             kept = priced.closest[priced.best()] >= 1.0
             return Layer.OUTER if kept else Layer.INNER, priced
         if self._layer is not Layer.CLEAR or not near:
-            priced = self._outer(situation, survey, pressing)
+            priced = self._field(situation, survey, pressing)
             if priced.closest[priced.best()] >= situation.lost:
                 return Layer.OUTER, priced
-        return Layer.INNER, emergency(situation, pressing, self._held)
+        return Layer.INNER, self._inner(situation, survey, pressing)
 
-    def _outer(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
-        threat = survey.conflict
+    def _inner(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
+        self._rule = self._ruled(situation.own, survey)
+        ruled = replace(situation, rule_course_rad=self._rule.course_rad, rule_pace=self._rule.pace)
+        return emergency(ruled, self._table, pressing, self._held)
+
+    def _field(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
         rows = field_commands(
             situation,
-            survey.own_rel_velocity_mps[threat],
-            survey.surface_m[threat],
-            survey.outer_reach_m[threat],
+            _repelling(survey),
             self.params.field_gains,
+            heights=Control.HEIGHT in self.params.controls,
         )
         return price(situation, rows, pressing, self._held)
 
-    def _situation(self, state: OwnState, mission: Guidance, survey: Survey) -> Situation:
+    def _resultant(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
+        row = resultant_command(situation, _repelling(survey), self.params.field_gains)
+        return price(situation, row, pressing, held=None)
+
+    def _ruled(self, state: OwnState, survey: Survey) -> "_Rule":
+        """The rules of eq. 11 and 13 against the nearest threat.
+
+        Applied anew to the course that it has itself brought about, eq. 11 leads round the threat for ever;
+        so its course stays as it was when that threat became the nearest, for as long as it is.
+        """
+        nearest = survey.nearest
+        track_id = survey.tracks.ids[nearest]
+        rel, other = survey.rel_position_m[nearest], survey.tracks.velocity_mps[nearest]
+        pace = speed_rule(rel, other, survey.own_velocity_mps)
+        if self._rule is not None and self._rule.track_id == track_id:
+            return _Rule(track_id, self._rule.course_rad, pace)
+        course_rad = heading_rule_rad(state.course_rad, rel, other, survey.own_velocity_mps)
+        return _Rule(track_id, course_rad, pace)
+
+    def _situation(self, state: OwnState, mission: Guidance, survey: Survey, goal: Goal) -> Situation:
         threat = survey.conflict
         # A threat's height matters while it is within the horizontal volume, around the closest approach.
         rel_speed = np.hypot(survey.own_rel_velocity_mps[threat, 0], survey.own_rel_velocity_mps[threat, 1])
@@ -146,6 +238,12 @@ class Avoider:
             mission=mission,
             over_m=min(float((np.maximum(first, last) + room).max()), highest_m),
             under_m=max(float((np.minimum(first, last) - room).min()), lowest_m),
+            horizon_s=horizon_s(state, mission, goal),
+            goal_distance=(
+                1.0
+                if goal.position_m is None
+                else distance_m(state, goal.position_m) / self.params.outer_radius_m
+            ),
             lost=1.0 / (1.0 + min(self.params.horizontal_margin, self.params.vertical_margin)),
             right_preferred=self._right_preferred(mission, survey),
             envelope=self.envelope,
@@ -158,6 +256,25 @@ class Avoider:
         rel = survey.rel_position_m[survey.nearest]
         bearing_rad = wrap_pi(math.atan2(rel[1], rel[0]) - mission.course_rad)
         return math.radians(-20.0) <= bearing_rad <= math.radians(110.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """What the rules ask for against one track."""
+
+    track_id: str
+    course_rad: float
+    pace: Pace
+
+
+def _repelling(survey: Survey) -> Threats:
+    threat = survey.conflict
+    return Threats(
+        survey.rel_position_m[threat],
+        survey.own_rel_velocity_mps[threat],
+        survey.surface_m[threat],
+        survey.outer_reach_m[threat],
+    )
 
 
 def _because(threat: Threat, guidance: Guidance, state: OwnState) -> str:

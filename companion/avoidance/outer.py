@@ -1,31 +1,48 @@
 """Outer layer: gentle, early avoidance by the potential field (paper §3.1, P4-P6) at aircraft scale.
 
-The mission attracts with unit force along its course. Every threat repels, across our velocity relative to
-it, since that is where the miss distance grows fastest; on either side, as the side of a head-on encounter
-is nobody's gradient. Lengths are in units of each threat's reach rho_o, so the force does not depend on
-scale. A field alone promises no distance, so its repulsion gain is raised step by step and every flight it
-leads to is predicted and priced with the others; the cheapest that keeps clear is flown. Above and below the
-threats the same field has two more ways, which need no deviation at all.
+The paper flies the direction of the summed force, with every obstacle repelling, or only those whose
+collision cone we are in, or the same with the memory of the transition domain: `OuterMethod` selects among
+them. A field alone promises no distance, and has minima without a way out; what flies by default is `PRICED`,
+which takes the field as a source of ways. The mission attracts along its course; every threat repels, across
+our velocity relative to it, since that is where the miss distance grows fastest; on either side, as the side
+of a head-on encounter is nobody's gradient. The repulsion gain is raised step by step, and every flight it
+leads to is predicted and priced with the others, the plain resultant among them; the cheapest that keeps
+clear is flown. Above and below the threats the same field has two more ways, which need no deviation at all.
+
+Lengths are in units of a reach rho_o, so that the forces do not depend on scale: those of threats in their
+own, the distance of the goal in that of the outer layer's radius.
 """
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, Le
 
 from companion.avoidance.geometry import Array, wrap_pi
-from companion.avoidance.potential import attraction, repulsion_magnitude
+from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
 from companion.avoidance.prediction import Commands
 from companion.avoidance.strategies import Height, Situation, Speed, height_m, speed_mps
+from companion.model import Guidance
 
-_GAIN_STEPS = np.array([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0])
+# The repulsion against an attraction of 1: deflections of 10 to 86 degrees, where all push straight across.
+_GAIN_STEPS = np.tan(np.radians([10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0]))
+
+
+class OuterMethod(StrEnum):
+    """How the outer layer steers, from the plain field (eq. 9) to what flies."""
+
+    FIELD = "field"  # every obstacle within reach repels
+    CONE = "cone"  # those in conflict whose cone our relative velocity points into
+    TRANSITION = "transition"  # the same, with the memory of the transition domain
+    PRICED = "priced"  # the same, strengthened to both sides, flown ahead and priced
 
 
 @dataclass(frozen=True)
 class FieldParams:
-    """Gains of the field; the unit of length is the reach rho_o of each threat."""
+    """Gains of the field; the unit of length is the reach rho_o."""
 
     attraction_gain: Annotated[float, Gt(0)] = 1.0
     repulsion_gain: Annotated[float, Gt(0)] = 1.0
@@ -33,22 +50,46 @@ class FieldParams:
     largest_deflection_rad: Annotated[float, Gt(0), Le(math.pi)] = math.radians(100.0)
 
 
-def field_commands(
-    situation: Situation,
-    own_rel_velocity_mps: Array,
-    surface_distance_m: Array,
-    reach_m: Array,
-    params: FieldParams,
-) -> Commands:
-    """Rows of the field for threats given by own-minus-other velocity (N, 2+), rho (N,) and rho_o (N,)."""
+@dataclass(frozen=True, slots=True)
+class Threats:
+    """What repels, shape (N,) or (N, 2+)."""
+
+    rel_position_m: Array  # threat minus own
+    own_rel_velocity_mps: Array  # own minus threat
+    surface_m: Array  # rho, the distance to the protected volume
+    reach_m: Array  # rho_o
+
+
+def resultant_rad(course_rad: float, goal_distance: float, threats: Threats, params: FieldParams) -> float:
+    """Direction of the summed force (eq. 9): attraction to a goal on `course_rad`, repulsion by threats.
+
+    `goal_distance` is in units of the outer layer's radius. Where the forces cancel, the goal's direction.
+    """
+    ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
+    pull = attraction(np.zeros(2), goal_distance * ahead, params.attraction_gain)
+    push = repulsion(
+        threats.rel_position_m[:, :2], threats.surface_m / threats.reach_m, 1.0, params.repulsion_gain
+    )
+    force = pull + push.sum(axis=0)
+    return math.atan2(force[1], force[0]) if math.hypot(force[0], force[1]) > 1e-12 else course_rad
+
+
+def resultant_command(situation: Situation, threats: Threats, params: FieldParams) -> Commands:
+    """The paper's one row: the course of the summed force, the mission's speed and height."""
+    course_rad = resultant_rad(situation.mission.course_rad, situation.goal_distance, threats, params)
+    speed = speed_mps(Speed.MISSION, situation)
+    return Commands.of([Guidance(course_rad, speed, height_m(Height.MISSION, situation))])
+
+
+def field_commands(situation: Situation, threats: Threats, params: FieldParams, *, heights: bool) -> Commands:
+    """Rows of the field: the mission's course, over and under (`heights`), the resultant and the ladder."""
     course_rad = situation.mission.course_rad
-    push = repulsion_magnitude(surface_distance_m / reach_m, 1.0, params.repulsion_gain)
-    deflected_rad = _deflected(course_rad, own_rel_velocity_mps, push, params)
-    courses_rad = np.concatenate([[course_rad], deflected_rad])
-    rows = len(deflected_rad) + 3
-    ground_of, height_of = np.zeros(rows, dtype=np.intp), np.zeros(rows, dtype=np.intp)
-    height_of[1:3] = 1, 2  # straight on over, and under; around on the mission's height
-    ground_of[3:] = np.arange(1, len(courses_rad))
+    plain_rad = _limited(course_rad, np.array([resultant_rad(course_rad, 1.0, threats, params)]), params)
+    courses_rad = np.concatenate([[course_rad], plain_rad, _ladder(course_rad, threats, params)])
+    around = np.arange(1, len(courses_rad))
+    straight = 3 if heights else 1  # on the mission's course: at its height, over, and under
+    ground_of = np.concatenate([np.zeros(straight, dtype=np.intp), around])
+    height_of = np.concatenate([np.arange(straight), np.zeros(len(around), dtype=np.intp)])
     heights_m = np.array(
         [height_m(choice, situation) for choice in (Height.MISSION, Height.OVER, Height.UNDER)]
     )
@@ -56,18 +97,26 @@ def field_commands(
     return Commands(courses_rad, speeds_mps, heights_m, ground_of, height_of)
 
 
-def _deflected(course_rad: float, own_rel_velocity_mps: Array, push: Array, params: FieldParams) -> Array:
-    """Courses of the summed force (eq. 9), to the right for every gain step, then to the left."""
+def _limited(course_rad: float, wanted_rad: Array, params: FieldParams) -> Array:
+    limit_rad = params.largest_deflection_rad
+    return course_rad + np.clip(wrap_pi(wanted_rad - course_rad), -limit_rad, limit_rad)
+
+
+def _ladder(course_rad: float, threats: Threats, params: FieldParams) -> Array:
+    """Courses of the force with every gain step, to the right, then to the left."""
     ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
     right = np.array([-ahead[1], ahead[0]])
     pull = attraction(np.zeros(2), ahead, params.attraction_gain)
-    speed = np.maximum(np.hypot(own_rel_velocity_mps[:, 0], own_rel_velocity_mps[:, 1]), 1e-6)
-    across = np.stack([-own_rel_velocity_mps[:, 1], own_rel_velocity_mps[:, 0]], axis=1) / speed[:, None]
+    push = repulsion_magnitude(threats.surface_m / threats.reach_m, 1.0, params.repulsion_gain)
+    velocity_mps = threats.own_rel_velocity_mps
+    speed = np.maximum(np.hypot(velocity_mps[:, 0], velocity_mps[:, 1]), 1e-6)
+    across = np.stack([-velocity_mps[:, 1], velocity_mps[:, 0]], axis=1) / speed[:, None]
     across *= np.where(across @ right < 0.0, -1.0, 1.0)[:, None]  # all threats push to one side
-    # Far out the field is too weak to matter; a floor keeps the ladder of gains from starting at nothing.
-    total = (np.maximum(push, 0.1)[:, None] * across).sum(axis=0)
+    # Far out the field is too weak to matter, near by too strong for any gentle way: what counts of the sum
+    # is
+    # its direction, in which each threat has the share of its push.
+    total = (np.maximum(push, 1e-3)[:, None] * across).sum(axis=0)
+    total *= params.attraction_gain / max(math.hypot(total[0], total[1]), 1e-9)
     steps = np.concatenate([_GAIN_STEPS, -_GAIN_STEPS])[:, None]
     force = pull + steps * total
-    deflection_rad = wrap_pi(np.arctan2(force[:, 1], force[:, 0]) - course_rad)
-    limit_rad = params.largest_deflection_rad
-    return course_rad + np.clip(deflection_rad, -limit_rad, limit_rad)
+    return _limited(course_rad, np.arctan2(force[:, 1], force[:, 0]), params)

@@ -2,13 +2,23 @@
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.outer import FieldParams
-from companion.avoidance.strategies import CostWeights
+from companion.avoidance.formation import FormationParams
+from companion.avoidance.outer import FieldParams, OuterMethod
+from companion.avoidance.strategies import ALL_CONTROLS, Control, CostWeights
+
+
+class Layers(StrEnum):
+    """Which layers there are (paper §2.3); one alone is for comparisons."""
+
+    BOTH = "both"
+    OUTER = "outer"
+    INNER = "inner"
 
 
 @dataclass(frozen=True)
@@ -26,11 +36,11 @@ class AvoidanceParams:
     vertical_margin: Annotated[float, Ge(0), Le(5)] = 0.25
     # Each layer reaches as far as its length or its time at the closing speed, whichever is larger.
     outer_radius_m: Annotated[float, Gt(0)] = 1500.0
-    outer_time_s: Annotated[float, Gt(0), Le(80)] = 60.0
+    outer_time_s: Annotated[float, Ge(0), Le(80)] = 60.0
     inner_radius_m: Annotated[float, Gt(0)] = 300.0
-    inner_time_s: Annotated[float, Gt(0), Le(80)] = 20.0
+    inner_time_s: Annotated[float, Ge(0), Le(80)] = 20.0
     # Transition domain: the cone is this much wider for whoever is in it.
-    delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(5.0)
+    delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(90.0)
     # Back to the mission only when its flight keeps clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
@@ -38,9 +48,19 @@ class AvoidanceParams:
     largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
     # Rows are priced against the most pressing tracks; the others still count for the layers.
     priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
+    # What the paper compares: layers, ways to steer in the outer one, controls (P9, P10) in the inner one.
+    layers: Layers = Layers.BOTH
+    outer_method: OuterMethod = OuterMethod.PRICED
+    controls: frozenset[Control] = ALL_CONTROLS
     envelope: Envelope = field(default_factory=Envelope)
+    formation: FormationParams = field(default_factory=FormationParams)
     field_gains: FieldParams = field(default_factory=FieldParams)
     weights: CostWeights = field(default_factory=CostWeights)
+
+    @property
+    def clears_inner_layer(self) -> bool:
+        """Whether the inner layer is a sphere to be kept clear of (§2.3), not only where emergencies are."""
+        return self.weights.nearness > 0.0
 
     def __post_init__(self) -> None:
         if self.inner_radius_m > self.outer_radius_m or self.inner_time_s > self.outer_time_s:

@@ -9,16 +9,32 @@ _CONTACT = 1e-3
 
 
 def attraction(position: Array, goal: Array, gain: float) -> Array:
-    """Eq. 5: F_att = xi_att * (X_g - X), shape of the position."""
+    """Eq. 5: F_att = xi_att * (X_g - X), shape of the position.
+
+    It is the slope of half the squared distance; eq. 4 lost the square in print.
+    """
     force: Array = gain * (goal - position)
     return force
 
 
 def repulsion_magnitude(surface_distance: Array, reach: Array | float, gain: float) -> Array:
-    """Eq. 8: xi_rep (1/rho - 1/rho_o) / rho^2 for rho within rho_o, else 0; finite at contact, shape (N,).
+    """Length of eq. 7, the slope of eq. 6: xi_rep (1/rho - 1/rho_o) / rho^2 within rho_o, else 0.
 
-    `surface_distance` is rho = d - R_b, the distance to the obstacle's surface; `reach` is rho_o. Both share
-    one unit of length, and the force depends on it: the outer layer uses rho_o itself as the unit.
+    Finite at contact, shape (N,). `surface_distance` is rho = d - R_b, the distance to the obstacle's
+    surface; `reach` is rho_o. Both share one unit of length, and the force depends on it: the outer layer
+    uses rho_o itself as the unit.
     """
     rho = np.maximum(surface_distance, _CONTACT)
     return np.where(rho < reach, gain * (1.0 / rho - 1.0 / np.asarray(reach)) / rho**2, 0.0)
+
+
+def repulsion(rel_position: Array, surface_distance: Array, reach: Array | float, gain: float) -> Array:
+    """Eq. 7: the force away from each obstacle, grad rho being the unit vector from it to us, shape (N, 2).
+
+    `rel_position` is obstacle minus own, (N, 2), in any unit; the others as in `repulsion_magnitude`. On top
+    of its centre an obstacle pushes nowhere.
+    """
+    distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
+    away = -rel_position / np.maximum(distance, 1e-9)[:, None]
+    force: Array = repulsion_magnitude(surface_distance, reach, gain)[:, None] * away
+    return force

@@ -25,7 +25,9 @@ _MIDDLES_S = _TIMES_S[:-1] + 0.5 * _STEPS_S
 HORIZON_S = float(_TIMES_S[-1])
 # Millimetres over ten kilometres, and half the memory to walk through.
 _Float = np.float32
-_EXPOSURE_WEIGHTS = (_STEPS_S / HORIZON_S).astype(_Float)
+# Of the whole time, what lies before each moment but the first.
+TIME_SHARES = _STEPS_S / HORIZON_S
+_EXPOSURE_WEIGHTS = TIME_SHARES.astype(_Float)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +115,7 @@ class Tracks:
     protected_horizontal_m: Array
     protected_vertical_m: Array
     grounded: NDArray[np.bool_]
+    shell_m: Array  # around the volume, to be kept clear of where possible; 0 where there is none
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -126,6 +129,7 @@ class Tracks:
             self.protected_horizontal_m[index],
             self.protected_vertical_m[index],
             self.grounded[index],
+            self.shell_m[index],
         )
 
 
@@ -134,11 +138,13 @@ class Separation:
     """How rows keep clear, shape (K, N). One is the edge of the protected volume, with its margin.
 
     `closest` is the smallest over time of max(horizontal / protected, vertical / protected); `exposure` the
-    mean over time of how deep the volume is penetrated, which tells rows apart that start inside it.
+    mean over time of how deep the volume is penetrated, which tells rows apart that start inside it;
+    `nearness` the mean over time of how deep a shell around the volume is penetrated, 1 within the volume.
     """
 
     closest: Array
     exposure: Array
+    nearness: Array | float = 0.0
 
 
 def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
@@ -200,15 +206,21 @@ def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
     return altitude
 
 
-def separation(paths: Paths, tracks: Tracks) -> Separation:
-    """How rows keep clear of the tracks flying straight on."""
+def separation(
+    paths: Paths, tracks: Tracks, *, horizon_s: float = HORIZON_S, shells: bool = False
+) -> Separation:
+    """How rows keep clear of the tracks flying straight on, and of the shells around them if asked for.
+
+    Only what happens within `horizon_s` counts.
+    """
+    count = max(int(np.searchsorted(_TIMES_S, horizon_s, side="right")), 2)
     # Single precision needs numbers of moderate size, so all is measured from where we are.
     here = np.array([*paths.ground_m[0, 0], -paths.altitude_m[0, 0]])
     start = (tracks.position_m - here).astype(_Float)
     rate = tracks.velocity_mps.astype(_Float)
-    times = _TIMES_S.astype(_Float)
-    ground = (paths.ground_m - here[:2]).astype(_Float)
-    height = (paths.altitude_m + here[2]).astype(_Float)
+    times = _TIMES_S[:count].astype(_Float)
+    ground = (paths.ground_m[:, :count] - here[:2]).astype(_Float)
+    height = (paths.altitude_m[:, :count] + here[2]).astype(_Float)
     north = ground[:, None, :, 0] - (start[:, 0:1] + rate[:, 0:1] * times)
     east = ground[:, None, :, 1] - (start[:, 1:2] + rate[:, 1:2] * times)
     horizontal = np.sqrt(north * north + east * east)
@@ -219,4 +231,11 @@ def separation(paths: Paths, tracks: Tracks) -> Separation:
     ratio = np.maximum(horizontal[paths.ground_of], vertical[paths.height_of])
     closest = ratio.min(axis=2)
     depth = np.maximum(1.0 - ratio[..., 1:], 0.0, dtype=_Float)
-    return Separation(closest.astype(np.float64), (depth @ _EXPOSURE_WEIGHTS).astype(np.float64))
+    weights = _EXPOSURE_WEIGHTS[: count - 1]
+    exposure = (depth @ weights).astype(np.float64)
+    if not shells:
+        return Separation(closest.astype(np.float64), exposure)
+    volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0)).astype(_Float)[:, None]
+    in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0, dtype=_Float)
+    nearness = (in_shell @ weights).astype(np.float64)
+    return Separation(closest.astype(np.float64), exposure, nearness)

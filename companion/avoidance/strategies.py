@@ -1,11 +1,13 @@
 """The strategy table (paper §3.2.3, P7-P10): rows of course, height and speed, flown ahead and priced.
 
-A row is a choice in each of the three controls. Its flight under the aircraft's own limits is predicted, and
-its price puts separation first, then effort, deviation from the mission, changing one's mind and passing on
-the wrong side. The cheapest row is flown.
+A row is a choice in each of the three controls. Among the rows are the paper's heading rule (eq. 11), its
+speed rule (eq. 13), height (P9) and their combinations. A row's flight under the aircraft's own limits of
+turn rate, bank, speed and climb is predicted, and its price puts separation first, then effort, deviation
+from the mission, changing one's mind and passing on the wrong side. The cheapest row is flown.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
@@ -17,7 +19,27 @@ from annotated_types import Ge
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, wrap_pi
 from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
+from companion.avoidance.rules import Pace
 from companion.model import Guidance
+
+
+class Control(StrEnum):
+    """The three controls (paper §3.2)."""
+
+    HEADING = "heading"
+    SPEED = "speed"
+    HEIGHT = "height"
+
+
+ALL_CONTROLS = frozenset(Control)
+
+
+class Course(StrEnum):
+    """What a row does with the course."""
+
+    MISSION = "mission course"
+    RULE = "heading rule"  # eq. 11
+    TURN = "turn"  # by the row's own angle, from the present course
 
 
 class Height(StrEnum):
@@ -30,36 +52,58 @@ class Height(StrEnum):
 
 
 class Speed(StrEnum):
-    """What a row does with airspeed (eq. 13)."""
+    """What a row does with airspeed."""
 
     MISSION = "mission speed"
+    RULE = "speed rule"  # eq. 13
     SLOWEST = "slowest"
     FASTEST = "fastest"
 
 
 @dataclass(frozen=True, slots=True)
-class Strategy:
-    """One row: a turn from the present course (right is positive), a height and a speed."""
+class Ground:
+    """The horizontal half of a row: a course, a turn from the present one (right is positive), a speed."""
 
+    course: Course
     turn_rad: float
-    height: Height
     speed: Speed
+
+
+@dataclass(frozen=True, slots=True)
+class Strategy:
+    """One row: a way over the ground, and a height."""
+
+    ground: Ground
+    height: Height
+
+    @property
+    def controls(self) -> frozenset[Control]:
+        """Which controls the row uses."""
+        used = (
+            (Control.HEADING, self.ground.course is not Course.MISSION),
+            (Control.SPEED, self.ground.speed is not Speed.MISSION),
+            (Control.HEIGHT, self.height is not Height.MISSION),
+        )
+        return frozenset(control for control, is_used in used if is_used)
 
 
 _TURNS_DEG = (0, 15, -15, 30, -30, 45, -45, 60, -60, 90, -90, 120, -120, 150, -150, 180)
 # A few metres per second decide who passes first, ahead or behind; on a large turn they decide nothing.
 _LARGEST_TURN_WITH_SPEED_DEG = 30
 
-TABLE: tuple[Strategy, ...] = tuple(
-    Strategy(math.radians(turn_deg), height, speed)
-    for turn_deg, height, speed in product(_TURNS_DEG, Height, Speed)
-    if speed is Speed.MISSION or abs(turn_deg) <= _LARGEST_TURN_WITH_SPEED_DEG
+GROUNDS: tuple[Ground, ...] = (
+    *(Ground(Course.MISSION, 0.0, speed) for speed in Speed),
+    *(Ground(Course.RULE, 0.0, speed) for speed in (Speed.MISSION, Speed.RULE)),
+    *(Ground(Course.TURN, math.radians(turn_deg), Speed.MISSION) for turn_deg in _TURNS_DEG),
+    *(
+        Ground(Course.TURN, math.radians(turn_deg), speed)
+        for turn_deg in _TURNS_DEG
+        for speed in (Speed.SLOWEST, Speed.FASTEST)
+        if abs(turn_deg) <= _LARGEST_TURN_WITH_SPEED_DEG
+    ),
 )
-_GROUNDS = tuple(dict.fromkeys((row.turn_rad, row.speed) for row in TABLE))
-_HEIGHTS = tuple(Height)
-_GROUND_TURN_RAD = np.array([turn_rad for turn_rad, _ in _GROUNDS])
-_GROUND_OF = np.array([_GROUNDS.index((row.turn_rad, row.speed)) for row in TABLE])
-_HEIGHT_OF = np.array([_HEIGHTS.index(row.height) for row in TABLE])
+
+TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height in product(GROUNDS, Height))
 
 
 @dataclass(frozen=True)
@@ -70,6 +114,10 @@ class CostWeights:
     loss: Annotated[float, Ge(0)] = 40.0  # flat, for entering the protected volume itself
     depth: Annotated[float, Ge(0)] = 300.0  # times the deepest penetration, 0 at the edge, 1 at contact
     exposure: Annotated[float, Ge(0)] = 100.0  # times the mean penetration, so that leaving soon is better
+    # Times the mean depth in the inner layer, 0 at its edge and 1 at the volume. The paper's inner layer
+    # clears
+    # its whole sphere; for traffic that would be miles, and a volume missed by its margin is missed.
+    nearness: Annotated[float, Ge(0)] = 0.0
     turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
     deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
     height: Annotated[float, Ge(0)] = 0.8  # times the height off the mission's, per 100 m
@@ -88,9 +136,13 @@ class Situation:
     over_m: float  # the height that passes above every threat
     under_m: float  # the height that passes below every threat
     right_preferred: bool
+    horizon_s: float  # how far ahead rows are judged
+    goal_distance: float  # in lengths of the outer layer's radius; 1 where the goal is a direction only
     lost: float  # the separation, in protected volumes with margin, at which the bare volume is entered
     envelope: Envelope
     weights: CostWeights
+    rule_course_rad: float = 0.0  # what eq. 11 asks for, in an emergency
+    rule_pace: Pace = Pace.KEEP  # what eq. 13 asks for
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,32 +171,57 @@ def height_m(choice: Height, situation: Situation) -> float:
 
 def speed_mps(choice: Speed, situation: Situation) -> float:
     """The airspeed a choice of speed asks for, within the limits."""
+    envelope, mission_mps = situation.envelope, situation.mission.airspeed_mps
+    of_pace = {Pace.KEEP: mission_mps, Pace.SLOWEST: envelope.min_airspeed_mps}
     wanted_mps = {
-        Speed.MISSION: situation.mission.airspeed_mps,
-        Speed.SLOWEST: situation.envelope.min_airspeed_mps,
-        Speed.FASTEST: situation.envelope.max_airspeed_mps,
+        Speed.MISSION: mission_mps,
+        Speed.RULE: of_pace.get(situation.rule_pace, envelope.max_airspeed_mps),
+        Speed.SLOWEST: envelope.min_airspeed_mps,
+        Speed.FASTEST: envelope.max_airspeed_mps,
     }[choice]
-    return situation.envelope.clamp_airspeed_mps(wanted_mps)
+    return envelope.clamp_airspeed_mps(wanted_mps)
 
 
-def table_commands(situation: Situation) -> Commands:
-    """The whole table as commands for this situation."""
-    speeds_mps = {choice: speed_mps(choice, situation) for choice in Speed}
-    return Commands(
-        situation.own.course_rad + _GROUND_TURN_RAD,
-        np.array([speeds_mps[speed] for _, speed in _GROUNDS]),
-        np.array([height_m(choice, situation) for choice in _HEIGHTS]),
-        _GROUND_OF,
-        _HEIGHT_OF,
-    )
+class StrategyTable:
+    """Rows of the table, ready to become commands for a situation."""
+
+    def __init__(self, rows: Sequence[Strategy]) -> None:
+        self.rows = tuple(rows)
+        self._grounds = tuple(dict.fromkeys(row.ground for row in rows))
+        self._heights = tuple(dict.fromkeys(row.height for row in rows))
+        self._ground_of = np.array([self._grounds.index(row.ground) for row in rows])
+        self._height_of = np.array([self._heights.index(row.height) for row in rows])
+        self._turn_rad = np.array([ground.turn_rad for ground in self._grounds])
+        self._on_mission = np.array([ground.course is Course.MISSION for ground in self._grounds])
+        self._by_rule = np.array([ground.course is Course.RULE for ground in self._grounds])
+
+    @classmethod
+    def within(cls, controls: frozenset[Control]) -> "StrategyTable":
+        """The rows that use no other controls than these."""
+        return cls([row for row in TABLE if row.controls <= controls])
+
+    def commands(self, situation: Situation) -> Commands:
+        """Every row as a command for this situation."""
+        course_rad = situation.own.course_rad + self._turn_rad
+        course_rad[self._on_mission] = situation.mission.course_rad
+        course_rad[self._by_rule] = situation.rule_course_rad
+        speeds_mps = {choice: speed_mps(choice, situation) for choice in Speed}
+        return Commands(
+            course_rad,
+            np.array([speeds_mps[ground.speed] for ground in self._grounds]),
+            np.array([height_m(choice, situation) for choice in self._heights]),
+            self._ground_of,
+            self._height_of,
+        )
 
 
 def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidance | None) -> Priced:
     """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0."""
     if held is not None:
         commands = commands.after(held)
-    kept = separation(fly_ahead(situation.own, commands, situation.envelope), tracks)
     weights = situation.weights
+    paths = fly_ahead(situation.own, commands, situation.envelope)
+    kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
     # The margin is priced by how much of it is used, without a step: a flight planned along its edge is
     # flown a little differently, and must not be thrown over for that.
     depth = np.maximum(situation.lost - kept.closest, 0.0)
@@ -153,6 +230,7 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         + weights.loss * (depth > 0.0)
         + weights.depth * depth
         + weights.exposure * kept.exposure
+        + weights.nearness * kept.nearness
     ).sum(axis=1)
     cost += effort(situation, commands)
     if held is not None:

@@ -16,8 +16,10 @@ from companion.avoidance.geometry import (
     time_to_closest_s,
     vertical_distance_m,
 )
-from companion.avoidance.params import AvoidanceParams
+from companion.avoidance.outer import OuterMethod
+from companion.avoidance.params import AvoidanceParams, Layers
 from companion.avoidance.prediction import (
+    HORIZON_S,
     Commands,
     OwnState,
     Tracks,
@@ -25,7 +27,7 @@ from companion.avoidance.prediction import (
     ground_speed_mps,
     separation,
 )
-from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind
+from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind, Vec3
 
 # How fast we could fly towards somebody who is near but not on his way to us.
 _OWN_REACH_MPS = 20.0
@@ -37,23 +39,20 @@ class Survey:
 
     tracks: Tracks
     rel_position_m: Array  # other minus own, (N, 3)
+    own_velocity_mps: Array  # own as flown now, (3,)
     own_rel_velocity_mps: Array  # own on the mission minus other, (N, 3)
     surface_m: Array  # horizontal distance to the protected volume
     closing_mps: Array
     time_to_closest_s: Array
     outer_reach_m: Array
     inner_reach_m: Array
+    emergency: NDArray[np.bool_]  # what calls for the inner layer
     conflict: NDArray[np.bool_]
 
     def pressing(self, most: int) -> NDArray[np.intp]:
         """Places of the tracks to price against: conflicts first, then those soonest reached."""
         reach_s = self.surface_m / (np.hypot(*self.own_rel_velocity_mps[:, :2].T) + _OWN_REACH_MPS)
         return np.lexsort((reach_s, ~self.conflict))[:most]
-
-    @property
-    def near(self) -> bool:
-        """Whether a conflict is within the inner layer."""
-        return bool((self.conflict & (self.surface_m < self.inner_reach_m)).any())
 
     @property
     def nearest(self) -> int:
@@ -69,9 +68,16 @@ def take(
     envelope: Envelope,
     domain: TransitionDomain,
     *,
+    horizon_s: float,
     avoiding: bool,
 ) -> Survey:
-    """Measure all tracks; `domain` remembers the cones entered, `avoiding` asks for the release margin."""
+    """Measure all tracks; `domain` remembers the cones entered, `avoiding` asks for the release margin.
+
+    A conflict is what lies within a layer (def. 3, from surface to surface) and, but for the plain field, in
+    whose collision cone we are. The paper looks along the velocity flown. What is flown by default looks
+    along the mission's, so that a conflict lasts until the mission itself is clear, and asks besides whether
+    the mission flown ahead, with its turns and heights, comes too near.
+    """
     rel_position = tracks.position_m - state.position_m
     speed_mps = ground_speed_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
     own_velocity = np.array(
@@ -83,29 +89,50 @@ def take(
     surface = distance - tracks.protected_horizontal_m
     outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * closing)
     inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * closing)
-    closest = separation(fly_ahead(state, Commands.of([mission]), envelope), tracks).closest[0]
-    lost = closest < (1.0 + params.release_margin if avoiding else 1.0)
-    in_cone = domain.update(
-        tracks.ids,
-        approach_angle_rad(rel_position, -rel_velocity),
-        half_angle_rad(distance, tracks.protected_horizontal_m),
-        lost & (surface < outer_reach),
-    )
+    ahead = fly_ahead(state, Commands.of([mission]), envelope)
+    closest = separation(ahead, tracks, horizon_s=horizon_s).closest[0]
+    needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
+    lost = closest < needed * (1.0 + params.release_margin if avoiding else 1.0)
+    flown = _flown_mps(state)
+    reached = surface < outer_reach
+    radius = tracks.protected_horizontal_m
+    if params.outer_method is OuterMethod.PRICED:
+        radius = radius + tracks.shell_m
+        approach = -rel_velocity
+        reached &= lost
+    else:
+        approach = flown - tracks.velocity_mps
+    if params.outer_method is OuterMethod.FIELD:
+        outer = reached
+    else:
+        alpha = approach_angle_rad(rel_position, approach)
+        beta1 = half_angle_rad(distance, radius)
+        outer = domain.update(tracks.ids, alpha, beta1, reached)
+    # Near by, a turn back to the mission may lead through the volume although its far end does not.
+    inner = surface < tracks.shell_m if params.clears_inner_layer else lost & (surface < inner_reach)
+    conflict = {Layers.BOTH: outer | inner, Layers.OUTER: outer, Layers.INNER: inner}[params.layers]
     return Survey(
         tracks=tracks,
         rel_position_m=rel_position,
+        own_velocity_mps=flown,
         own_rel_velocity_mps=-rel_velocity,
         surface_m=surface,
         closing_mps=closing,
         time_to_closest_s=time_to_closest_s(rel_position, rel_velocity),
         outer_reach_m=outer_reach,
         inner_reach_m=inner_reach,
-        # Near by, a turn back to the mission may lead through the volume although its far end does not.
-        conflict=in_cone | (lost & (surface < inner_reach)),
+        emergency=inner,
+        conflict=conflict,
     )
 
 
-def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams) -> Tracks:
+def _flown_mps(state: OwnState) -> Array:
+    speed_mps = ground_speed_mps(state.course_rad, state.airspeed_mps, state.wind_mps)
+    north, east = math.cos(state.course_rad), math.sin(state.course_rad)
+    return np.array([speed_mps * north, speed_mps * east, -state.climb_mps])
+
+
+def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, goal: Goal) -> Tracks:
     """The tracks extrapolated to `now_s`, with the volumes to keep out of, margins included."""
     position = np.array([track.position_m for track in relevant], dtype=np.float64)
     velocity = np.array([track.velocity_mps for track in relevant], dtype=np.float64)
@@ -118,14 +145,28 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams) 
             horizontal[i] = track.protected_horizontal_m
         if track.protected_vertical_m is not None:
             vertical[i] = track.protected_vertical_m
+    position += velocity * age_s[:, None]
+    horizontal = np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin)
     return Tracks(
         tuple(track.track_id for track in relevant),
-        position + velocity * age_s[:, None],
+        position,
         velocity,
-        np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin),
+        horizontal,
         np.maximum(vertical, 1.0) * (1.0 + params.vertical_margin),
         grounded,
+        _shells_m(position, horizontal, params, goal),
     )
+
+
+def _shells_m(position_m: Array, protected_m: Array, params: AvoidanceParams, goal: Goal) -> Array:
+    """How far around each volume to keep clear, (N,): the inner layer, but not as far as the goal lies."""
+    if not params.clears_inner_layer:
+        return np.zeros(len(position_m))
+    if goal.position_m is None:
+        return np.full(len(position_m), params.inner_radius_m)
+    to_goal = position_m[:, :2] - np.array(goal.position_m[:2])
+    to_goal_m: Array = np.hypot(to_goal[:, 0], to_goal[:, 1])
+    return np.clip(to_goal_m - protected_m, 0.0, params.inner_radius_m)
 
 
 def threats(survey: Survey, relevant: Sequence[Track], most: int) -> tuple[Threat, ...]:
@@ -159,6 +200,13 @@ def matters(track: Track) -> bool:
     return finite and track.kind is not TrafficKind.SURFACE_VEHICLE
 
 
+def moved(what: Ownship | Track, now_s: float) -> Vec3:
+    """Where it is at `now_s`, flying straight since its own time."""
+    since_s = now_s - what.time_s
+    north, east, down = (p + v * since_s for p, v in zip(what.position_m, what.velocity_mps, strict=True))
+    return north, east, down
+
+
 def refuse_nonsense(own: Ownship, goal: Goal) -> None:
     """`ValueError` when there is no safe answer."""
     numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
@@ -184,6 +232,19 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
             wind = np.zeros(2)
     course = math.atan2(velocity[1], velocity[0]) if ground_speed > 1.0 else own.heading_rad
     return OwnState(position, course, airspeed, -float(velocity[2]), wind)
+
+
+def distance_m(state: OwnState, place_m: Vec3) -> float:
+    """Horizontal distance to a place [m]."""
+    return math.hypot(place_m[0] - state.position_m[0], place_m[1] - state.position_m[1])
+
+
+def horizon_s(state: OwnState, mission: Guidance, goal: Goal) -> float:
+    """How far ahead flights are judged: to the end of the flight, where that is near."""
+    if goal.position_m is None or not goal.is_end:
+        return HORIZON_S
+    speed_mps = ground_speed_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+    return min(HORIZON_S, distance_m(state, goal.position_m) / speed_mps)
 
 
 def mission_of(state: OwnState, own: Ownship, goal: Goal) -> Guidance:

@@ -86,6 +86,9 @@ class Scene:
     uav_radius: Positive
     arrival_radius: Positive
     uavs: Annotated[tuple[Uav, ...], Len(1, 50)]
+    # What our aircraft can do besides flying its step, as shares of it (V_min and V_max of §3.2.2).
+    slowest: Annotated[float, Gt(0.0), Le(1.0)] = 0.8
+    fastest: Annotated[float, Ge(1.0), Le(5.0)] = 1.4
     obstacles: Annotated[tuple[Sphere, ...], Len(0, 20_000)] = ()
     random: RandomFields | None = None
 

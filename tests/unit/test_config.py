@@ -109,7 +109,7 @@ def test_there_are_examples() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("avoidance:\n  outer_time_s: -3", "3: avoidance.outer_time_s: must be greater than 0 (got -3)"),
+        ("avoidance:\n  outer_time_s: -3", "3: avoidance.outer_time_s: must be at least 0 (got -3)"),
         ("avoidance:\n  outer_time_s: fast", "3: avoidance.outer_time_s: must be a number (got fast)"),
         ("avoidance:\n  outer_time_s: '60'", "3: avoidance.outer_time_s: must be a number (got 60)"),
         ("avoidance:\n  outer_time_s: true", "3: avoidance.outer_time_s: must be a number (got true)"),

@@ -46,6 +46,7 @@ def tracks(*states: tuple[tuple[float, float, float], tuple[float, float, float]
         np.full(count, 600.0),
         np.full(count, 75.0),
         np.zeros(count, dtype=bool),
+        np.zeros(count),
     )
 
 

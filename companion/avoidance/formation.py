@@ -1,0 +1,241 @@
+"""The group: UAVs that know each other answer each other by one joint table (paper abstract and §4.3, P12).
+
+Each member has the same few responses, set in advance: courses beside the way to its goal, and speeds. Every
+combination of everybody's responses is flown ahead; among those that keep the separation and the goals, the
+one with the best safety value (eq. 3) is chosen. There is nothing to agree upon: who has the same states
+before him comes to the same combination, bit for bit, whoever he is, and flies his own part of it.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from companion.avoidance.envelope import Envelope
+from companion.avoidance.geometry import Array
+from companion.avoidance.prediction import TIME_SHARES, Commands, OwnState, fly_ahead
+from companion.model import Goal, Guidance, Member, Vec3
+from companion.units import wrap_pi, wrap_two_pi
+
+# Up to so many members every combination is tried; more of them improve one after the other, in order of id.
+_ALL_COMBINATIONS = 3
+_ROUNDS = 10
+
+
+class Pace(StrEnum):
+    """What a response does with airspeed."""
+
+    CRUISE = "cruise"
+    SLOWEST = "slowest"
+    FASTEST = "fastest"
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """One row: a course beside the one to the goal (right is positive), and a speed."""
+
+    beside_rad: float
+    pace: Pace
+
+    @property
+    def path_ratio(self) -> float:
+        """How much longer the way to the goal gets if this is flown all the way."""
+        return 1.0 / math.cos(self.beside_rad)
+
+
+RESPONSES: tuple[Response, ...] = tuple(
+    Response(math.radians(beside_deg), pace)
+    for beside_deg in (0, 15, -15, 30, -30, 45, -45, 60, -60)
+    for pace in Pace
+)
+_PATH_RATIO = np.array([response.path_ratio for response in RESPONSES])
+
+
+@dataclass(frozen=True)
+class FormationParams:
+    """How a group keeps apart. `own_id` is the id by which the other members know us."""
+
+    own_id: str = ""
+    cooperate: bool = True
+    separation_m: Annotated[float, Gt(0)] = 100.0  # kept between members wherever any response does
+    # Members further apart than this leave each other alone: distance is of no more worth.
+    reach_m: Annotated[float, Gt(0)] = 400.0
+    # A joint response that leads nearer than this is none: then each avoids the others like anybody else.
+    smallest_m: Annotated[float, Gt(0)] = 50.0
+    # Goals are kept: no longer ways than this, unless separation asks for them.
+    largest_path_ratio: Annotated[float, Ge(1)] = 1.25
+    # What a half circle of turn, or a change by the whole speed, must be worth, in shares of the reach.
+    calm: Annotated[float, Ge(0)] = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class MemberState:
+    """One member as all of them know it: north-east-down, over ground [m, m/s]."""
+
+    member_id: str
+    position_m: Vec3
+    velocity_mps: Vec3
+    member: Member
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What each member flies, and the smallest distance between any two that this leads to [m]."""
+
+    guidance: Mapping[str, Guidance]
+    closest_m: float
+
+
+def joint_response(states: Sequence[MemberState], params: FormationParams) -> Answer | None:
+    """The best combination for these members, given in whatever order; `None` if none is near another.
+
+    The wind is not considered: it carries all of them alike.
+    """
+    states = sorted(states, key=lambda state: state.member_id)
+    places = np.array([state.position_m for state in states])
+    pairs = list(itertools.combinations(range(len(states)), 2))
+    if not any(math.dist(places[i], places[j]) < params.reach_m for i, j in pairs):
+        return None
+    centre = places.mean(axis=0)
+    flights = [_flown(state, centre) for state in states]
+    mean, least = {}, {}
+    for i, j in pairs:
+        mean[i, j], least[i, j] = _between(flights[i].path_m, flights[j].path_m, params.reach_m)
+    table = _Table([flight.calm for flight in flights], mean, least, params)
+    chosen = table.best() if len(states) <= _ALL_COMBINATIONS else table.improved()
+    return Answer(
+        {state.member_id: f.guidance(c) for state, f, c in zip(states, flights, chosen, strict=True)},
+        min(float(least[i, j][chosen[i], chosen[j]]) for i, j in pairs),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Flown:
+    """All responses of one member: `path_m` (R, T, 3), how much each leaves as it is (R,), its commands."""
+
+    path_m: Array
+    calm: Array
+    commands: Commands
+
+    def guidance(self, row: int) -> Guidance:
+        return self.commands.row(row)
+
+
+def _flown(state: MemberState, centre_m: Array) -> _Flown:
+    member, velocity = state.member, state.velocity_mps
+    speed_mps = math.hypot(velocity[0], velocity[1])
+    bearing_rad, altitude_m = _to_goal(state, member.goal)
+    cruise_mps = speed_mps if member.goal.airspeed_mps is None else member.goal.airspeed_mps
+    course_rad = math.atan2(velocity[1], velocity[0]) if speed_mps > 1.0 else bearing_rad
+    speeds = {
+        Pace.CRUISE: cruise_mps,
+        Pace.SLOWEST: member.min_airspeed_mps,
+        Pace.FASTEST: member.max_airspeed_mps,
+    }
+    commands = Commands.of(
+        [
+            Guidance(wrap_two_pi(bearing_rad + row.beside_rad), speeds[row.pace], altitude_m)
+            for row in RESPONSES
+        ]
+    )
+    own = OwnState(
+        # Around the group's own middle, so that where the frame lies makes no difference to the rounding.
+        np.array(state.position_m) - np.array([*centre_m[:2], 0.0]),
+        course_rad,
+        max(speed_mps, 1.0),
+        -velocity[2],
+        np.zeros(2),
+    )
+    envelope = Envelope(
+        min_airspeed_mps=member.min_airspeed_mps,
+        max_airspeed_mps=member.max_airspeed_mps,
+        max_turn_rate_radps=member.max_turn_rate_radps,
+        max_bank_rad=math.radians(79.0),  # the turn rate says it all
+    )
+    paths = fly_ahead(own, commands, envelope)
+    path_m = np.concatenate([paths.ground_m, -paths.altitude_m[:, :, None]], axis=2)
+    turn = np.array([abs(wrap_pi(float(c) - course_rad)) / math.pi for c in commands.course_rad])
+    change = np.abs(commands.airspeed_mps - speed_mps) / max(cruise_mps, 1.0)
+    return _Flown(path_m, -(turn + change), commands)
+
+
+def _to_goal(state: MemberState, goal: Goal) -> tuple[float, float]:
+    """Course and height that lead to the goal."""
+    north_m, east_m, down_m = state.position_m
+    altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
+    if goal.position_m is not None:
+        course_rad = math.atan2(goal.position_m[1] - east_m, goal.position_m[0] - north_m)
+        return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
+    if goal.course_rad is not None:
+        return goal.course_rad, altitude_m
+    return math.atan2(state.velocity_mps[1], state.velocity_mps[0]), altitude_m
+
+
+def _between(one_m: Array, other_m: Array, reach_m: float) -> tuple[Array, Array]:
+    """Mean over time of the distance, up to the reach, and the smallest one, for all pairs of rows."""
+    offset = one_m[:, None] - other_m[None, :]
+    distance = np.sqrt(np.einsum("abti,abti->abt", offset, offset))
+    return np.minimum(distance, reach_m)[..., 1:] @ TIME_SHARES, distance.min(axis=2)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The joint table: `calm` (R,) for each member; mean and least distance (R, R) for each pair of them."""
+
+    calm: Sequence[Array]
+    mean: Mapping[tuple[int, int], Array]
+    least: Mapping[tuple[int, int], Array]
+    params: FormationParams
+
+    def best(self) -> tuple[int, ...]:
+        """The best of all combinations; of equals the first, in order of id and row."""
+        count = len(self.calm)
+        return self._chosen([np.arange(len(RESPONSES))] * count)
+
+    def improved(self) -> tuple[int, ...]:
+        """From straight to the goal, each in turn takes his best row until nobody finds a better one."""
+        chosen = [0] * len(self.calm)
+        for _ in range(_ROUNDS):
+            before = list(chosen)
+            for member in range(len(chosen)):
+                open_rows = [np.array([row]) for row in chosen]
+                open_rows[member] = np.arange(len(RESPONSES))
+                chosen = list(self._chosen(open_rows))
+            if chosen == before:
+                break
+        return tuple(chosen)
+
+    def _chosen(self, rows: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
+        """The best combination of these rows of each member."""
+        params, count = self.params, len(rows)
+        shape = tuple(len(r) for r in rows)
+        value, closest = np.zeros(shape), np.full(shape, np.inf)
+        for (i, j), mean in self.mean.items():
+            picked = np.ix_(rows[i], rows[j])
+            value += _spread(mean[picked], (i, j), count) / len(self.mean)
+            closest = np.minimum(closest, _spread(self.least[i, j][picked], (i, j), count))
+        straight = np.ones(shape, dtype=bool)
+        too_long = (params.largest_path_ratio < _PATH_RATIO).astype(np.float64)
+        for i, calm in enumerate(self.calm):
+            value += _spread(calm[rows[i]], (i,), count) * params.calm * params.reach_m / count
+            straight &= _spread(too_long[rows[i]], (i,), count) == 0.0
+        kept = closest >= params.separation_m
+        # Where nothing keeps the separation the widest is best; no way is too long for that.
+        wanted = straight & kept if (straight & kept).any() else kept
+        score = np.where(wanted, value, -np.inf) if wanted.any() else closest
+        place = np.unravel_index(int(np.argmax(score)), shape)
+        return tuple(int(r[p]) for r, p in zip(rows, place, strict=True))
+
+
+def _spread(values: Array, axes: tuple[int, ...], count: int) -> Array:
+    """The values along these axes of the joint table of so many members."""
+    shape = [1] * count
+    for axis, length in zip(axes, values.shape, strict=True):
+        shape[axis] = length
+    return values.reshape(shape)

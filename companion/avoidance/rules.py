@@ -1,0 +1,62 @@
+"""The paper's two reactive rules for an emergency: where to turn (eq. 10-11), how fast to fly (eq. 12-13).
+
+Both look at one threat and know nothing of the others; in the strategy table they are rows, flown ahead and
+priced like any other.
+"""
+
+import math
+from enum import Enum
+
+from companion.avoidance.geometry import Array
+from companion.units import wrap_pi, wrap_two_pi
+
+# Angles nearer to the edge of a case than this are on it, lest rounding choose the side.
+_EDGE_RAD = 1e-6
+_STILL_MPS = 0.1
+
+
+def heading_rule_rad(
+    course_rad: float, rel_position_m: Array, other_velocity_mps: Array, own_velocity_mps: Array
+) -> float:
+    """Eq. 11, figure 4: the course to turn to, in [0, 2 pi).
+
+    alpha is the angle from our course to the threat's track, b the side on which the threat lies, both
+    positive to the left; phi, the turn, likewise. With the threat on the right (b < 0) phi = alpha - pi/2
+    sgn(alpha): across its track; on the left phi = alpha + pi/4 sgn(alpha). What stands has a track only
+    relative to us. `rel_position_m` is threat minus own, (2+,); velocities are over ground, (2+,).
+    """
+    still = math.hypot(other_velocity_mps[0], other_velocity_mps[1]) < _STILL_MPS
+    track = -own_velocity_mps if still else other_velocity_mps
+    alpha = wrap_pi(course_rad - math.atan2(track[1], track[0]))
+    if alpha < -math.pi + _EDGE_RAD:
+        alpha = math.pi
+    side = 1.0 if alpha > -_EDGE_RAD else -1.0
+    b = wrap_pi(course_rad - math.atan2(rel_position_m[1], rel_position_m[0]))
+    phi = alpha - side * math.pi / 2.0 if b < -_EDGE_RAD else alpha + side * math.pi / 4.0
+    return wrap_two_pi(course_rad - phi)
+
+
+class Pace(Enum):
+    """What the speed rule asks for."""
+
+    KEEP = "keep"
+    SLOWEST = "slowest"
+    FASTEST = "fastest"
+
+
+def speed_rule(rel_position_m: Array, other_velocity_mps: Array, own_velocity_mps: Array) -> Pace:
+    """Eq. 13, figure 5: V_min if the threat is first where the two straight tracks cross, V_max if we are.
+
+    The printed cases contradict the sentence before them; the sentence is the rule. Without a crossing ahead
+    of both the speed is kept. Arrays as in `heading_rule_rad`.
+    """
+    own, other = own_velocity_mps, other_velocity_mps
+    cross = own[0] * other[1] - own[1] * other[0]
+    if abs(cross) < 1e-6 * max(math.hypot(*own[:2]) * math.hypot(*other[:2]), _STILL_MPS**2):
+        return Pace.KEEP
+    own_s = (rel_position_m[0] * other[1] - rel_position_m[1] * other[0]) / cross
+    other_s = (rel_position_m[0] * own[1] - rel_position_m[1] * own[0]) / cross
+    if own_s < 0.0 or other_s < 0.0:
+        return Pace.KEEP
+    # On an exact collision course neither is first: who slows down can still turn behind.
+    return Pace.SLOWEST if other_s <= own_s + 1e-6 else Pace.FASTEST

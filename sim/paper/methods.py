@@ -1,0 +1,95 @@
+"""The strategies that the paper compares, as parameters of the avoider that flies."""
+
+import math
+from dataclasses import dataclass, replace
+
+from companion.avoidance import AvoidanceParams, Envelope
+from companion.avoidance.formation import FormationParams
+from companion.avoidance.outer import FieldParams, OuterMethod
+from companion.avoidance.params import Layers
+from companion.avoidance.strategies import Control
+from sim.paper.scene import Scene, Uav
+
+NEARNESS = 10.0
+_FLAT = frozenset({Control.HEADING, Control.SPEED})  # figure 6: the experiments stay at one height
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One strategy; `layers` is `None` for flying straight on."""
+
+    name: str
+    label: str
+    layers: Layers | None
+    outer: OuterMethod = OuterMethod.TRANSITION
+    controls: frozenset[Control] = _FLAT
+    cooperate: bool = False  # whether members of a group answer each other by the joint table
+    delta_beta_rad: float | None = None  # `None`: the default of the avoidance
+
+    def params(self, scene: Scene, uav: Uav) -> AvoidanceParams:
+        """The avoidance of this strategy on the scale of a scene.
+
+        Forces are measured in lengths of the outer radius, so the paper's gains, which hold for its own
+        lengths, are multiplied with the powers of it that eq. 5 and 7 have.
+        """
+        assert self.layers is not None
+        scale, defaults = scene.scale, AvoidanceParams()
+        priced = self.outer is OuterMethod.PRICED
+        gains = (
+            FieldParams()
+            if priced
+            else FieldParams(
+                attraction_gain=scene.attraction_gain * scene.outer_radius,
+                repulsion_gain=scene.repulsion_gain / scene.outer_radius**3,
+            )
+        )
+        delta = defaults.delta_beta_rad if self.delta_beta_rad is None else self.delta_beta_rad
+        return replace(
+            defaults,
+            outer_radius_m=scene.outer_radius * scale.unit_m,
+            inner_radius_m=scene.inner_radius * scale.unit_m,
+            outer_time_s=0.0,
+            inner_time_s=0.0,
+            delta_beta_rad=delta,
+            # The paper hands back as soon as the distance allows; what flies by default waits a little.
+            release_after_s=defaults.release_after_s if priced else 0.0,
+            layers=self.layers,
+            outer_method=self.outer,
+            controls=self.controls,
+            field_gains=gains,
+            weights=replace(defaults.weights, nearness=0.0 if self.name == "companion" else NEARNESS),
+            envelope=envelope_of(scene, uav),
+            formation=FormationParams(
+                own_id=uav.id,
+                cooperate=self.cooperate,
+                separation_m=scene.inner_radius * scale.unit_m,
+                reach_m=scene.outer_radius * scale.unit_m,
+                smallest_m=2.0 * scene.uav_radius * scale.unit_m,
+            ),
+        )
+
+
+def envelope_of(scene: Scene, uav: Uav) -> Envelope:
+    """What an aircraft of this speed can do; bank, climb and response are the defaults."""
+    cruise_mps = scene.scale.speed_mps(uav.step)
+    return Envelope(
+        min_airspeed_mps=scene.slowest * cruise_mps,
+        max_airspeed_mps=scene.fastest * cruise_mps,
+        max_turn_rate_radps=math.radians(20.0),
+    )
+
+
+NONE = Method("none", "no avoidance", None)
+FIELD = Method("field", "plain field", Layers.OUTER, OuterMethod.FIELD)
+CONE = Method("cone", "field and cone", Layers.OUTER, OuterMethod.CONE)
+OUTER = Method("outer", "outer layer only", Layers.OUTER)
+INNER = Method("inner", "inner layer only", Layers.INNER)
+TWO_LAYER = Method("two_layer", "two layers", Layers.BOTH)
+PRICED_OUTER = Method("outer_priced", "priced outer layer only", Layers.OUTER, OuterMethod.PRICED)
+PRICED = Method("two_layer_priced", "two layers, priced", Layers.BOTH, OuterMethod.PRICED)
+COOP = Method("two_layer_coop", "two layers, coop", Layers.BOTH, OuterMethod.PRICED, cooperate=True)
+COMPANION = Method("companion", "two layers, as Companion flies", Layers.BOTH, OuterMethod.PRICED)
+CONTROLS = (
+    *(Method(f"inner_{c}", f"inner layer, {c} only", Layers.INNER, controls=frozenset({c})) for c in Control),
+    Method("inner_integrated", "inner layer, integrated", Layers.INNER, controls=frozenset(Control)),
+)
