@@ -69,7 +69,7 @@ class FormationParams:
     # A joint response that leads nearer than this is none: then each avoids the others like anybody else.
     smallest_m: Annotated[float, Gt(0)] = 50.0
     # Goals are kept: no longer ways than this, unless separation asks for them.
-    largest_path_ratio: Annotated[float, Ge(1)] = 1.25
+    largest_path_ratio: Annotated[float, Ge(1)] = 1.1
     # What a half circle of turn, or a change by the whole speed, must be worth, in shares of the reach.
     calm: Annotated[float, Ge(0)] = 0.05
 
