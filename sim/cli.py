@@ -1,4 +1,4 @@
-"""The command line: `companion-sim demo`, `vehicle` and `bench`."""
+"""The command line: `companion-sim demo`, `vehicle`, `bench` and `paper`."""
 
 import asyncio
 import contextlib
@@ -37,6 +37,15 @@ class Autopilot(StrEnum):
     """Which autopilot's manners the fake vehicle has."""
 
     ARDUPILOT = "ardupilot"
+
+
+class Study(StrEnum):
+    """What `paper` flies."""
+
+    EXPERIMENTS = "experiments"
+    TRANSITION = "transition"
+    FIELDS = "fields"
+    ALL = "all"
 
 
 ScenarioOption = Annotated[
@@ -168,6 +177,46 @@ def bench(
     )
     if report is not None:
         report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+
+
+@app.command(epilog="Example: companion-sim paper --out paper-results")
+def paper(
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where reports, tables and figures are written.")
+    ] = None,
+    study: Annotated[
+        Study, typer.Option(help="The experiments (within a minute), or a study of many fields (minutes).")
+    ] = Study.EXPERIMENTS,
+    fields: Annotated[
+        int | None,
+        typer.Option(min=1, max=100_000, help="How many random fields a study flies, instead of all."),
+    ] = None,
+    table: Annotated[bool, typer.Option("--table", help="Print the strategy table that flies.")] = False,
+) -> None:
+    """Fly the paper's experiments with the avoidance that flies; reports, tables and figures.
+
+    Exit code 0 only if the two layers arrive in both experiments without collision.
+    """
+    # Drawing takes longer to import than the other commands take to start.
+    from sim.paper import command
+
+    console = Console(highlight=False)
+    if table:
+        command.print_strategy_table(console)
+    if out is None:
+        if table:
+            return
+        raise ConfigError("paper: say where to write to with --out DIR, or --table")
+    command.folder(out)
+    well = True
+    if study in (Study.EXPERIMENTS, Study.ALL):
+        well = command.run_experiments(out, console)
+    if study in (Study.TRANSITION, Study.ALL):
+        command.run_transition(out, fields, console)
+    if study in (Study.FIELDS, Study.ALL):
+        command.run_fields(out, fields, console)
+    if not well:
+        raise typer.Exit(1)
 
 
 async def _serve(server: VehicleServer) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.avoidance.cone import TransitionDomain
-from companion.avoidance.formation import Answer, MemberState, joint_response
+from companion.avoidance.formation import Answer, MemberState, group_of, joint_response
 from companion.avoidance.inner import emergency
 from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers
@@ -83,7 +83,7 @@ class Avoider:
         )
         answer = self._group_answer(now_s, own, relevant, goal)
         if answer is not None:
-            grouped = np.array([track.member is not None for track in relevant])
+            grouped = np.array([track.track_id in answer.guidance for track in relevant])
             if not (survey.conflict & ~grouped).any():
                 return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
         if not survey.conflict.any():
@@ -106,12 +106,12 @@ class Avoider:
         states = [
             MemberState(track.track_id, moved(track, now_s), track.velocity_mps, track.member)
             for track in relevant
-            if track.member is not None
+            if track.member is not None and track.track_id != params.own_id
         ]
         if not (params.cooperate and states and self.params.layers is Layers.BOTH):
             return None
         states.append(MemberState(params.own_id, moved(own, now_s), own.velocity_mps, self.member(goal)))
-        answer = joint_response(states, params)
+        answer = joint_response(group_of(params.own_id, states, params.reach_m), params)
         return answer if answer is not None and answer.closest_m >= params.smallest_m else None
 
     def _answered(
@@ -120,10 +120,18 @@ class Avoider:
         """Our part of the joint response."""
         self.reset()
         near = bool((survey.conflict & (survey.surface_m < self.params.inner_radius_m)).any())
-        guidance = answer.guidance[self.params.formation.own_id]
+        guidance = self._within_limits(answer.guidance[self.params.formation.own_id])
         found = threats(survey, relevant, self.params.priced_tracks)
         layer = Layer.INNER if near else Layer.OUTER
         return Decision(layer, guidance, found, "group: " + _because(found[0], guidance, state))
+
+    def _within_limits(self, guidance: Guidance) -> Guidance:
+        """The same guidance within limits that may have become known since, or that others do not know."""
+        return Guidance(
+            guidance.course_rad,
+            self.envelope.clamp_airspeed_mps(guidance.airspeed_mps),
+            self.envelope.clamp_altitude_m(guidance.altitude_m),
+        )
 
     def _without_conflict(self, now_s: float) -> Decision:
         if self._held is None:
@@ -132,8 +140,9 @@ class Avoider:
         if self._clear_since_s is None or now_s < self._clear_since_s:
             self._clear_since_s = now_s
         if now_s - self._clear_since_s < self.params.release_after_s:
-            self._layer = Layer.OUTER
-            return Decision(Layer.OUTER, self._held, (), "clear of conflict, holding before the return")
+            self._layer = Layer.INNER if self.params.layers is Layers.INNER else Layer.OUTER
+            self._held = self._within_limits(self._held)
+            return Decision(self._layer, self._held, (), "clear of conflict, holding before the return")
         self.reset()
         return Decision(Layer.CLEAR, because="clear of conflict")
 
@@ -145,6 +154,8 @@ class Avoider:
         relevant: list[Track],
         goal: Goal,
     ) -> Decision:
+        if self._held is not None:
+            self._held = self._within_limits(self._held)
         situation = self._situation(state, mission, survey, goal)
         pressing = survey.tracks.subset(survey.pressing(self.params.priced_tracks))
         layer, priced = self._priced(situation, survey, pressing)

@@ -4,8 +4,10 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
+from companion.avoidance.geometry import Array
 from companion.units import STANDARD_GRAVITY_MPS2
 
 
@@ -41,6 +43,11 @@ class Envelope:
         """Turn rate of a coordinated turn at the bank limit, g tan(bank) / V, within the rate limit."""
         bank_limited = STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad) / max(airspeed_mps, 1.0)
         return min(bank_limited, self.max_turn_rate_radps)
+
+    def turn_rates_radps(self, airspeed_mps: Array) -> Array:
+        """`turn_rate_radps` of many airspeeds."""
+        bank_limited = STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad) / np.maximum(airspeed_mps, 1.0)
+        return np.minimum(bank_limited, self.max_turn_rate_radps)
 
     def clamp_airspeed_mps(self, airspeed_mps: float) -> float:
         """The nearest airspeed that can be flown."""

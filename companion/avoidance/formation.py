@@ -92,6 +92,21 @@ class Answer:
     closest_m: float
 
 
+def group_of(own_id: str, states: Sequence[MemberState], reach_m: float) -> list[MemberState]:
+    """Ourselves and who is within reach of us, or of somebody who is: they all find the same group."""
+    waiting = {state.member_id: state for state in states}
+    edge = [waiting.pop(own_id)]
+    group = list(edge)
+    while edge:
+        one = edge.pop()
+        near = [s for s in waiting.values() if math.dist(s.position_m, one.position_m) < reach_m]
+        for state in near:
+            del waiting[state.member_id]
+        edge += near
+        group += near
+    return group
+
+
 def joint_response(states: Sequence[MemberState], params: FormationParams) -> Answer | None:
     """The best combination for these members, given in whatever order; `None` if none is near another.
 
@@ -131,7 +146,8 @@ def _flown(state: MemberState, centre_m: Array) -> _Flown:
     member, velocity = state.member, state.velocity_mps
     speed_mps = math.hypot(velocity[0], velocity[1])
     bearing_rad, altitude_m = _to_goal(state, member.goal)
-    cruise_mps = speed_mps if member.goal.airspeed_mps is None else member.goal.airspeed_mps
+    wanted_mps = speed_mps if member.goal.airspeed_mps is None else member.goal.airspeed_mps
+    cruise_mps = min(max(wanted_mps, member.min_airspeed_mps), member.max_airspeed_mps)
     course_rad = math.atan2(velocity[1], velocity[0]) if speed_mps > 1.0 else bearing_rad
     speeds = {
         Pace.CRUISE: cruise_mps,

@@ -1,8 +1,9 @@
 """Flying ahead: where rows of commands lead, and how well they keep clear of the predicted tracks.
 
-Rows come first, then tracks, then time: (K, N, T). The aircraft answers a command after `response_s`, turns
-at its bank limit, climbs and sinks at its limits and holds what it reached; wind carries it along. Tracks
-fly straight on.
+The motion is the paper's (§2.1, eq. 1-2; its print has the cosine twice, y takes the sine), a point that
+flies where its course points, with the limits of §3.2.3 and lags added. Rows come first, then tracks, then
+time: (K, N, T). The aircraft answers a command after `response_s`, turns at its bank limit, climbs and sinks
+at its limits and holds what it reached; wind carries it along. Tracks fly straight on.
 """
 
 import math
@@ -144,7 +145,7 @@ class Separation:
 
     closest: Array
     exposure: Array
-    nearness: Array | float = 0.0
+    nearness: Array
 
 
 def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
@@ -158,10 +159,12 @@ def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
 
 
 def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Envelope) -> Array:
-    """Ground paths, shape (H, T, 2): turn at the bank limit, speed up or slow down, hold."""
+    """Ground paths by eq. 2, shape (H, T, 2): turn at the bank limit, speed up or slow down, hold."""
     turn_rad = wrap_pi(target_rad - own.course_rad)[:, None]
     turning_s = np.maximum(_MIDDLES_S - envelope.response_s, 0.0)
-    turned_rad = np.minimum(envelope.turn_rate_radps(own.airspeed_mps) * turning_s, np.abs(turn_rad))
+    # Who speeds up in a turn turns slower: the rate of the greater speed is within the limits at both.
+    rate_radps = envelope.turn_rates_radps(np.maximum(target_mps, own.airspeed_mps))[:, None]
+    turned_rad = np.minimum(rate_radps * turning_s, np.abs(turn_rad))
     course_rad = own.course_rad + np.sign(turn_rad) * turned_rad
     gained_mps = envelope.max_acceleration_mps2 * _MIDDLES_S
     airspeed_mps = own.airspeed_mps + _within(target_mps[:, None] - own.airspeed_mps, -gained_mps, gained_mps)
@@ -234,7 +237,7 @@ def separation(
     weights = _EXPOSURE_WEIGHTS[: count - 1]
     exposure = (depth @ weights).astype(np.float64)
     if not shells:
-        return Separation(closest.astype(np.float64), exposure)
+        return Separation(closest.astype(np.float64), exposure, np.zeros_like(exposure))
     volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0)).astype(_Float)[:, None]
     in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0, dtype=_Float)
     nearness = (in_shell @ weights).astype(np.float64)

@@ -27,13 +27,17 @@ def heading_rule_rad(
     """
     still = math.hypot(other_velocity_mps[0], other_velocity_mps[1]) < _STILL_MPS
     track = -own_velocity_mps if still else other_velocity_mps
-    alpha = wrap_pi(course_rad - math.atan2(track[1], track[0]))
-    if alpha < -math.pi + _EDGE_RAD:
-        alpha = math.pi
+    alpha = _to_left_rad(course_rad, track)
     side = 1.0 if alpha > -_EDGE_RAD else -1.0
-    b = wrap_pi(course_rad - math.atan2(rel_position_m[1], rel_position_m[0]))
+    b = _to_left_rad(course_rad, rel_position_m)
     phi = alpha - side * math.pi / 2.0 if b < -_EDGE_RAD else alpha + side * math.pi / 4.0
     return wrap_two_pi(course_rad - phi)
+
+
+def _to_left_rad(course_rad: float, vector: Array) -> float:
+    """The angle from a course to a vector, positive to the left; exactly behind is left."""
+    angle_rad = wrap_pi(course_rad - math.atan2(vector[1], vector[0]))
+    return math.pi if angle_rad < -math.pi + _EDGE_RAD else angle_rad
 
 
 class Pace(Enum):

@@ -43,7 +43,7 @@ class Course(StrEnum):
 
 
 class Height(StrEnum):
-    """What a row does with height."""
+    """What a row does with height, the third control (§2.3, §3.2.3)."""
 
     MISSION = "mission height"
     LEVEL = "level off"
@@ -114,9 +114,8 @@ class CostWeights:
     loss: Annotated[float, Ge(0)] = 40.0  # flat, for entering the protected volume itself
     depth: Annotated[float, Ge(0)] = 300.0  # times the deepest penetration, 0 at the edge, 1 at contact
     exposure: Annotated[float, Ge(0)] = 100.0  # times the mean penetration, so that leaving soon is better
-    # Times the mean depth in the inner layer, 0 at its edge and 1 at the volume. The paper's inner layer
-    # clears
-    # its whole sphere; for traffic that would be miles, and a volume missed by its margin is missed.
+    # Times the mean depth in the worst inner layer, 0 at its edge and 1 at the volume. The paper's clears its
+    # whole sphere; for traffic that would be miles, and a volume missed by its margin is missed.
     nearness: Annotated[float, Ge(0)] = 0.0
     turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
     deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
@@ -230,8 +229,10 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         + weights.loss * (depth > 0.0)
         + weights.depth * depth
         + weights.exposure * kept.exposure
-        + weights.nearness * kept.nearness
     ).sum(axis=1)
+    # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
+    # goal.
+    cost += weights.nearness * kept.nearness.max(axis=1)
     cost += effort(situation, commands)
     if held is not None:
         cost[1:] += weights.switch

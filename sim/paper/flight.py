@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
 from companion.model import Decision, Goal, Layer, Member, Ownship, Track, TrafficKind, Vec2
-from companion.units import wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 from sim.dynamics import Airframe, FixedWing
 from sim.paper.methods import Method, envelope_of
 from sim.paper.scene import Scale, Scene, Sphere, Uav
@@ -136,9 +136,14 @@ class _Pilot:
             course_rad, speed_mps = guidance.course_rad, guidance.airspeed_mps
             altitude_m = guidance.altitude_m
         self._note(course_rad, speed_mps, decision.layer)
-        plane.hold_course(course_rad)
+        plane.hold_course(course_rad, self._bank_limit_rad())
         plane.hold_airspeed(speed_mps)
         plane.hold_altitude(altitude_m)
+
+    def _bank_limit_rad(self) -> float:
+        """The bank that keeps the limits of both bank and turn rate at the present speed."""
+        envelope, speed_mps = envelope_of(self.scene, self.uav), self.aircraft.airspeed_mps
+        return math.atan(envelope.turn_rate_radps(speed_mps) * speed_mps / STANDARD_GRAVITY_MPS2)
 
     def rest(self) -> None:
         """Arrived: nothing is asked for any more."""

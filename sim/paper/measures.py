@@ -19,10 +19,12 @@ class Measures:
     """What the report holds of one flight. Lengths are the paper's.
 
     `safety_value` is eq. 3 averaged over the flight: the mean distance to all obstacles, or between all pairs
-    of UAVs. `min_separation` is the smallest of these distances, from centre to centre; `min_clearance` from
-    surface to surface. `heading_effort` is the mean square of the change of course asked for (eq. 10)
-    [rad^2], `speed_effort` that of the change of speed (eq. 12) [length^2 per step^2]. `path_ratio` is length
-    flown over straight length; `jitter` how often the turn changes side.
+    of UAVs; `common_safety_value` over the steps alone that all compared flights were on their way, so that a
+    flight that strays does not profit from its last steps far away. `min_separation` is the smallest of these
+    distances, from centre to centre; `min_clearance` from surface to surface. `heading_effort` is the mean
+    square of the change of course asked for (eq. 10) [rad^2], `speed_effort` that of the change of speed (eq.
+    12) [length^2 per step^2]. `path_ratio` is length flown over straight length; `jitter` how often the turn
+    changes side.
     """
 
     safety_value: float | None
@@ -35,18 +37,19 @@ class Measures:
     steps: int
     path_ratio: float
     jitter: int
+    common_safety_value: float | None = None
 
     def report(self) -> dict[str, float | int | bool | None]:
-        """For JSON, rounded to what the experiment is worth."""
+        """For JSON, without the digits that mean nothing."""
         return {
-            name: round(value, 4) if isinstance(value, float) else value
+            name: round(value, 6) if isinstance(value, float) else value
             for name in self.__slots__
             for value in (getattr(self, name),)
         }
 
 
-def measure(flight: Flight) -> Measures:
-    """All measures of a flight."""
+def measure(flight: Flight, common_steps: int | None = None) -> Measures:
+    """All measures of a flight; `common_steps` are those that all compared flights were on their way."""
     contact, closest = contacts(flight), closest_distances(flight)
     straight = sum(float(np.hypot(*np.subtract(one.uav.goal, one.uav.start))) for one in flight.uavs)
     safety = safety_values(flight)
@@ -61,6 +64,9 @@ def measure(flight: Flight) -> Measures:
         steps=flight.steps,
         path_ratio=sum(path_length(one) for one in flight.uavs) / straight,
         jitter=sum(jitter(one) for one in flight.uavs),
+        common_safety_value=(
+            float(safety[: common_steps + 1].mean()) if safety.size and common_steps is not None else None
+        ),
     )
 
 

@@ -1,0 +1,113 @@
+"""`companion-sim paper` from outside: what it writes, what it says, and how it refuses."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PNG = b"\x89PNG\r\n\x1a\n"
+MEASURES = {
+    "safety_value",
+    "heading_effort",
+    "speed_effort",
+    "min_separation",
+    "collisions",
+    "arrived",
+    "steps",
+    "path_ratio",
+}
+
+
+def paper(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    command = [str(Path(sys.executable).with_name("companion-sim")), "paper", *arguments]
+    # A width at which no table is cut.
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "COLUMNS": "140"},
+    )
+
+
+@pytest.fixture(scope="module")
+def experiments(tmp_path_factory: pytest.TempPathFactory) -> "tuple[Path, subprocess.CompletedProcess[str]]":
+    out = tmp_path_factory.mktemp("paper") / "results"
+    return out, paper("--out", str(out))
+
+
+def test_the_experiments_are_flown_and_written(
+    experiments: "tuple[Path, subprocess.CompletedProcess[str]]",
+) -> None:
+    out, done = experiments
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "two layers" in done.stdout
+    assert "\x1b" not in done.stdout, "no progress bar and no colours outside a terminal"
+    content = json.loads((out / "report.json").read_text())
+    for name in ("single", "group"):
+        assert set(content[name]) == {"none", "outer", "inner", "two_layer"}
+        for row in content[name].values():
+            assert set(row) >= MEASURES
+        assert content[name]["none"]["collisions"] > 0, "nobody avoids: the scene is one to avoid in"
+        assert content[name]["two_layer"]["arrived"]
+        assert content[name]["two_layer"]["collisions"] == 0
+    figures = [f"figure-{number:02d}.png" for number in range(7, 13)] + ["minima.png"]
+    for figure in figures:
+        assert (out / figure).read_bytes().startswith(PNG)
+        assert (out / figure).stat().st_size > 20_000
+    text = (out / "table.md").read_text()
+    assert "1.6192" in text, "the paper's figures stand beside ours"
+
+
+def test_the_two_layers_do_as_the_paper_says(
+    experiments: "tuple[Path, subprocess.CompletedProcess[str]]",
+) -> None:
+    """The ratios, or, where one falls short, the words that say so."""
+    out, _ = experiments
+    content = json.loads((out / "report.json").read_text())
+    single, group = content["single"], content["group"]
+    both = single["two_layer"]
+    assert both["safety_value"] >= 0.95 * single["inner"]["safety_value"]
+    assert both["heading_effort"] <= 0.73 * single["inner"]["heading_effort"]
+    for other in ("outer", "inner"):
+        assert group["two_layer"]["safety_value"] >= 1.35 * group[other]["safety_value"]
+    if both["safety_value"] < 1.20 * single["outer"]["safety_value"]:
+        assert "**short**" in (out / "table.md").read_text()
+
+
+def test_the_strategy_table_is_printed() -> None:
+    done = paper("--table")
+    assert done.returncode == 0, done.stderr
+    for words in ("heading rule (eq. 11)", "speed rule (eq. 13)", "turn left 30°", "over", "slowest"):
+        assert words in done.stdout
+
+
+@pytest.mark.parametrize("study", ["fields", "transition"])
+def test_a_small_study_is_flown_and_written(study: str, tmp_path: Path) -> None:
+    done = paper("--out", str(tmp_path), "--study", study, "--fields", "1")
+    assert done.returncode == 0, done.stderr
+    content = json.loads((tmp_path / f"{study}.json").read_text())
+    assert content
+    assert (tmp_path / f"{study}.png").read_bytes().startswith(PNG)
+    assert (tmp_path / f"{study}.md").read_text().startswith("# ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "--out DIR"),
+        (("--out", "/dev/null/results"), "/dev/null"),
+        (("--out", "/tmp", "--study", "everything"), "everything"),
+        (("--out", "/tmp", "--fields", "0"), "--fields"),
+    ],
+)
+def test_bad_usage_is_one_clear_answer(arguments: tuple[str, ...], words: str) -> None:
+    done = paper(*arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
