@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain
-from companion.avoidance.formation import Answer, MemberState, group_of, joint_response
+from companion.avoidance.formation import Answer, MemberState, group_of, is_sound, joint_response
 from companion.avoidance.inner import emergency
 from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers
-from companion.avoidance.prediction import OwnState, Tracks
+from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
 from companion.avoidance.rules import Pace, heading_rule_rad, speed_rule
 from companion.avoidance.strategies import Control, Priced, Situation, StrategyTable, price
 from companion.avoidance.survey import (
@@ -47,6 +48,7 @@ class Avoider:
         self._held: Guidance | None = None
         self._layer = Layer.CLEAR
         self._rule: _Rule | None = None
+        self._answering = False  # our group's conflict
         self._clear_since_s: float | None = None
 
     def reset(self) -> None:
@@ -55,6 +57,7 @@ class Avoider:
         self._held = None
         self._layer = Layer.CLEAR
         self._rule = None
+        self._answering = False
         self._clear_since_s = None
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
@@ -66,7 +69,8 @@ class Avoider:
         no safe answer to it.
         """
         refuse_nonsense(own, goal)
-        relevant = [track for track in tracks if matters(track)]
+        own_id = self.params.formation.own_id
+        relevant = [t for t in tracks if matters(t) and not (own_id and t.track_id == own_id)]
         if not relevant:
             return self._without_conflict(now_s)
         state = own_state(now_s, own)
@@ -84,46 +88,72 @@ class Avoider:
         answer = self._group_answer(now_s, own, relevant, goal)
         if answer is not None:
             grouped = np.array([track.track_id in answer.guidance for track in relevant])
-            if not (survey.conflict & ~grouped).any():
+            if not (survey.conflict & ~grouped).any() and self._keeps_clear(answer, state, survey, ~grouped):
                 return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
+        self._answering = False
         if not survey.conflict.any():
             return self._without_conflict(now_s)
         self._clear_since_s = None
         return self._avoid(state, mission, survey, relevant, goal)
 
-    def member(self, goal: Goal) -> Member:
-        """What the other members of our group are to know of us."""
+    def member(self, own: Ownship, goal: Goal) -> Member:
+        """What the other members of our group are to know of us: what we want within what we can."""
         envelope = self.envelope
-        speed_mps = envelope.min_airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
-        rate_radps = envelope.turn_rate_radps(speed_mps)
-        return Member(goal, envelope.min_airspeed_mps, envelope.max_airspeed_mps, rate_radps)
+        airspeed_mps = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
+        altitude_m = goal.altitude_m
+        if altitude_m is None:
+            altitude_m = -(own.position_m if goal.position_m is None else goal.position_m)[2]
+        wanted = replace(
+            goal,
+            airspeed_mps=envelope.clamp_airspeed_mps(airspeed_mps),
+            altitude_m=envelope.clamp_altitude_m(altitude_m),
+        )
+        rate_radps = envelope.turn_rate_radps(envelope.clamp_airspeed_mps(airspeed_mps))
+        return Member(wanted, envelope.min_airspeed_mps, envelope.max_airspeed_mps, rate_radps)
 
     def _group_answer(
         self, now_s: float, own: Ownship, relevant: Sequence[Track], goal: Goal
     ) -> Answer | None:
-        """The joint response of our group, if there is one near and the response keeps out of all volumes."""
+        """The joint response of our group, if it is in conflict and the response keeps its members apart."""
         params = self.params.formation
         states = [
             MemberState(track.track_id, moved(track, now_s), track.velocity_mps, track.member)
             for track in relevant
-            if track.member is not None and track.track_id != params.own_id
+            if track.member is not None
         ]
-        if not (params.cooperate and states and self.params.layers is Layers.BOTH):
+        states = [state for state in states if is_sound(state)]
+        if not (states and params.own_id and params.cooperate and self.params.layers is Layers.BOTH):
             return None
-        states.append(MemberState(params.own_id, moved(own, now_s), own.velocity_mps, self.member(goal)))
-        answer = joint_response(group_of(params.own_id, states, params.reach_m), params)
-        return answer if answer is not None and answer.closest_m >= params.smallest_m else None
+        ours = MemberState(params.own_id, moved(own, now_s), own.velocity_mps, self.member(own, goal))
+        answer = joint_response(group_of([ours, *states], params.reach_m), params)
+        if answer is None or answer.closest_m < params.smallest_m:
+            return None
+        margin = 1.0 + self.params.release_margin if self._answering else 1.0
+        return answer if answer.unanswered_m < margin * params.influence_m else None
+
+    def _keeps_clear(
+        self, answer: Answer, state: OwnState, survey: Survey, others: NDArray[np.bool_]
+    ) -> bool:
+        """Whether our part of the joint response keeps out of the volumes of those not of the group."""
+        strangers = survey.tracks.subset(np.flatnonzero(others))
+        if len(strangers) == 0:
+            return True
+        row = Commands.of([self._within_limits(answer.guidance[self.params.formation.own_id])])
+        kept = separation(fly_ahead(state, row, self.envelope), strangers)
+        return bool((kept.closest >= 1.0).all())
 
     def _answered(
         self, answer: Answer, state: OwnState, survey: Survey, relevant: Sequence[Track]
     ) -> Decision:
-        """Our part of the joint response."""
+        """Our part of the joint response; held like any other guidance when the conflict is over."""
+        params = self.params.formation
         self.reset()
-        near = bool((survey.conflict & (survey.surface_m < self.params.inner_radius_m)).any())
-        guidance = self._within_limits(answer.guidance[self.params.formation.own_id])
+        guidance = self._within_limits(answer.guidance[params.own_id])
         found = threats(survey, relevant, self.params.priced_tracks)
-        layer = Layer.INNER if near else Layer.OUTER
-        return Decision(layer, guidance, found, "group: " + _because(found[0], guidance, state))
+        near = min(threat.distance_m for threat in found) < params.separation_m
+        self._answering, self._held = True, guidance
+        self._layer = Layer.INNER if near else Layer.OUTER
+        return Decision(self._layer, guidance, found, "group: " + _because(found[0], guidance, state))
 
     def _within_limits(self, guidance: Guidance) -> Guidance:
         """The same guidance within limits that may have become known since, or that others do not know."""
@@ -141,7 +171,7 @@ class Avoider:
             self._clear_since_s = now_s
         if now_s - self._clear_since_s < self.params.release_after_s:
             self._layer = Layer.INNER if self.params.layers is Layers.INNER else Layer.OUTER
-            self._held = self._within_limits(self._held)
+            self._held, self._rule = self._within_limits(self._held), None
             return Decision(self._layer, self._held, (), "clear of conflict, holding before the return")
         self.reset()
         return Decision(Layer.CLEAR, because="clear of conflict")

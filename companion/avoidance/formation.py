@@ -23,6 +23,8 @@ from companion.avoidance.prediction import TIME_SHARES, Commands, OwnState, fly_
 from companion.model import Goal, Guidance, Member, Vec3
 from companion.units import wrap_pi, wrap_two_pi
 
+# In larger groups everybody avoids the others as he avoids strangers.
+_LARGEST_GROUP = 8
 # Up to so many members every combination is tried; more of them improve one after the other, in order of id.
 _ALL_COMBINATIONS = 3
 _ROUNDS = 10
@@ -61,8 +63,10 @@ _PATH_RATIO = np.array([response.path_ratio for response in RESPONSES])
 class FormationParams:
     """How a group keeps apart. `own_id` is the id by which the other members know us."""
 
-    own_id: str = ""
+    own_id: str = ""  # without one there is no group
     cooperate: bool = True
+    # Flying straight to their goals, members that would come nearer than this are in conflict, and answer.
+    influence_m: Annotated[float, Gt(0)] = 100.0
     separation_m: Annotated[float, Gt(0)] = 100.0  # kept between members wherever any response does
     # Members further apart than this leave each other alone: distance is of no more worth.
     reach_m: Annotated[float, Gt(0)] = 400.0
@@ -86,37 +90,38 @@ class MemberState:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What each member flies, and the smallest distance between any two that this leads to [m]."""
+    """What each member flies, and the smallest distance between any two that this leads to [m].
+
+    `unanswered_m` is that distance if everybody flies straight to his goal.
+    """
 
     guidance: Mapping[str, Guidance]
     closest_m: float
+    unanswered_m: float
 
 
-def group_of(own_id: str, states: Sequence[MemberState], reach_m: float) -> list[MemberState]:
-    """Ourselves and who is within reach of us, or of somebody who is: they all find the same group."""
-    waiting = {state.member_id: state for state in states}
-    edge = [waiting.pop(own_id)]
-    group = list(edge)
-    while edge:
-        one = edge.pop()
-        near = [s for s in waiting.values() if math.dist(s.position_m, one.position_m) < reach_m]
-        for state in near:
-            del waiting[state.member_id]
-        edge += near
+def group_of(states: Sequence[MemberState], reach_m: float) -> list[MemberState]:
+    """The first state and who is within reach of it, or of somebody who is: they all find the same group."""
+    group, waiting = [states[0]], list(states[1:])
+    for one in group:
+        near = [state for state in waiting if math.dist(state.position_m, one.position_m) < reach_m]
+        waiting = [state for state in waiting if state not in near]
         group += near
     return group
 
 
 def joint_response(states: Sequence[MemberState], params: FormationParams) -> Answer | None:
-    """The best combination for these members, given in whatever order; `None` if none is near another.
+    """The best combination for these members, given in whatever order.
 
-    The wind is not considered: it carries all of them alike.
+    `None` for nobody else, for too many, for two of one id, and where the states are beyond all sense. The
+    wind is not considered: all are taken to go on over the ground as fast as they do now.
     """
     states = sorted(states, key=lambda state: state.member_id)
+    ids = {state.member_id for state in states}
+    if not 1 < len(ids) == len(states) <= _LARGEST_GROUP:
+        return None
     places = np.array([state.position_m for state in states])
     pairs = list(itertools.combinations(range(len(states)), 2))
-    if not any(math.dist(places[i], places[j]) < params.reach_m for i, j in pairs):
-        return None
     centre = places.mean(axis=0)
     flights = [_flown(state, centre) for state in states]
     mean, least = {}, {}
@@ -124,9 +129,24 @@ def joint_response(states: Sequence[MemberState], params: FormationParams) -> An
         mean[i, j], least[i, j] = _between(flights[i].path_m, flights[j].path_m, params.reach_m)
     table = _Table([flight.calm for flight in flights], mean, least, params)
     chosen = table.best() if len(states) <= _ALL_COMBINATIONS else table.improved()
-    return Answer(
-        {state.member_id: f.guidance(c) for state, f, c in zip(states, flights, chosen, strict=True)},
-        min(float(least[i, j][chosen[i], chosen[j]]) for i, j in pairs),
+    closest = np.array([(least[i, j][chosen[i], chosen[j]], least[i, j][0, 0]) for i, j in pairs]).min(axis=0)
+    if not np.isfinite(closest).all():
+        return None
+    parts = zip(states, flights, chosen, strict=True)
+    guidance = {state.member_id: flown.guidance(row) for state, flown, row in parts}
+    return Answer(guidance, float(closest[0]), float(closest[1]))
+
+
+def is_sound(state: MemberState) -> bool:
+    """Whether a member's words can be reckoned with: finite, and limits that some aircraft may have."""
+    member, goal = state.member, state.member.goal
+    numbers = [*state.position_m, *state.velocity_mps, member.min_airspeed_mps, member.max_airspeed_mps]
+    numbers += [member.max_turn_rate_radps, *(goal.position_m or ())]
+    numbers += [x for x in (goal.course_rad, goal.airspeed_mps, goal.altitude_m) if x is not None]
+    return (
+        all(map(math.isfinite, numbers))
+        and 0.0 < member.min_airspeed_mps <= member.max_airspeed_mps <= 200.0
+        and 0.0 < member.max_turn_rate_radps <= math.radians(90.0)
     )
 
 
@@ -185,12 +205,13 @@ def _to_goal(state: MemberState, goal: Goal) -> tuple[float, float]:
     """Course and height that lead to the goal."""
     north_m, east_m, down_m = state.position_m
     altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
+    present_rad = math.atan2(state.velocity_mps[1], state.velocity_mps[0])
     if goal.position_m is not None:
-        course_rad = math.atan2(goal.position_m[1] - east_m, goal.position_m[0] - north_m)
+        north, east = goal.position_m[0] - north_m, goal.position_m[1] - east_m
+        # On top of the goal its bearing means nothing.
+        course_rad = math.atan2(east, north) if math.hypot(north, east) > 1.0 else present_rad
         return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
-    if goal.course_rad is not None:
-        return goal.course_rad, altitude_m
-    return math.atan2(state.velocity_mps[1], state.velocity_mps[0]), altitude_m
+    return present_rad if goal.course_rad is None else goal.course_rad, altitude_m
 
 
 def _between(one_m: Array, other_m: Array, reach_m: float) -> tuple[Array, Array]:

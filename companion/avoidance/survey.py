@@ -31,6 +31,8 @@ from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, Traff
 
 # How fast we could fly towards somebody who is near but not on his way to us.
 _OWN_REACH_MPS = 20.0
+# Nothing on earth is further away, nothing that matters is faster; not a number is neither.
+_FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,9 +197,15 @@ def threats(survey: Survey, relevant: Sequence[Track], most: int) -> tuple[Threa
 
 
 def matters(track: Track) -> bool:
-    """Whether a track is finite, and of something that flies or stands in the way."""
-    finite = all(map(math.isfinite, (*track.position_m, *track.velocity_mps, track.time_s)))
-    return finite and track.kind is not TrafficKind.SURFACE_VEHICLE
+    """Whether a track is finite, within all reason, and of something that flies or stands in the way."""
+    volumes = (track.protected_horizontal_m, track.protected_vertical_m)
+    places_and_sizes = (*track.position_m, *(size for size in volumes if size is not None))
+    sound = (
+        math.isfinite(track.time_s)
+        and all(abs(x) < _FURTHEST_M for x in places_and_sizes)
+        and all(abs(v) < _FASTEST_MPS for v in track.velocity_mps)
+    )
+    return sound and track.kind is not TrafficKind.SURFACE_VEHICLE
 
 
 def moved(what: Ownship | Track, now_s: float) -> Vec3:

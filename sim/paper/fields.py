@@ -78,8 +78,8 @@ def way_exists(scene: Scene, steps: int) -> bool:
     """Whether some way of no more than the fastest speed leads the first UAV to its goal without collision.
 
     Cells that can be reached spread from the start, step by step, over those that no obstacle covers just
-    then. What cannot be reached like this, turning on the spot included, no aircraft reaches; the reverse may
-    fail.
+    then. Turning on the spot is allowed, so a way for this search need not be one for an aircraft; gaps
+    narrower than a cell are closed to it.
     """
     uav = scene.uavs[0]
     corners = np.array([uav.start, uav.goal])

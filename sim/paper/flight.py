@@ -113,7 +113,7 @@ class _Pilot:
 
     @property
     def _member(self) -> Member | None:
-        return None if self.avoider is None else self.avoider.member(self.goal)
+        return None if self.avoider is None else self.avoider.member(self.ownship(0.0), self.goal)
 
     @property
     def goal(self) -> Goal:

@@ -1,6 +1,7 @@
 """Measures of a flight: safety value (eq. 3), collisions (def. 4), effort, length, jitter."""
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +52,8 @@ class Measures:
 def measure(flight: Flight, common_steps: int | None = None) -> Measures:
     """All measures of a flight; `common_steps` are those that all compared flights were on their way."""
     contact, closest = contacts(flight), closest_distances(flight)
-    straight = sum(float(np.hypot(*np.subtract(one.uav.goal, one.uav.start))) for one in flight.uavs)
+    straight = sum(math.dist(one.uav.start, one.uav.goal) for one in flight.uavs)
+    straight -= len(flight.uavs) * flight.scene.arrival_radius
     safety = safety_values(flight)
     return Measures(
         safety_value=float(safety.mean()) if safety.size else None,

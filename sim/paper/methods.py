@@ -68,6 +68,8 @@ class Method:
                 own_id=uav.id,
                 cooperate=self.cooperate,
                 separation_m=scene.inner_radius * scale.unit_m,
+                # Of either, the paper's radius of influence.
+                influence_m=scene.outer_radius * scale.unit_m,
                 reach_m=scene.outer_radius * scale.unit_m,
                 smallest_m=2.0 * scene.uav_radius * scale.unit_m,
             ),

@@ -1,6 +1,7 @@
 """What `companion-sim paper` writes: `report.json` for machines, `table.md` for people."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -97,11 +98,11 @@ def table(experiments: Measured, minima: Measured) -> str:
 
 _READING = """Ours beside the paper's, where it prints any. It does not print its obstacles, so absolute
 values cannot agree; ratios and orders can. Lengths are the paper's. The safety value (eq. 3) is the mean over
-the flight, and under "same time" over the steps that all of them are on their way; read it with the others,
-for it alone rewards flying apart. Heading effort is the mean square of
-the change of course asked for [rad²], speed effort that of speed [length²/step²]; separation is between
-centres, clearance between surfaces; path is length flown over straight length; jitter counts changes of the
-side of the turn.
+the whole flight, of a group until the last has arrived, those who did standing at their goals; under "same
+time" it is the mean over the steps that all UAVs of all strategies are on their way. Read it with the others,
+for it alone rewards flying apart. Heading effort is the mean square of the change of course asked for [rad²],
+speed effort that of speed [length²/step²]; separation is between centres, clearance between surfaces; path is
+length flown over that of the straight way; jitter counts changes of the side of the turn.
 """
 
 _COLUMNS = (
@@ -159,7 +160,24 @@ def _ratios(experiments: Measured) -> str:
         if not reached:
             reasons.append(f"- {what} is {ratio:.2f}, not {wanted}: {_reason(goal, both, one)}")
     text = markdown(["ratio", "paper", "wanted", "ours", ""], body)
+    if alone := _alone(experiments):
+        reasons.append(alone)
     return text + ("\n" + "\n".join(reasons) + "\n" if reasons else "")
+
+
+def _alone(experiments: Measured) -> str:
+    """What of the group's ratios is owed to its joint table, and not to the layers."""
+    rows = experiments["group"]
+    alone = rows.get(methods.TWO_LAYER_ALONE.name)
+    if alone is None:
+        return ""
+    ratios = [_ratio(alone, rows[against], "safety_value") for against in ("outer", "inner")]
+    shown = " and ".join("-" if ratio is None else f"{ratio:.2f}" for ratio in ratios)
+    return (
+        "- group: the single layers do not cooperate, the two layers do. Two layers that do not either reach "
+        f"{shown} times the safety value of the outer and of the inner layer alone; the rest is owed to the "
+        "joint table."
+    )
 
 
 def _ratio(both: Measures, one: Measures, name: str) -> float | None:
@@ -273,6 +291,8 @@ def fields_report(shares: Sequence[FieldShare], closed: int) -> dict[str, Any]:
 
 def _triple(value: Triple, digits: int) -> str:
     middle, low, high = value
+    if not math.isfinite(middle):
+        return "-"
     return f"{middle:.{digits}f} ({low:.{digits}f}-{high:.{digits}f})"
 
 

@@ -123,7 +123,9 @@ def best_delta_beta_deg(points: Sequence[TransitionPoint], method: str = methods
     As surely: the interval of its share reaches the best share. The paper asks for the safety value alone,
     which would also praise those that never arrive.
     """
-    own = [point for point in points if point.method == method]
+    own = [point for point in points if point.method == method and math.isfinite(point.safety_value[0])]
+    if not own:
+        return math.nan
     surest = max(point.arrived_share[0] for point in own)
     sure = [point for point in own if point.arrived_share[2] >= surest]
     return max(sure, key=lambda point: point.safety_value[0]).delta_beta_deg
@@ -155,7 +157,7 @@ def share_with_interval(successes: int, of: int) -> Triple:
 
 
 def mean_with_interval(values: Sequence[float]) -> Triple:
-    """A mean and its 95 % interval, by the normal distribution of means."""
+    """A mean and its 95 % interval, by the normal distribution of means; not a number of nothing."""
     if not values:
         return math.nan, math.nan, math.nan
     mean = float(np.mean(values))

@@ -216,7 +216,7 @@ class Said:
                 self.own_id,
                 moved(self.own, self.now_s),
                 self.own.velocity_mps,
-                self.avoider.member(self.goal),
+                self.avoider.member(self.own, self.goal),
             )
         ]
         for track in self.tracks:
@@ -225,7 +225,7 @@ class Said:
                 MemberState(track.track_id, moved(track, self.now_s), track.velocity_mps, track.member)
             )
         params = self.avoider.params.formation
-        return joint_response(group_of(self.own_id, states, params.reach_m), params)
+        return joint_response(group_of(states, params.reach_m), params)
 
 
 @dataclass(frozen=True)
