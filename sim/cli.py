@@ -208,6 +208,8 @@ def paper(
             return
         raise ConfigError("paper: say where to write to with --out DIR, or --table")
     command.folder(out)
+    # Leave by the front door, so that the processes of the flights end with this one.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     well = True
     if study in (Study.EXPERIMENTS, Study.ALL):
         well = command.run_experiments(out, console)

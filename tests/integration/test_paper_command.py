@@ -7,6 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+
+from sim.paper import command, studies
 
 PNG = b"\x89PNG\r\n\x1a\n"
 MEASURES = {
@@ -87,14 +90,24 @@ def test_the_strategy_table_is_printed() -> None:
         assert words in done.stdout
 
 
-@pytest.mark.parametrize("study", ["fields", "transition"])
-def test_a_small_study_is_flown_and_written(study: str, tmp_path: Path) -> None:
-    done = paper("--out", str(tmp_path), "--study", study, "--fields", "1")
+def test_a_small_study_of_fields_is_flown_and_written(tmp_path: Path) -> None:
+    done = paper("--out", str(tmp_path), "--study", "fields", "--fields", "1")
     assert done.returncode == 0, done.stderr
-    content = json.loads((tmp_path / f"{study}.json").read_text())
-    assert content
-    assert (tmp_path / f"{study}.png").read_bytes().startswith(PNG)
-    assert (tmp_path / f"{study}.md").read_text().startswith("# ")
+    content = json.loads((tmp_path / "fields.json").read_text())
+    assert content["strategies"]["two_layer"]["fields"] + content["without_way"] == 1
+    assert (tmp_path / "fields.png").read_bytes().startswith(PNG)
+    assert "two layers" in (tmp_path / "fields.md").read_text()
+
+
+def test_a_small_study_of_the_transition_domain_is_flown_and_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(studies, "DELTA_BETAS_DEG", (5.0, 90.0))
+    command.run_transition(tmp_path, 1, Console(quiet=True))
+    content = json.loads((tmp_path / "transition.json").read_text())
+    assert [point["delta_beta_deg"] for point in content["points"]] == [5.0, 90.0] * 2
+    assert content["chosen_deg"] in (5.0, 90.0)
+    assert (tmp_path / "transition.png").read_bytes().startswith(PNG)
 
 
 @pytest.mark.parametrize(
