@@ -10,7 +10,7 @@ run: setup
 	$(BIN)/companion-sim demo
 
 test: check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses 2
 
 check: setup
 	$(BIN)/ruff check .

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.envelope import Pace
 from companion.avoidance.formation import Answer, MemberState, group_of, is_sound, joint_response
 from companion.avoidance.inner import emergency
 from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers
 from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
-from companion.avoidance.rules import Pace, heading_rule_rad, speed_rule
+from companion.avoidance.rules import heading_rule_rad, speed_rule
 from companion.avoidance.strategies import Control, Priced, Situation, StrategyTable, price
 from companion.avoidance.survey import (
     Survey,

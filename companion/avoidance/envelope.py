@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
@@ -9,6 +10,14 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from companion.avoidance.geometry import Array
 from companion.units import STANDARD_GRAVITY_MPS2
+
+
+class Pace(StrEnum):
+    """A choice of airspeed."""
+
+    KEEP = "keep"  # what is wanted anyway
+    SLOWEST = "slowest"
+    FASTEST = "fastest"
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,11 @@ class Envelope:
     def clamp_airspeed_mps(self, airspeed_mps: float) -> float:
         """The nearest airspeed that can be flown."""
         return min(max(airspeed_mps, self.min_airspeed_mps), self.max_airspeed_mps)
+
+    def airspeed_mps(self, pace: Pace, wanted_mps: float) -> float:
+        """The airspeed of a pace, within the limits."""
+        of_pace = {Pace.SLOWEST: self.min_airspeed_mps, Pace.FASTEST: self.max_airspeed_mps}
+        return of_pace.get(pace, self.clamp_airspeed_mps(wanted_mps))
 
     def clamp_altitude_m(self, altitude_m: float) -> float:
         """The nearest height between floor and ceiling."""

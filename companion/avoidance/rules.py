@@ -5,8 +5,8 @@ priced like any other.
 """
 
 import math
-from enum import Enum
 
+from companion.avoidance.envelope import Pace
 from companion.avoidance.geometry import Array
 from companion.units import wrap_pi, wrap_two_pi
 
@@ -38,14 +38,6 @@ def _to_left_rad(course_rad: float, vector: Array) -> float:
     """The angle from a course to a vector, positive to the left; exactly behind is left."""
     angle_rad = wrap_pi(course_rad - math.atan2(vector[1], vector[0]))
     return math.pi if angle_rad < -math.pi + _EDGE_RAD else angle_rad
-
-
-class Pace(Enum):
-    """What the speed rule asks for."""
-
-    KEEP = "keep"
-    SLOWEST = "slowest"
-    FASTEST = "fastest"
 
 
 def speed_rule(rel_position_m: Array, other_velocity_mps: Array, own_velocity_mps: Array) -> Pace:

@@ -16,10 +16,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge
 
-from companion.avoidance.envelope import Envelope
+from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.geometry import Array, wrap_pi
 from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
-from companion.avoidance.rules import Pace
 from companion.model import Guidance
 
 
@@ -170,15 +169,13 @@ def height_m(choice: Height, situation: Situation) -> float:
 
 def speed_mps(choice: Speed, situation: Situation) -> float:
     """The airspeed a choice of speed asks for, within the limits."""
-    envelope, mission_mps = situation.envelope, situation.mission.airspeed_mps
-    of_pace = {Pace.KEEP: mission_mps, Pace.SLOWEST: envelope.min_airspeed_mps}
-    wanted_mps = {
-        Speed.MISSION: mission_mps,
-        Speed.RULE: of_pace.get(situation.rule_pace, envelope.max_airspeed_mps),
-        Speed.SLOWEST: envelope.min_airspeed_mps,
-        Speed.FASTEST: envelope.max_airspeed_mps,
+    pace = {
+        Speed.MISSION: Pace.KEEP,
+        Speed.RULE: situation.rule_pace,
+        Speed.SLOWEST: Pace.SLOWEST,
+        Speed.FASTEST: Pace.FASTEST,
     }[choice]
-    return envelope.clamp_airspeed_mps(wanted_mps)
+    return situation.envelope.airspeed_mps(pace, situation.mission.airspeed_mps)
 
 
 class StrategyTable:

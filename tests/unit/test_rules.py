@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from companion.avoidance.envelope import Pace
 from companion.avoidance.geometry import Array
-from companion.avoidance.rules import Pace, heading_rule_rad, speed_rule
+from companion.avoidance.rules import heading_rule_rad, speed_rule
 
 OWN_MPS = 20.0
 STANDING = np.zeros(2)
