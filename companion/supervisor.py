@@ -1,12 +1,12 @@
-"""Who may fly, and when: the whole supervisor is the table below.
+"""Who may fly, and when: the whole supervisor is the table below (`companion check CONFIG --table` prints it).
 
 It knows neither clock nor wire. The engine tells it events, one at a time, and acts on the state it is in.
 A pair that is not in the table changes nothing.
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Annotated
+from enum import IntEnum, StrEnum
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, MinLen
 
@@ -14,13 +14,14 @@ from annotated_types import Ge, Le, MinLen
 class State(StrEnum):
     """What the companion is doing with the aircraft."""
 
-    STANDBY = "standby"  # the aircraft is not one to take over: on the ground, disarmed, other mode
+    STANDBY = "standby"  # the aircraft is not one to take over: on the ground, disarmed, other mode, only advising
     MONITOR = "monitor"  # the mission is flown; ready to take over
     ENGAGING = "engaging"  # asked the autopilot for its guided mode
     OUTER = "outer"  # flying, outer layer
     INNER = "inner"  # flying, inner layer
+    RETURNING = "returning"  # flying back to where the former mode belongs: a circle, a course
     RELEASING = "releasing"  # asked the autopilot to take the mission up again
-    HANDS_OFF = "hands off"  # somebody else changed the mode while we flew: theirs until settled
+    HANDS_OFF = "hands off"  # somebody else took the aircraft while we had it: theirs until settled
     STOPPING = "stopping"  # giving back because the service ends
     STOPPED = "stopped"
 
@@ -28,26 +29,43 @@ class State(StrEnum):
 class Event(StrEnum):
     """What can happen."""
 
-    READY = "ready"  # armed, airborne, position fresh, in a mode that may be taken over, settled
+    READY = "ready"  # armed, airborne, position fresh, in a mode that may be taken over, settled, told to fly
     NOT_READY = "not ready"
     OUTER_CONFLICT = "outer conflict"
     INNER_CONFLICT = "inner conflict"
     CLEAR = "clear"
+    FAR = "far"  # clear, but not where the former mode belongs
     TAKEN = "taken"  # the autopilot's heartbeat shows its guided mode
     REFUSED = "refused"  # it refused, or still shows the former mode after a while
     UNKNOWN = "unknown"  # nothing is heard of what became of the request
     LATE = "late"  # it entered the guided mode after we had given up asking
-    LOST = "lost"  # a mode that we did not ask for, or disarmed, or landed
+    FOUND = "found"  # it is where a companion that was killed left it
+    ABANDONED = "abandoned"  # taken from us, but left in the guided mode with nobody flying it
+    ADVISE = "advise"  # told in flight to advise only, or to be off
     GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
     STOP = "stop"  # the service is told to end
+    # Somebody else has the aircraft:
+    MODE_CHANGED = "mode changed"  # a mode that we did not ask for: the pilot's, or the autopilot's own avoidance
+    STICKS = "sticks moved"
+    DISARMED = "disarmed"
+    LANDING = "landing"
+    FAILSAFE = "failsafe"
+    FENCE = "fence breached"
 
 
-FLYING = frozenset({State.OUTER, State.INNER})
+FLYING = frozenset({State.OUTER, State.INNER, State.RETURNING})
 WATCHING = frozenset({State.STANDBY, State.MONITOR, State.HANDS_OFF})
+HELD = FLYING | {State.ENGAGING, State.RELEASING}
+TAKEN_AWAY = frozenset(
+    {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED, Event.LANDING, Event.FAILSAFE, Event.FENCE}
+)
 
 TRANSITIONS: dict[tuple[State, Event], State] = {
+    **{(state, event): State.HANDS_OFF for state in HELD for event in TAKEN_AWAY},
+    **{(State.STOPPING, event): State.STOPPED for event in TAKEN_AWAY},
     (State.STANDBY, Event.READY): State.MONITOR,
     (State.STANDBY, Event.LATE): State.RELEASING,
+    (State.STANDBY, Event.FOUND): State.RELEASING,
     (State.STANDBY, Event.STOP): State.STOPPED,
     (State.MONITOR, Event.NOT_READY): State.STANDBY,
     (State.MONITOR, Event.OUTER_CONFLICT): State.ENGAGING,
@@ -57,33 +75,49 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.ENGAGING, Event.REFUSED): State.STANDBY,
     (State.ENGAGING, Event.UNKNOWN): State.RELEASING,
     (State.ENGAGING, Event.CLEAR): State.RELEASING,
-    (State.ENGAGING, Event.LOST): State.HANDS_OFF,
+    (State.ENGAGING, Event.ADVISE): State.RELEASING,
     (State.ENGAGING, Event.STOP): State.STOPPING,
     (State.OUTER, Event.INNER_CONFLICT): State.INNER,
     (State.OUTER, Event.CLEAR): State.RELEASING,
-    (State.OUTER, Event.LOST): State.HANDS_OFF,
+    (State.OUTER, Event.FAR): State.RETURNING,
+    (State.OUTER, Event.ADVISE): State.RELEASING,
     (State.OUTER, Event.STOP): State.STOPPING,
     (State.INNER, Event.OUTER_CONFLICT): State.OUTER,
     (State.INNER, Event.CLEAR): State.RELEASING,
-    (State.INNER, Event.LOST): State.HANDS_OFF,
+    (State.INNER, Event.FAR): State.RETURNING,
+    (State.INNER, Event.ADVISE): State.RELEASING,
     (State.INNER, Event.STOP): State.STOPPING,
+    (State.RETURNING, Event.OUTER_CONFLICT): State.OUTER,
+    (State.RETURNING, Event.INNER_CONFLICT): State.INNER,
+    (State.RETURNING, Event.CLEAR): State.RELEASING,
+    (State.RETURNING, Event.ADVISE): State.RELEASING,
+    (State.RETURNING, Event.STOP): State.STOPPING,
     (State.RELEASING, Event.GIVEN_BACK): State.MONITOR,
     (State.RELEASING, Event.OUTER_CONFLICT): State.ENGAGING,
     (State.RELEASING, Event.INNER_CONFLICT): State.ENGAGING,
-    (State.RELEASING, Event.LOST): State.HANDS_OFF,
     (State.RELEASING, Event.STOP): State.STOPPING,
     (State.HANDS_OFF, Event.READY): State.MONITOR,
     (State.HANDS_OFF, Event.LATE): State.RELEASING,
+    (State.HANDS_OFF, Event.ABANDONED): State.RELEASING,
     (State.HANDS_OFF, Event.STOP): State.STOPPED,
     (State.STOPPING, Event.GIVEN_BACK): State.STOPPED,
-    (State.STOPPING, Event.LOST): State.STOPPED,
 }
+
+
+class Role(IntEnum):
+    """What the operator lets us do. The numbers are those of the MAVLink parameter and command."""
+
+    OFF = 0  # nothing is computed
+    ADVISE = 1  # everything is computed, announced and recorded, nothing commanded
+    FLY = 2
 
 
 @dataclass(frozen=True)
 class SupervisorParams:
     """When the aircraft may be taken over."""
 
+    # What to begin with; MAVLink parameter CA_ROLE or a command changes it in flight.
+    role: Literal["off", "advise", "fly"] = "fly"
     # Names of the autopilot's modes, as its ground stations show them.
     take_over_from: Annotated[tuple[str, ...], MinLen(1)] = ("AUTO", "MISSION")
     # Never below this height above home.
@@ -92,6 +126,12 @@ class SupervisorParams:
     settle_s: Annotated[float, Ge(0), Le(600)] = 5.0
     # After a refusal the autopilot is not asked again for so long.
     retry_s: Annotated[float, Ge(0), Le(600)] = 2.0
+    # Roll, pitch or yaw stick further than this from where it was when we took over: the pilot flies; 0: ignored.
+    stick_us: Annotated[float, Ge(0), Le(500)] = 100.0
+    # Taken from us but left in the guided mode, where it would fly on for ever: given back after so long.
+    abandoned_s: Annotated[float, Ge(1), Le(600)] = 5.0
+    # The autopilot's own avoidance acts too: two that steer fight, so that by default we only advise.
+    beside_other_avoider: Literal["advise", "fly"] = "advise"
 
 
 class Supervisor:

@@ -5,19 +5,44 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from companion.autopilots.commands import CommandDesk
+from companion.avoidance.strategies import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Sender
+from companion.mavlink.facts import CommandResult, Parameter, Sender
 from companion.model import Guidance, Vec3
 
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """Guidance with what a setpoint needs beside it: where we are, and how fast over ground."""
+    """Guidance with what a setpoint needs beside it: where we are, how fast over ground, how far to bank."""
 
     guidance: Guidance
     position: GeoPoint
     velocity_mps: Vec3
+    airspeed_mps: float
+    max_bank_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """What the aircraft was doing when it was taken over, and goes back to.
+
+    `target` is where it was flying to or circling; course and altitude are those it flew.
+    """
+
+    mode: int
+    sequence: int | None = None
+    target: GeoPoint | None = None
+    course_rad: float = 0.0
+    altitude_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RefusedValue:
+    """A course [rad], airspeed [m/s] or height [m above mean sea level] that the autopilot will not fly."""
+
+    control: Control
+    value: float
 
 
 class Adapter(ABC):
@@ -27,13 +52,18 @@ class Adapter(ABC):
     """
 
     name: ClassVar[str]
-    can_fly: ClassVar[bool]
     # Messages to ask for, with the interval wanted [s].
     intervals_s: ClassVar[dict[int, float]]
     # The command whose answers are about modes.
     mode_command: ClassVar[int] = mavlink.MAV_CMD_DO_SET_MODE
     # The parameter that holds our own transponder's address: what it transmits comes back as traffic.
     own_icao_parameter: ClassVar[str] = "ADSB_ICAO_ID"
+    # For so long `entering` is streamed before the guided mode is asked for, `leaving` before another one is.
+    entry_s: ClassVar[float] = 0.0
+    exit_s: ClassVar[float] = 0.0
+    # Modes without a mission that hold a circle or a course: flown back to before they are entered again.
+    places: ClassVar[frozenset[str]] = frozenset()
+    courses: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, target: Sender) -> None:
         self.target = target
@@ -50,25 +80,42 @@ class Adapter(ABC):
 
     @property
     @abstractmethod
+    def guided_mode(self) -> int:
+        """The custom mode in which our setpoints are obeyed."""
+
+    @property
+    @abstractmethod
     def fallback_mode(self) -> int:
         """The mode to leave the aircraft in when it refuses the former one: there it looks after itself."""
+
+    @abstractmethod
+    def left_behind_mode(self) -> int | None:
+        """The mode it is in some seconds after a companion that flew it was killed; `None`: not ours to say."""
 
     @abstractmethod
     def set_mode(self, custom_mode: int) -> Message:
         """The request for a mode; its command is `mode_command`."""
 
+    def give_back(self, before: Before) -> list[Message]:
+        """The request for the former mode, with its target where the autopilot would not keep it."""
+        return [self.set_mode(before.mode)]
+
+    def entering(self, flown: Flown, now_s: float) -> list[Message]:  # noqa: ARG002
+        """What is streamed while the guided mode is being entered: called at every tick."""
+        return []
+
     @abstractmethod
     def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
         """Fly this: called at every tick while flying; `urgent` when the decision was made just now."""
 
-    @property
-    @abstractmethod
-    def guided_mode(self) -> int:
-        """The custom mode in which our setpoints are obeyed."""
+    def leaving(self, flown: Flown, now_s: float) -> list[Message]:  # noqa: ARG002
+        """What is streamed while the guided mode is being left: called at every tick until it is."""
+        return []
 
-    def observe(self, fact: CommandResult, now_s: float) -> None:
-        """Take note of an answer to a command."""
-        self.desk.answered(fact, now_s)
+    def observe(self, fact: CommandResult | Parameter, now_s: float) -> None:
+        """Take note of an answer to a command, or of a parameter."""
+        if isinstance(fact, CommandResult):
+            self.desk.answered(fact, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Commands that are due to be sent again."""
@@ -78,6 +125,10 @@ class Adapter(ABC):
         """What the autopilot refused since the last call, in words."""
         return self.desk.refusals()
 
+    def refused_values(self) -> list[RefusedValue]:
+        """What it will not fly, not even when asked within its limits, since the last call."""
+        return []
+
     def stand_back(self) -> None:
         """Somebody else has the aircraft: nothing asked so far may be repeated."""
         self.desk.forget()
@@ -86,15 +137,50 @@ class Adapter(ABC):
         """MAV_CMD_SET_MESSAGE_INTERVAL, which is asked again by rate, not by answer."""
         return self.command_long(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
 
+    def request_message(self, message_id: int) -> Message:
+        """MAV_CMD_REQUEST_MESSAGE: once."""
+        return self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id)
+
     def request_parameter(self, name: str) -> Message:
         """PARAM_REQUEST_READ by name."""
         return mavlink.MAVLink_param_request_read_message(
             self.target.system_id, self.target.component_id, name.encode("ascii"), -1
         )
 
+    def select_item(self, sequence: int) -> Message:
+        """MAV_CMD_DO_SET_MISSION_CURRENT."""
+        return self.command_long(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, sequence)
+
     def command_long(self, command: int, *params: float) -> Message:
         """A COMMAND_LONG to our autopilot."""
         padded = [*params, *([0.0] * (7 - len(params)))]
         return mavlink.MAVLink_command_long_message(
             self.target.system_id, self.target.component_id, command, 0, *padded
+        )
+
+    def command_int(
+        self, command: int, *params: float, place: GeoPoint | None = None, z_m: float = 0.0
+    ) -> Message:
+        """A COMMAND_INT to our autopilot, heights above mean sea level."""
+        padded = [*params, *([0.0] * (4 - len(params)))]
+        lat_e7 = 0 if place is None else round(place.lat_deg * 1e7)
+        lon_e7 = 0 if place is None else round(place.lon_deg * 1e7)
+        return mavlink.MAVLink_command_int_message(
+            self.target.system_id,
+            self.target.component_id,
+            mavlink.MAV_FRAME_GLOBAL,
+            command,
+            0,
+            0,
+            *padded,
+            lat_e7,
+            lon_e7,
+            z_m if place is None else place.altitude_m,
+        )
+
+    def reposition(self, place: GeoPoint) -> Message:
+        """MAV_CMD_DO_REPOSITION with change of mode: fly there and circle."""
+        as_now, change_mode, usual_radius, clockwise = -1.0, 1.0, 0.0, 0.0
+        return self.command_int(
+            mavlink.MAV_CMD_DO_REPOSITION, as_now, change_mode, usual_radius, clockwise, place=place
         )

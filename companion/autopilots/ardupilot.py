@@ -6,12 +6,15 @@ SET_POSITION_TARGET_GLOBAL_INT; the latter is sent whole all the same, for its h
 
 import math
 from collections import deque
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.adapter import Adapter, Before, Flown, RefusedValue
+from companion.autopilots.commands import Outcome
+from companion.avoidance.strategies import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import Sender
+from companion.mavlink.facts import CommandResult, Parameter, Sender
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
 
 MODES = {
@@ -51,8 +54,9 @@ _SPEED_AND_HEIGHT_REPEAT_S = 10.0
 _SETPOINT_INTERVAL_S = 0.2
 _MAX_SETPOINTS_PER_S = 10
 _POINT_AHEAD_M = 500.0
-# Course changes are flown at this bank; atan(5 / g) is the 27 degrees at which the response was measured.
-_TURN_BANK_RAD = math.radians(30.0)
+# A value at the very limit is refused when the autopilot rounds it the other way; so much inside it is flown.
+_SPEED_INSIDE_MPS = 1.0
+_HEIGHT_ASIDE_M = 2.0  # 0 and -1 m above mean sea level stand for "none", and are denied
 _TYPE_MASK = (
     mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
@@ -61,16 +65,30 @@ _TYPE_MASK = (
 )
 
 
+_CONTROLS = {
+    mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: Control.HEADING,
+    mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: Control.SPEED,
+    mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: Control.HEIGHT,
+}
+
+
 class _Sent(NamedTuple):
     value: float
     at_s: float
+
+
+@dataclass(slots=True)
+class _Refused:
+    """A value that was refused: tried once more, moderated, and given up when that is refused too."""
+
+    value: float
+    given_up: bool = False
 
 
 class ArduPlane(Adapter):
     """Guidance for ArduPlane 4.1 and later."""
 
     name: ClassVar[str] = "ArduPlane"
-    can_fly: ClassVar[bool] = True
     intervals_s: ClassVar[dict[int, float]] = {
         # The mode is heard by heartbeat: the sooner, the sooner a pilot who takes the aircraft has it.
         mavlink.MAVLINK_MSG_ID_HEARTBEAT: 0.2,
@@ -80,11 +98,17 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
     }
+    places: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
+    courses: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
 
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
         self._sent: dict[int, _Sent] = {}
+        self._refused: dict[int, _Refused] = {}
+        self._given_up: list[RefusedValue] = []
         self._setpoints_s: deque[float] = deque(maxlen=_MAX_SETPOINTS_PER_S)
 
     @staticmethod
@@ -102,16 +126,48 @@ class ArduPlane(Adapter):
         """LOITER circles where it is until somebody decides."""
         return LOITER
 
+    def left_behind_mode(self) -> int | None:
+        """GUIDED with a heading flies on for ever."""
+        return GUIDED
+
     def set_mode(self, custom_mode: int) -> Message:
         """DO_SET_MODE; entering GUIDED clears all targets, so everything is to be sent afresh."""
         return self.command_long(
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
         )
 
+    def give_back(self, before: Before) -> list[Message]:
+        """Who was in GUIDED before goes on to where he was going; all other modes are entered by name."""
+        if before.mode == GUIDED and before.target is not None:
+            return [self.reposition(before.target)]
+        return super().give_back(before)
+
     def stand_back(self) -> None:
         """Forget what was sent and asked."""
         super().stand_back()
         self._sent.clear()
+        self._refused.clear()
+
+    def observe(self, fact: CommandResult | Parameter, now_s: float) -> None:
+        """A guided command refused is tried once more with a moderate value, then given up."""
+        super().observe(fact, now_s)
+        if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS:
+            return
+        if self.desk.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
+            return
+        refused = self._refused.get(fact.command)
+        wanted = self._sent[fact.command].value
+        if refused is None or refused.value != wanted:
+            self._refused[fact.command] = _Refused(wanted)
+            del self._sent[fact.command]  # so that it is news
+        elif not refused.given_up:
+            refused.given_up = True
+            self._given_up.append(RefusedValue(_CONTROLS[fact.command], wanted))
+
+    def refused_values(self) -> list[RefusedValue]:
+        """What it will not fly, not even moderated, since the last call."""
+        given_up, self._given_up = self._given_up, []
+        return given_up
 
     def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
         """Heading, speed and height commands where they changed, and the position target stream."""
@@ -121,11 +177,11 @@ class ArduPlane(Adapter):
         height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted.altitude_m)
         messages = []
         if self._news(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
-            messages.append(self.desk.ask(self._change_heading(wanted.course_rad), now_s))
+            messages.append(self.desk.ask(self._change_heading(flown), now_s))
         if self._news(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
-            messages.append(self.desk.ask(self._change_speed(wanted.airspeed_mps), now_s))
+            messages.append(self.desk.ask(self._change_speed(flown), now_s))
         if self._news(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
-            messages.append(self.desk.ask(self._change_height(wanted.altitude_m), now_s))
+            messages.append(self.desk.ask(self._change_height(flown), now_s))
         if self._setpoint_due(now_s, urgent=urgent):
             self._setpoints_s.append(now_s)
             messages.append(self._position_target(flown, now_s))
@@ -159,36 +215,34 @@ class ArduPlane(Adapter):
         # A thousandth less, as ticks fall on tenths that have no exact binary number.
         return urgent or now_s - times_s[-1] >= _SETPOINT_INTERVAL_S - 1e-3
 
-    def _change_heading(self, course_rad: float) -> Message:
-        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(_TURN_BANK_RAD)
+    def _change_heading(self, flown: Flown) -> Message:
+        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(flown.max_bank_rad)
         course_over_ground = 0
-        return self._command_int(
-            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, course_over_ground, course_deg(course_rad), lateral_mps2
+        return self.command_int(
+            mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+            course_over_ground,
+            course_deg(flown.guidance.course_rad),
+            lateral_mps2,
         )
 
-    def _change_speed(self, airspeed_mps: float) -> Message:
+    def _change_speed(self, flown: Flown) -> Message:
+        wanted_mps = flown.guidance.airspeed_mps
+        if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps):
+            wanted_mps = _towards(flown.airspeed_mps, wanted_mps, _SPEED_INSIDE_MPS)
         airspeed, as_fast_as_possible = 0, 0.0
-        return self._command_int(
-            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, airspeed_mps, as_fast_as_possible
+        return self.command_int(
+            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, wanted_mps, as_fast_as_possible
         )
 
-    def _change_height(self, altitude_m: float) -> Message:
-        return self._command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=altitude_m)
+    def _change_height(self, flown: Flown) -> Message:
+        wanted_m = flown.guidance.altitude_m
+        if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
+            wanted_m = _towards(flown.position.altitude_m, wanted_m, _HEIGHT_ASIDE_M)
+        return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=wanted_m)
 
-    def _command_int(self, command: int, *params: float, z_m: float = 0.0) -> Message:
-        padded = [*params, *([0.0] * (4 - len(params)))]
-        return mavlink.MAVLink_command_int_message(
-            self.target.system_id,
-            self.target.component_id,
-            mavlink.MAV_FRAME_GLOBAL,
-            command,
-            0,
-            0,
-            *padded,
-            0,
-            0,
-            z_m,
-        )
+    def _was_refused(self, command: int, value: float) -> bool:
+        refused = self._refused.get(command)
+        return refused is not None and refused.value == value
 
     def _position_target(self, flown: Flown, now_s: float) -> Message:
         """A point ahead on the commanded course, the velocity along it, yaw and height."""
@@ -217,3 +271,8 @@ class ArduPlane(Adapter):
             wrap_pi(guidance.course_rad),
             0.0,
         )
+
+
+def _towards(present: float, wanted: float, step: float) -> float:
+    """The wanted value, moderated by a step towards the present one, at most as far as that."""
+    return wanted + min(max(present - wanted, -step), step)

@@ -1,9 +1,19 @@
-"""PX4 fixed wing: understood, not flown. Decisions are made and announced; no command is sent."""
+"""PX4 fixed wing. What it obeys in OFFBOARD: a stream of position with velocity, entered and left with care.
 
+Measured on 1.16: velocity alone is acknowledged and freezes attitude and thrust; a masked height or no
+velocity turns the attitude setpoint into NaN; so does leaving position-with-velocity at another height than
+the aircraft's, and now and then entering with it. Hence: enter by velocity alone, go over to position with
+velocity when the heartbeat shows OFFBOARD, never back; leave with the height where the aircraft is. Speed is
+FW_AIRSPD_TRIM and nothing else; it is put back to what it was.
+"""
+
+import math
+from dataclasses import replace
 from typing import ClassVar
 
-from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.adapter import Adapter, Before, Flown
 from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import CommandResult, Parameter, Sender
 
 _MAIN_MODES = {
     1: "MANUAL",
@@ -17,22 +27,55 @@ _MAIN_MODES = {
 _AUTO_MODES = {1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RETURN", 6: "LAND", 8: "FOLLOW"}
 MODES = frozenset(_MAIN_MODES.values()) | frozenset(_AUTO_MODES.values())
 _AUTO = 4
-_HOLD = 3
-_OFFBOARD = 6
+_HOLD = _AUTO << 16 | 3 << 24
+_RETURN = _AUTO << 16 | 5 << 24
+_LAND = _AUTO << 16 | 6 << 24
+_OFFBOARD = 6 << 16
+# COM_OBL_RC_ACT: what it does when the stream of setpoints ends. In position, altitude or manual mode it
+# waits for sticks, and whoever is found there may be the pilot himself.
+_LOST_STREAM_MODES = {3: _RETURN, 4: _LAND, 5: _HOLD}
+LOST_STREAM_PARAMETER = "COM_OBL_RC_ACT"
+_TRIM = "FW_AIRSPD_TRIM"
+
+_VELOCITY_ONLY = 3527
+_POSITION_AND_VELOCITY = 3520
+# The size of the velocity is ignored; only zero would be harmful.
+_DIRECTION_MPS = 15.0
+_STREAM_INTERVAL_S = 0.1
+_SETTLED_S = 0.1
+_SPEED_CHANGE_MPS = 0.5
+_SPEED_REPEAT_S = 1.0
+# Without an answer to so many requests the parameter is left alone.
+_SPEED_TRIES = 5
 
 
 class Px4FixedWing(Adapter):
-    """PX4's modes: heartbeat custom_mode = main << 16 | sub << 24."""
+    """Guidance for PX4 1.13 and later. Modes: heartbeat custom_mode = main << 16 | sub << 24."""
 
     name: ClassVar[str] = "PX4"
-    can_fly: ClassVar[bool] = False
+    entry_s: ClassVar[float] = 0.6
+    exit_s: ClassVar[float] = 0.5
     intervals_s: ClassVar[dict[int, float]] = {
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: 0.2,
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
     }
+
+    def __init__(self, target: Sender) -> None:
+        super().__init__(target)
+        self._streamed_s = -math.inf
+        self._guided_since_s: float | None = None
+        self._parameters: dict[str, float] = {}
+        self._trim_before_mps: float | None = None  # while it is changed
+        self._trim_wanted_mps: float | None = None
+        self._trim_asked_s = -math.inf
+        self._trim_tries = 0
 
     @staticmethod
     def mode_name(custom_mode: int) -> str:
@@ -45,12 +88,16 @@ class Px4FixedWing(Adapter):
     @property
     def guided_mode(self) -> int:
         """OFFBOARD takes setpoints."""
-        return _OFFBOARD << 16
+        return _OFFBOARD
 
     @property
     def fallback_mode(self) -> int:
         """HOLD circles where it is until somebody decides."""
-        return _AUTO << 16 | _HOLD << 24
+        return _HOLD
+
+    def left_behind_mode(self) -> int | None:
+        """A second after the last setpoint: what COM_OBL_RC_ACT says."""
+        return _LOST_STREAM_MODES.get(int(self._parameters.get(LOST_STREAM_PARAMETER, 0.0)))
 
     def set_mode(self, custom_mode: int) -> Message:
         """DO_SET_MODE with main and sub mode."""
@@ -59,6 +106,128 @@ class Px4FixedWing(Adapter):
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main, sub
         )
 
-    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:  # noqa: ARG002
-        """Nothing: this autopilot is not commanded."""
-        return []
+    def give_back(self, before: Before) -> list[Message]:
+        """HOLD is entered at the place that was circled before, all other modes by name."""
+        if before.mode == _HOLD and before.target is not None:
+            return [self.reposition(before.target)]
+        return super().give_back(before)
+
+    def entering(self, flown: Flown, now_s: float) -> list[Message]:
+        """Velocity alone, along the course that is flown now."""
+        self._guided_since_s = None
+        return self._stream(flown, _VELOCITY_ONLY, now_s)
+
+    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
+        """The line through our own position along the course, at its height; the speed as a parameter."""
+        if self._guided_since_s is None:
+            self._guided_since_s = now_s
+        if now_s - self._guided_since_s < _SETTLED_S - 1e-3:
+            return self._stream(flown, _VELOCITY_ONLY, now_s)
+        self._want_trim(flown.guidance.airspeed_mps)
+        return self._stream(flown, _POSITION_AND_VELOCITY, now_s, urgent=urgent)
+
+    def leaving(self, flown: Flown, now_s: float) -> list[Message]:
+        """Straight on at the height where it is."""
+        course_rad = math.atan2(flown.velocity_mps[1], flown.velocity_mps[0])
+        level = replace(flown.guidance, course_rad=course_rad, altitude_m=flown.position.altitude_m)
+        self._restore_trim()
+        return self._stream(replace(flown, guidance=level), _POSITION_AND_VELOCITY, now_s)
+
+    def stand_back(self) -> None:
+        """Forget what was asked; the speed is put back, whoever flies."""
+        super().stand_back()
+        self._restore_trim()
+
+    def observe(self, fact: CommandResult | Parameter, now_s: float) -> None:
+        """Take note of an answer to a command, or of a parameter."""
+        super().observe(fact, now_s)
+        if not isinstance(fact, Parameter):
+            return
+        self._parameters[fact.name] = fact.value
+        if fact.name == _TRIM and self._trim_is(self._trim_wanted_mps):
+            if self._trim_wanted_mps == self._trim_before_mps:
+                self._trim_before_mps = None
+            self._trim_wanted_mps = None
+
+    def tick(self, now_s: float) -> list[Message]:
+        """Commands and the speed that are due to be sent again."""
+        return [*super().tick(now_s), *self._set_trim(now_s)]
+
+    @property
+    def borrowed(self) -> dict[str, float]:
+        """Parameters that we changed, with the values to put back."""
+        return {} if self._trim_before_mps is None else {_TRIM: self._trim_before_mps}
+
+    def put_back(self, values: dict[str, float]) -> None:
+        """Put back what another companion, since killed, had changed."""
+        if _TRIM in values:
+            self._trim_before_mps = values[_TRIM]
+            self._restore_trim()
+
+    def _stream(self, flown: Flown, mask: int, now_s: float, *, urgent: bool = False) -> list[Message]:
+        due = urgent or not 0.0 <= now_s - self._streamed_s < _STREAM_INTERVAL_S - 1e-3
+        if not due:
+            return []
+        self._streamed_s = now_s
+        course_rad = flown.guidance.course_rad
+        if mask == _VELOCITY_ONLY:
+            course_rad = math.atan2(flown.velocity_mps[1], flown.velocity_mps[0])
+        return [
+            mavlink.MAVLink_set_position_target_global_int_message(
+                int(now_s * 1000.0) % 2**32,
+                self.target.system_id,
+                self.target.component_id,
+                mavlink.MAV_FRAME_GLOBAL_INT,
+                mask,
+                round(flown.position.lat_deg * 1e7),
+                round(flown.position.lon_deg * 1e7),
+                flown.position.altitude_m if mask == _VELOCITY_ONLY else flown.guidance.altitude_m,
+                _DIRECTION_MPS * math.cos(course_rad),
+                _DIRECTION_MPS * math.sin(course_rad),
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+            )
+        ]
+
+    # --- speed
+
+    def _want_trim(self, airspeed_mps: float) -> None:
+        now_mps = self._parameters.get(_TRIM) if self._trim_wanted_mps is None else self._trim_wanted_mps
+        if now_mps is None or abs(airspeed_mps - now_mps) <= _SPEED_CHANGE_MPS:
+            return
+        if self._trim_before_mps is None:
+            self._trim_before_mps = self._parameters[_TRIM]
+        self._trim_wanted_mps, self._trim_tries = airspeed_mps, 0
+        self._trim_asked_s = -math.inf
+
+    def _restore_trim(self) -> None:
+        before_mps = self._trim_before_mps
+        if before_mps is not None and self._trim_wanted_mps != before_mps:
+            self._trim_wanted_mps, self._trim_tries = before_mps, 0
+            self._trim_asked_s = -math.inf
+
+    def _trim_is(self, wanted_mps: float | None) -> bool:
+        return wanted_mps is not None and abs(self._parameters[_TRIM] - wanted_mps) < 0.01
+
+    def _set_trim(self, now_s: float) -> list[Message]:
+        wanted_mps = self._trim_wanted_mps
+        if wanted_mps is None or 0.0 <= now_s - self._trim_asked_s < _SPEED_REPEAT_S:
+            return []
+        restoring = wanted_mps == self._trim_before_mps
+        if self._trim_tries >= _SPEED_TRIES and not restoring:
+            return []
+        self._trim_asked_s = now_s
+        self._trim_tries += 1
+        return [
+            mavlink.MAVLink_param_set_message(
+                self.target.system_id,
+                self.target.component_id,
+                _TRIM.encode("ascii"),
+                wanted_mps,
+                mavlink.MAV_PARAM_TYPE_REAL32,
+            )
+        ]

@@ -114,6 +114,69 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
+class RcChannels:
+    """RC_CHANNELS: positions of the pilot's sticks [us], `None` for a channel that is not there."""
+
+    sender: Sender
+    pulses_us: tuple[int | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeTarget:
+    """ATTITUDE_TARGET: whether the attitude that the autopilot steers to is a number at all."""
+
+    sender: Sender
+    finite: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SystemTime:
+    """SYSTEM_TIME: the autopilot's idea of the time [s, Unix]; `None` before it has one."""
+
+    sender: Sender
+    unix_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class AutopilotVersion:
+    """AUTOPILOT_VERSION: the firmware's version as people write it, and the capability bits."""
+
+    sender: Sender
+    version: str
+    capabilities: int
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRequest:
+    """COMMAND_LONG or COMMAND_INT from somebody to `target` (component 0: all); `None` stands for NaN."""
+
+    sender: Sender
+    target: Sender
+    command: int
+    params: tuple[float | None, float | None, float | None, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRequest:
+    """PARAM_REQUEST_LIST (neither name nor index), or PARAM_REQUEST_READ by name or index."""
+
+    sender: Sender
+    target: Sender
+    name: str | None
+    index: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSet:
+    """PARAM_SET."""
+
+    sender: Sender
+    target: Sender
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
 class OwnTransponder:
     """UAVIONIX_ADSB_OUT_CFG: the address our own transponder transmits."""
 
@@ -140,6 +203,13 @@ Fact = (
     | MissionProgress
     | CommandResult
     | Parameter
+    | RcChannels
+    | AttitudeTarget
+    | SystemTime
+    | AutopilotVersion
+    | CommandRequest
+    | ParameterRequest
+    | ParameterSet
     | OwnTransponder
     | Traffic
 )

@@ -8,9 +8,11 @@ import functools
 import math
 import struct
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import islice
 from typing import Any
 
+from companion.mavlink.control import CONTROL
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
@@ -29,6 +31,8 @@ from companion.mavlink.facts import (
     Wind,
 )
 from companion.mavlink.framing import Frame
+from companion.mavlink.parameters import parameter_value
+from companion.mavlink.text import printable
 from companion.model import AltitudeReference, TrafficKind, TrafficReport
 
 _UINT16_MAX = 0xFFFF
@@ -51,23 +55,6 @@ _KINDS = {
     21: TrafficKind.OBSTACLE,
 }
 
-_INTEGER_RANGES = {
-    mavlink.MAV_PARAM_TYPE_UINT8: (0, 2**8 - 1),
-    mavlink.MAV_PARAM_TYPE_INT8: (-(2**7), 2**7 - 1),
-    mavlink.MAV_PARAM_TYPE_UINT16: (0, 2**16 - 1),
-    mavlink.MAV_PARAM_TYPE_INT16: (-(2**15), 2**15 - 1),
-    mavlink.MAV_PARAM_TYPE_UINT32: (0, 2**32 - 1),
-    mavlink.MAV_PARAM_TYPE_INT32: (-(2**31), 2**31 - 1),
-}
-_INTEGER_BITS = {
-    mavlink.MAV_PARAM_TYPE_UINT8: struct.Struct("<B3x"),
-    mavlink.MAV_PARAM_TYPE_INT8: struct.Struct("<b3x"),
-    mavlink.MAV_PARAM_TYPE_UINT16: struct.Struct("<H2x"),
-    mavlink.MAV_PARAM_TYPE_INT16: struct.Struct("<h2x"),
-    mavlink.MAV_PARAM_TYPE_UINT32: struct.Struct("<I"),
-    mavlink.MAV_PARAM_TYPE_INT32: struct.Struct("<i"),
-}
-
 
 def to_fact(message: Message, received_s: float) -> Fact | None:
     """What a message said; `None` if it is none of `WANTED`, or says nothing that can be used."""
@@ -82,10 +69,17 @@ def frame_to_fact(frame: Frame, received_s: float) -> Fact | None:
     translate = _TRANSLATIONS.get(frame.message_id)
     if translate is None:
         return None
-    layout, fields = _LAYOUTS[frame.message_id]
+    layout, fields, arrays = _LAYOUTS[frame.message_id]
     payload = frame.payload.ljust(layout.size, b"\0")  # MAVLink 2 cuts off the zeros at the end
-    message = fields._make(layout.unpack_from(payload))
+    values = layout.unpack_from(payload)
+    message = fields._make(_with_arrays(values, arrays) if arrays else values)
     return translate(message, _sender(frame.system_id, frame.component_id), received_s)
+
+
+def _with_arrays(values: tuple[Any, ...], lengths: Sequence[int]) -> list[Any]:
+    """Fields in a row with those of each array put together; `lengths` has 0 for what is no array."""
+    left = iter(values)
+    return [list(islice(left, length)) if length else next(left) for length in lengths]
 
 
 @functools.lru_cache(maxsize=256)
@@ -183,27 +177,11 @@ def _command_result(message: Message, sender: Sender, _received_s: float) -> Fac
 
 
 def _parameter(message: Message, sender: Sender, _received_s: float) -> Fact | None:
-    name = _printable(message.param_id)
-    value = _parameter_value(message.param_value, message.param_type)
+    name = printable(message.param_id)
+    value = parameter_value(message.param_value, message.param_type)
     if not name or value is None:
         return None
     return Parameter(sender, name, value)
-
-
-def _parameter_value(wire_value: float, param_type: int) -> float | None:
-    """The number that `param_value` stands for.
-
-    ArduPilot sends every parameter as the number itself. PX4 puts the bits of an integer where the float
-    belongs, so that 1 arrives as 1.4e-45. An integer type is read as bits when the float is no whole number
-    of that type's range; bits that look like one are those of integers above 1,065,353,215 only.
-    """
-    limits = _INTEGER_RANGES.get(param_type)
-    if limits is None:
-        return wire_value if math.isfinite(wire_value) else None
-    if limits[0] <= wire_value <= limits[1] and wire_value == math.floor(wire_value):
-        return wire_value
-    bits: tuple[int] = _INTEGER_BITS[param_type].unpack(struct.pack("<f", wire_value))
-    return float(bits[0])
 
 
 def _own_transponder(message: Message, sender: Sender, _received_s: float) -> Fact | None:
@@ -238,7 +216,7 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
             if flags & mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
             else None
         ),
-        callsign=_printable(message.callsign) if flags & mavlink.ADSB_FLAGS_VALID_CALLSIGN else None,
+        callsign=printable(message.callsign) if flags & mavlink.ADSB_FLAGS_VALID_CALLSIGN else None,
         squawk=_squawk(message.squawk) if flags & mavlink.ADSB_FLAGS_VALID_SQUAWK else None,
         kind=_KINDS.get(message.emitter_type, TrafficKind.AIRCRAFT),
         simulated=bool(flags & mavlink.ADSB_FLAGS_SIMULATED),
@@ -275,13 +253,6 @@ def _squawk(code: int) -> int | None:
     return code if len(digits) == 4 and max(digits) <= "7" else None
 
 
-def _printable(text: str | bytes) -> str | None:
-    """Text up to the first NUL, without padding and what is not ASCII; `None` if nothing is left."""
-    if isinstance(text, bytes):
-        text = text.split(b"\0", 1)[0].decode("ascii", errors="ignore")
-    return "".join(letter for letter in text if " " <= letter <= "~").strip() or None
-
-
 _TRANSLATIONS: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _own_position,
@@ -296,12 +267,19 @@ _TRANSLATIONS: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
     mavlink.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
     mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_CFG: _own_transponder,
     mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: _traffic,
+    **CONTROL,
 }
 
-_LAYOUTS: dict[int, tuple[struct.Struct, Any]] = {
-    message_id: (kind.unpacker, namedtuple(kind.msgname, kind.ordered_fieldnames))
-    for message_id, kind in ((wanted, mavlink.mavlink_map[wanted]) for wanted in _TRANSLATIONS)
-}
+
+def _layout(kind: Any) -> tuple[struct.Struct, Any, tuple[int, ...]]:
+    """How a message's payload unpacks, its fields, and lengths of its arrays (none: empty)."""
+    texts = {name for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True) if type_ == "char"}
+    lengths = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
+    arrays = tuple(0 if name in texts else length for name, length in lengths)
+    return kind.unpacker, namedtuple(kind.msgname, kind.ordered_fieldnames), arrays if any(arrays) else ()
+
+
+_LAYOUTS = {wanted: _layout(mavlink.mavlink_map[wanted]) for wanted in _TRANSLATIONS}
 
 WANTED: frozenset[int] = frozenset(_TRANSLATIONS)
 """Ids of the messages worth decoding."""
