@@ -1,4 +1,4 @@
-"""Who may fly, and when: the whole supervisor is the table below (`companion check CONFIG --table` prints it).
+"""Who may fly, and when: the whole supervisor is the table below; `companion check CONFIG --table` prints it.
 
 It knows neither clock nor wire. The engine tells it events, one at a time, and acts on the state it is in.
 A pair that is not in the table changes nothing.
@@ -14,7 +14,7 @@ from annotated_types import Ge, Le, MinLen
 class State(StrEnum):
     """What the companion is doing with the aircraft."""
 
-    STANDBY = "standby"  # the aircraft is not one to take over: on the ground, disarmed, other mode, only advising
+    STANDBY = "standby"  # the aircraft is not one to take over: on the ground, disarmed, in another mode
     MONITOR = "monitor"  # the mission is flown; ready to take over
     ENGAGING = "engaging"  # asked the autopilot for its guided mode
     OUTER = "outer"  # flying, outer layer
@@ -45,7 +45,7 @@ class Event(StrEnum):
     GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
     STOP = "stop"  # the service is told to end
     # Somebody else has the aircraft:
-    MODE_CHANGED = "mode changed"  # a mode that we did not ask for: the pilot's, or the autopilot's own avoidance
+    MODE_CHANGED = "mode changed"  # one that we did not ask for: the pilot's, the autopilot's own avoidance
     STICKS = "sticks moved"
     DISARMED = "disarmed"
     LANDING = "landing"
@@ -126,7 +126,7 @@ class SupervisorParams:
     settle_s: Annotated[float, Ge(0), Le(600)] = 5.0
     # After a refusal the autopilot is not asked again for so long.
     retry_s: Annotated[float, Ge(0), Le(600)] = 2.0
-    # Roll, pitch or yaw stick further than this from where it was when we took over: the pilot flies; 0: ignored.
+    # Roll, pitch or yaw stick further than this from where it was at take-over: the pilot flies. 0: never.
     stick_us: Annotated[float, Ge(0), Le(500)] = 100.0
     # Taken from us but left in the guided mode, where it would fly on for ever: given back after so long.
     abandoned_s: Annotated[float, Ge(1), Le(600)] = 5.0
@@ -151,3 +151,12 @@ class Supervisor:
     def flying(self) -> bool:
         """Whether setpoints may be sent."""
         return self.state in FLYING
+
+
+def printed() -> str:
+    """The table as text: a line for each event, a column for each state, empty where nothing changes."""
+    table = [["", *State]]
+    table += [[event, *(TRANSITIONS.get((state, event), "") for state in State)] for event in Event]
+    widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
+    lines = [" | ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) for row in table]
+    return "\n".join(line.rstrip() for line in lines)

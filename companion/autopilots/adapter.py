@@ -8,7 +8,7 @@ from companion.autopilots.commands import CommandDesk
 from companion.avoidance.strategies import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Parameter, Sender
+from companion.mavlink.facts import CommandResult, Fact, Sender
 from companion.model import Guidance, Vec3
 
 
@@ -35,6 +35,7 @@ class Before:
     target: GeoPoint | None = None
     course_rad: float = 0.0
     altitude_m: float = 0.0
+    airspeed_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,7 @@ class Adapter(ABC):
 
     @abstractmethod
     def left_behind_mode(self) -> int | None:
-        """The mode it is in some seconds after a companion that flew it was killed; `None`: not ours to say."""
+        """The mode it is in soon after a companion that flew it was killed; `None`: that says nothing."""
 
     @abstractmethod
     def set_mode(self, custom_mode: int) -> Message:
@@ -108,18 +109,30 @@ class Adapter(ABC):
     def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
         """Fly this: called at every tick while flying; `urgent` when the decision was made just now."""
 
+    def poisoned(self, now_s: float) -> bool:  # noqa: ARG002
+        """Whether the autopilot's controller has lost itself, and only the pilot's sticks fly."""
+        return False
+
     def leaving(self, flown: Flown, now_s: float) -> list[Message]:  # noqa: ARG002
         """What is streamed while the guided mode is being left: called at every tick until it is."""
         return []
 
-    def observe(self, fact: CommandResult | Parameter, now_s: float) -> None:
-        """Take note of an answer to a command, or of a parameter."""
+    def observe(self, fact: Fact, now_s: float) -> None:
+        """Take note of what the autopilot says: answers to commands, parameters."""
         if isinstance(fact, CommandResult):
             self.desk.answered(fact, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Commands that are due to be sent again."""
         return self.desk.due(now_s)
+
+    @property
+    def borrowed(self) -> dict[str, float]:
+        """Parameters of the autopilot that we changed for a while, with the values to put back."""
+        return {}
+
+    def put_back(self, values: dict[str, float]) -> None:  # noqa: B027 - most borrow nothing
+        """Put back what another companion, since killed, had borrowed."""
 
     def refusals(self) -> list[str]:
         """What the autopilot refused since the last call, in words."""

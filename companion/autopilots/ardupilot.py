@@ -14,7 +14,7 @@ from companion.autopilots.commands import Outcome
 from companion.avoidance.strategies import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Parameter, Sender
+from companion.mavlink.facts import CommandResult, Fact, Sender
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
 
 MODES = {
@@ -148,7 +148,7 @@ class ArduPlane(Adapter):
         self._sent.clear()
         self._refused.clear()
 
-    def observe(self, fact: CommandResult | Parameter, now_s: float) -> None:
+    def observe(self, fact: Fact, now_s: float) -> None:
         """A guided command refused is tried once more with a moderate value, then given up."""
         super().observe(fact, now_s)
         if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS:

@@ -94,6 +94,7 @@ class CommandDesk:
             if now_s < pending.next_s:
                 continue
             if pending.tries >= _TRIES:
+                self._refusals.append(f"{_name(command)} not answered")
                 self._settle(command, Outcome.UNANSWERED)
                 continue
             if pending.message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_LONG:

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from companion.autopilots.adapter import Adapter, Before, Flown
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Parameter, Sender
+from companion.mavlink.facts import AttitudeTarget, Fact, Parameter, Sender
 
 _MAIN_MODES = {
     1: "MANUAL",
@@ -43,6 +43,9 @@ _POSITION_AND_VELOCITY = 3520
 _DIRECTION_MPS = 15.0
 _STREAM_INTERVAL_S = 0.1
 _SETTLED_S = 0.1
+# The attitude setpoint is seen five times a second: not one message alone, which may be old.
+_POISONED_S = 0.3
+_RECOVERY_S = 1.6
 _SPEED_CHANGE_MPS = 0.5
 _SPEED_REPEAT_S = 1.0
 # Without an answer to so many requests the parameter is left alone.
@@ -71,6 +74,8 @@ class Px4FixedWing(Adapter):
         super().__init__(target)
         self._streamed_s = -math.inf
         self._guided_since_s: float | None = None
+        self._not_a_number_since_s: float | None = None
+        self._recover_until_s = -math.inf
         self._parameters: dict[str, float] = {}
         self._trim_before_mps: float | None = None  # while it is changed
         self._trim_wanted_mps: float | None = None
@@ -121,10 +126,15 @@ class Px4FixedWing(Adapter):
         """The line through our own position along the course, at its height; the speed as a parameter."""
         if self._guided_since_s is None:
             self._guided_since_s = now_s
-        if now_s - self._guided_since_s < _SETTLED_S - 1e-3:
+        if now_s - self._guided_since_s < _SETTLED_S - 1e-3 or self._recovering(now_s):
             return self._stream(flown, _VELOCITY_ONLY, now_s)
         self._want_trim(flown.guidance.airspeed_mps)
         return self._stream(flown, _POSITION_AND_VELOCITY, now_s, urgent=urgent)
+
+    def poisoned(self, now_s: float) -> bool:
+        """Whether the attitude setpoint is no number: then it flies nothing but the sticks."""
+        since_s = self._not_a_number_since_s
+        return since_s is not None and now_s - since_s >= _POISONED_S
 
     def leaving(self, flown: Flown, now_s: float) -> list[Message]:
         """Straight on at the height where it is."""
@@ -138,16 +148,20 @@ class Px4FixedWing(Adapter):
         super().stand_back()
         self._restore_trim()
 
-    def observe(self, fact: CommandResult | Parameter, now_s: float) -> None:
-        """Take note of an answer to a command, or of a parameter."""
+    def observe(self, fact: Fact, now_s: float) -> None:
+        """Take note of answers, parameters, and of an attitude setpoint that is no number any more."""
         super().observe(fact, now_s)
-        if not isinstance(fact, Parameter):
-            return
-        self._parameters[fact.name] = fact.value
-        if fact.name == _TRIM and self._trim_is(self._trim_wanted_mps):
-            if self._trim_wanted_mps == self._trim_before_mps:
-                self._trim_before_mps = None
-            self._trim_wanted_mps = None
+        if isinstance(fact, AttitudeTarget):
+            if fact.finite:
+                self._not_a_number_since_s = None
+            elif self._not_a_number_since_s is None:
+                self._not_a_number_since_s = now_s
+        elif isinstance(fact, Parameter):
+            self._parameters[fact.name] = fact.value
+            if fact.name == _TRIM and self._trim_is(self._trim_wanted_mps):
+                if self._trim_wanted_mps == self._trim_before_mps:
+                    self._trim_before_mps = None
+                self._trim_wanted_mps = None
 
     def tick(self, now_s: float) -> list[Message]:
         """Commands and the speed that are due to be sent again."""
@@ -193,6 +207,12 @@ class Px4FixedWing(Adapter):
             )
         ]
 
+    def _recovering(self, now_s: float) -> bool:
+        """Velocity alone for a while brings a poisoned controller back."""
+        if self.poisoned(now_s) and now_s >= self._recover_until_s + _RECOVERY_S:
+            self._recover_until_s = now_s + _RECOVERY_S
+        return now_s < self._recover_until_s
+
     # --- speed
 
     def _want_trim(self, airspeed_mps: float) -> None:
@@ -215,7 +235,11 @@ class Px4FixedWing(Adapter):
 
     def _set_trim(self, now_s: float) -> list[Message]:
         wanted_mps = self._trim_wanted_mps
-        if wanted_mps is None or 0.0 <= now_s - self._trim_asked_s < _SPEED_REPEAT_S:
+        if wanted_mps is None:
+            return []
+        # Nobody may ever answer: the waits grow.
+        patience_s = _SPEED_REPEAT_S * 2.0 ** min(max(self._trim_tries - _SPEED_TRIES, 0), 5)
+        if 0.0 <= now_s - self._trim_asked_s < patience_s:
             return []
         restoring = wanted_mps == self._trim_before_mps
         if self._trim_tries >= _SPEED_TRIES and not restoring:

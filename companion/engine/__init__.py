@@ -1,6 +1,6 @@
 """The heart: one object that flies, replays, simulates and is tested. Facts in, effects out."""
 
-from companion.engine.effects import Effect, Record, Say, Transmit
+from companion.engine.effects import Effect, Keep, Record, Say, Transmit
 from companion.engine.engine import Engine, EngineConfig, EngineParams
 from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper
 
@@ -11,6 +11,7 @@ __all__ = [
     "Engine",
     "EngineConfig",
     "EngineParams",
+    "Keep",
     "Record",
     "Say",
     "Stepper",

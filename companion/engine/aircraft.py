@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 
 from companion.autopilots import Adapter, choose
+from companion.autopilots.adapter import Before
+from companion.engine.sticks import Sticks
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import (
@@ -11,12 +13,15 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
+    MissionProgress,
     NavigationTarget,
     OwnPosition,
     PressureAltitude,
+    RcChannels,
     Sender,
 )
-from companion.model import Goal, Ownship, Vec2, Vec3
+from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
+from companion.units import wrap_two_pi
 
 # Time constant of the wind estimate: longer than a gust or the swing of the nose.
 _WIND_TIME_CONSTANT_S = 10.0
@@ -24,6 +29,16 @@ _TARGET_FRESH_S = 10.0
 # Without heartbeats for so long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
 _BLIND_S = 5.0
+_ELSEWHERE_M = 100.0
+# MAV_STATE of an autopilot that deals with an emergency by itself.
+_FAILSAFE = frozenset(
+    {
+        mavlink.MAV_STATE_CRITICAL,
+        mavlink.MAV_STATE_EMERGENCY,
+        mavlink.MAV_STATE_POWEROFF,
+        mavlink.MAV_STATE_FLIGHT_TERMINATION,
+    }
+)
 # Aeroplanes, and those VTOLs that fly as such.
 _FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
 
@@ -43,7 +58,12 @@ class Aircraft:
     """
 
     def __init__(
-        self, system_id: int | None = None, autopilot: int | None = None, *, adopt_after_s: float = 0.0
+        self,
+        system_id: int | None = None,
+        autopilot: int | None = None,
+        *,
+        adopt_after_s: float = 0.0,
+        stick_us: float = 0.0,
     ) -> None:
         self._wanted_system_id = system_id
         self._wanted_autopilot = autopilot
@@ -57,11 +77,18 @@ class Aircraft:
         self.position_s = -math.inf
         self.others: set[int] = set()
         self.fixed_wing = False
+        self.failsafe = False
+        self.fence_breached = False
+        self.sequence: int | None = None  # of the mission item that is flown
+        self.sticks = Sticks(stick_us)
+        # Setpoints of ours are flown: where the autopilot says that it flies to is nobody's wish but ours.
+        self.ours = False
         # What to add to a height in the standard atmosphere to have it above mean sea level, here and now.
         self.pressure_offset_m: float | None = None
         self._airspeed_mps: float | None = None
         self._landed_state: int | None = None
         self._target: NavigationTarget | None = None
+        self.target_while_ours: NavigationTarget | None = None
         self._target_s = -math.inf
         self._wind: _Wind | None = None
 
@@ -97,16 +124,21 @@ class Aircraft:
             case LandedState():
                 self._landed_state = fact.landed_state
             case NavigationTarget():
-                # While we fly it, the target is ours and says nothing of the mission.
-                if not self.guided:
+                if self.ours:
+                    self.target_while_ours = fact
+                else:
                     self._target, self._target_s = fact, now_s
+            case MissionProgress():
+                self.sequence = fact.sequence
+            case RcChannels():
+                self.sticks.observe(fact)
             case _:
                 pass
         return True
 
     def enter_mode(self, custom_mode: int, now_s: float) -> None:
         """The autopilot is in this mode: its heartbeat says so, or it accepted our request for it."""
-        if self.guided and not (self.adapter is None or self.adapter.is_guided(custom_mode)):
+        if self.ours and not (self.adapter is None or self.adapter.is_guided(custom_mode)):
             # The mission's target was not renewed while we flew; it is what is flown to again.
             self._target_s = now_s
         self.custom_mode = custom_mode
@@ -133,9 +165,51 @@ class Aircraft:
             return False
         return self.position.height_above_home_m >= min_height_m
 
-    def landed(self) -> bool:
-        """Disarmed, or known to be on the ground."""
-        return not self.armed or self._landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+    def landing(self) -> bool:
+        """Known to be on its way down to land, or on the ground."""
+        return self._landed_state in (mavlink.MAV_LANDED_STATE_ON_GROUND, mavlink.MAV_LANDED_STATE_LANDING)
+
+    def target(self, now_s: float) -> GeoPoint | None:
+        """Where the autopilot itself was flying to, or what it circled, if it said so lately."""
+        target = self._target
+        if target is None or now_s - self._target_s >= _TARGET_FRESH_S:
+            return None
+        altitude_m = target.altitude_m
+        if altitude_m is None:
+            altitude_m = 0.0 if self.position is None else self.position.altitude_m
+        return GeoPoint(target.lat_deg, target.lon_deg, altitude_m)
+
+    def doing(self, now_s: float) -> Before:
+        """What it does now, to go back to later."""
+        north_mps, east_mps, _ = self.velocity_mps()
+        return Before(
+            self.custom_mode,
+            self.sequence,
+            self.target(now_s),
+            math.atan2(east_mps, north_mps),
+            0.0 if self.position is None else self.position.altitude_m,
+            self.airspeed_mps(),
+        )
+
+    def sent_elsewhere(self, target: GeoPoint | None) -> bool:
+        """Whether somebody gave the guided mode, in which it already was, another target while we fly it."""
+        other = self.target_while_ours
+        if target is None or other is None:
+            return False
+        frame = LocalFrame(target.lat_deg, target.lon_deg)
+        moved_m = frame.to_ned_m(GeoPoint(other.lat_deg, other.lon_deg, 0.0))[:2]
+        return math.hypot(*moved_m) > _ELSEWHERE_M
+
+    def expect(self, system_id: int) -> None:
+        """Adopt the autopilot of this system as soon as it is heard: it was ours a moment ago."""
+        if self._wanted_system_id is None:
+            self._wanted_system_id = system_id
+
+    def flown(self) -> Guidance:
+        """What it flies now, as guidance."""
+        north_mps, east_mps, _ = self.velocity_mps()
+        altitude_m = 0.0 if self.position is None else self.position.altitude_m
+        return Guidance(wrap_two_pi(math.atan2(east_mps, north_mps)), self.airspeed_mps(), altitude_m)
 
     def place(self) -> GeoPoint | None:
         """Where it is."""
@@ -157,21 +231,18 @@ class Aircraft:
             time_s=self.position_s,
             position_m=frame.to_ned_m(place),
             velocity_mps=velocity,
-            airspeed_mps=self._airspeed(),
+            airspeed_mps=self.airspeed_mps(),
             heading_rad=self._heading_rad(self.position),
             wind_mps=self._wind_mps(),
         )
 
     def goal(self, frame: LocalFrame, now_s: float) -> Goal:
         """What the mission wants: the autopilot's own target, or else straight on as it flies now."""
-        target = self._target
-        speed_mps = self._airspeed()
-        if target is not None and now_s - self._target_s < _TARGET_FRESH_S:
-            altitude_m = target.altitude_m
-            if altitude_m is None and self.position is not None:
-                altitude_m = self.position.altitude_m
-            position = frame.to_ned_m(GeoPoint(target.lat_deg, target.lon_deg, altitude_m or 0.0))
-            return Goal(position_m=position, airspeed_mps=speed_mps, altitude_m=altitude_m)
+        target = self.target(now_s)
+        speed_mps = self.airspeed_mps()
+        if target is not None:
+            position = frame.to_ned_m(target)
+            return Goal(position_m=position, airspeed_mps=speed_mps, altitude_m=target.altitude_m)
         north_mps, east_mps, _ = self.velocity_mps()
         altitude_m = None if self.position is None else self.position.altitude_m
         return Goal(course_rad=math.atan2(east_mps, north_mps), airspeed_mps=speed_mps, altitude_m=altitude_m)
@@ -186,6 +257,7 @@ class Aircraft:
                 self.others.add(fact.sender.system_id)
             return False
         self.armed, self.heartbeat_s = fact.armed, now_s
+        self.failsafe = fact.system_status in _FAILSAFE
         self.enter_mode(fact.custom_mode, now_s)
         return True
 
@@ -209,7 +281,8 @@ class Aircraft:
         self.fixed_wing = fact.vehicle_type in _FIXED_WINGS
         self.others.discard(fact.sender.system_id)
 
-    def _airspeed(self) -> float:
+    def airspeed_mps(self) -> float:
+        """Speed through the air, or over ground where that is not heard."""
         if self._airspeed_mps is not None and self._airspeed_mps > 1.0:
             return self._airspeed_mps
         return math.hypot(*self.velocity_mps()[:2])
@@ -238,6 +311,6 @@ class Aircraft:
         if self._wind is None:
             return None
         # More than this is no wind but a wrong airspeed, as on the ground.
-        if math.hypot(self._wind.north_mps, self._wind.east_mps) > 0.6 * self._airspeed():
+        if math.hypot(self._wind.north_mps, self._wind.east_mps) > 0.6 * self.airspeed_mps():
             return None
         return self._wind.north_mps, self._wind.east_mps

@@ -8,6 +8,7 @@ from companion.engine.effects import Effect, Say, Transmit
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Sender
 from companion.model import Decision, Layer, Ownship, Threat, Track
+from companion.supervisor import Role
 from companion.units import wrap_two_pi
 
 _TEXT_BYTES = 50
@@ -78,13 +79,13 @@ class Announcer:
         self._collisions_s = now_s
         return self.transmit([_collision(t, flying=flying) for t in decision.threats[:_MAX_COLLISIONS]])
 
-    def heartbeat(self, *, healthy: bool) -> list[Effect]:
-        """Our own HEARTBEAT."""
+    def heartbeat(self, role: Role, *, healthy: bool) -> list[Effect]:
+        """Our own HEARTBEAT; its custom mode is our role."""
         message = mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
             mavlink.MAV_AUTOPILOT_INVALID,
-            0,
-            0,
+            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            int(role),
             mavlink.MAV_STATE_ACTIVE if healthy else mavlink.MAV_STATE_CRITICAL,
             3,
         )

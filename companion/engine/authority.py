@@ -1,19 +1,24 @@
 """Taking the aircraft over and giving it back: the supervisor's table, driven by what is heard and decided.
 
-The heartbeat says who has the aircraft (see `ModeRequest`); a mode that we did not ask for ends ours at once.
+The heartbeat says who has the aircraft (see `ModeRequest`); a mode that we did not ask for, the pilot's
+sticks, a failsafe, a landing end ours at once, and nothing more is sent.
 """
 
 import math
 
-from companion.autopilots.adapter import Adapter
+from companion.autopilots.adapter import Adapter, Before
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.effects import Effect
+from companion.engine.held import Held
 from companion.engine.mode_request import ModeRequest, Progress
+from companion.engine.operator import Operator
+from companion.engine.readiness import Readiness
+from companion.engine.way_back import WayBack
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult
-from companion.model import Decision, Layer
-from companion.supervisor import WATCHING, Event, State, Supervisor, SupervisorParams
+from companion.model import Decision, Guidance, Layer
+from companion.supervisor import TAKEN_AWAY, WATCHING, Event, Role, State, Supervisor, SupervisorParams
 
 # The mode is taken over only from one that was heard just now.
 _FRESH_HEARTBEAT_S = 1.5
@@ -24,6 +29,8 @@ _LATE_S = 6.0
 _BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
 _REFUSALS_BEFORE_FALLBACK = 3
+# The mission goes on where it was; an autopilot that starts it anew is told so within this time.
+_ITEM_CHECKED_S = 8.0
 _ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
@@ -31,37 +38,73 @@ class Authority:
     """Holds the supervisor, and the request for a mode that is under way."""
 
     def __init__(
-        self, aircraft: Aircraft, rules: SupervisorParams, announcer: Announcer, *, position_stale_s: float
+        self,
+        aircraft: Aircraft,
+        rules: SupervisorParams,
+        announcer: Announcer,
+        operator: Operator,
+        readiness: Readiness,
     ) -> None:
         self.supervisor = Supervisor()
         self._aircraft = aircraft
         self._rules = rules
         self._announcer = announcer
-        self._position_stale_s = position_stale_s
+        self._operator = operator
+        self._readiness = readiness
         self._outlook = Outlook(Decision(Layer.CLEAR), None, ())
-        self._mode_before = 0
+        self._before = Before(0)
         self._request: ModeRequest | None = None
+        self._way_back: WayBack | None = None
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
+        self._ignored: frozenset[Event] = frozenset()  # what was the case already when it was left to us
         self._abandoned = 0
         self._guided_sent_s = -math.inf
         self._other_mode = 0  # the last one heard that was not ours
         self._ready_since_s: float | None = None
         self._not_before_s = -math.inf
+        self._left_guided_since_s: float | None = None
+        self._given_back_s = -math.inf
+        self._found: Held | None = None
+
+    # --- for others
+
+    @property
+    def holds(self) -> bool:
+        """Whether the aircraft is ours, or on its way from or to us."""
+        return self.supervisor.flying or self.supervisor.state in _ASKING
+
+    def recover(self, held: Held) -> None:
+        """A former run was killed while it had the aircraft, which is given back as soon as it is seen."""
+        self._found = held
+
+    def held(self, now_s: float) -> Held | None:
+        """What the next run must know if this one is killed now."""
+        adapter = self._aircraft.adapter
+        if adapter is None or not (self.holds or adapter.borrowed):
+            return None
+        return Held(now_s, adapter.target.system_id, self._before, adapter.borrowed)
+
+    def way_back(self) -> Guidance | None:
+        """What to fly on the way back to where the former mode belongs."""
+        if self.supervisor.state is not State.RETURNING or self._way_back is None:
+            return None
+        return self._way_back.guidance(self._aircraft)
 
     def request_stop(self, now_s: float) -> list[Effect]:
         """The service ends: give the aircraft back first. Tick on until `finished`."""
         held = self.supervisor.flying or self.supervisor.state is State.ENGAGING
         if not self.supervisor.handle(Event.STOP) or not held:
             return []
-        ending = f"Avoidance ends, back to {self._before()}"
+        ending = f"Avoidance ends, back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, ending, now_s)]
 
     def emergency_release(self) -> list[Message]:
         """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
         adapter = self._aircraft.adapter
-        held = self.supervisor.flying or self.supervisor.state in _ASKING
-        return [adapter.set_mode(self._mode_before)] if adapter is not None and held else []
+        return adapter.give_back(self._before) if adapter is not None and self.holds else []
+
+    # --- each tick
 
     def step(self, outlook: Outlook, now_s: float) -> list[Effect]:
         """Act on what is heard and decided, by the supervisor's table."""
@@ -73,35 +116,58 @@ class Authority:
             return self._while_watching(now_s)
         if state is State.STOPPED:
             return []
-        if self._overruled():
-            return self._hands_off(now_s)
+        taken = self._taken_away()
+        if taken is not None:
+            return self._hands_off(taken, now_s)
+        if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
+            told = self._announcer.tell(
+                mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to stop, back to {self._mode_before()}", now_s
+            )
+            return [*self._release(now_s), *told]
         if state is State.ENGAGING:
             return self._while_engaging(now_s)
         if self.supervisor.flying:
             return self._while_flying(now_s)
         return self._while_releasing(now_s)
 
+    def _taken_away(self) -> Event | None:
+        """What says that somebody else has the aircraft now."""
+        aircraft = self._aircraft
+        happened = {
+            Event.DISARMED: not aircraft.armed,
+            Event.LANDING: aircraft.landing(),
+            Event.FAILSAFE: aircraft.failsafe,
+            Event.FENCE: aircraft.fence_breached,
+            Event.STICKS: aircraft.sticks.moved,
+            Event.MODE_CHANGED: self._overruled(),
+        }
+        self._ignored &= {event for event, is_so in happened.items() if is_so}
+        news = (event for event, is_so in happened.items() if is_so and event not in self._ignored)
+        return next(news, None)
+
     def _overruled(self) -> bool:
-        """Whether somebody else decided about the aircraft while we had it, or asked for it."""
+        """Whether somebody else changed the mode, or what the guided mode flies to."""
         aircraft, request = self._aircraft, self._request
-        if aircraft.landed():
-            return True
         if request is None:
-            return not aircraft.guided
+            from_guided = self._before.mode == self._adapter().guided_mode
+            return not aircraft.guided or (from_guided and aircraft.sent_elsewhere(self._before.target))
         return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
 
     def _while_watching(self, now_s: float) -> list[Effect]:
-        if self._came_late(now_s):
-            self.supervisor.handle(Event.LATE)
-            self._mode_before = self._other_mode
-            return self._release(now_s)
+        late = self._came_late(now_s)
+        if late is not None and self.supervisor.handle(late):
+            return self._take_back(late, now_s)
+        advice: list[Effect] = []
         clear = self._outlook.decision.layer is Layer.CLEAR
+        ready = not self._readiness.hindrances(now_s) and now_s >= self._not_before_s
+        if not ready and not clear:
+            advice = self._announcer.conflict(self._outlook, now_s)
         # Whoever sent the aircraft back on its mission against us has decided about this conflict.
-        if not self._ready(now_s) or (self._against_us and not clear):
+        if not ready or (self._against_us and not clear):
             self._ready_since_s = None
-            if not self._ready(now_s):
+            if not ready:
                 self.supervisor.handle(Event.NOT_READY)
-            return []
+            return advice
         if self._ready_since_s is None:
             self._ready_since_s = now_s
         hands_off = self.supervisor.state is State.HANDS_OFF
@@ -109,14 +175,54 @@ class Authority:
             return []
         self._against_us = False
         self.supervisor.handle(Event.READY)
+        restored = self._check_item(now_s)
         fresh = now_s - self._aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
-        if clear or not fresh:
-            return []
+        return restored if clear or not fresh else [*restored, *self._take_over(now_s)]
+
+    def _came_late(self, now_s: float) -> Event | None:
+        """The guided mode with nobody flying it: entered late, left behind, or abandoned."""
+        aircraft, found = self._aircraft, self._found
+        if found is not None and aircraft.adapter is not None and aircraft.heard(now_s):
+            self._found = None
+            if found.is_fresh(now_s) and aircraft.custom_mode in (
+                aircraft.adapter.guided_mode,
+                aircraft.adapter.left_behind_mode(),
+            ):
+                self._before = found.before
+                return Event.FOUND
+        if not aircraft.guided:
+            self._left_guided_since_s = None
+            return None
+        if now_s - self._guided_sent_s < _LATE_S:
+            return Event.LATE
+        if self.supervisor.state is not State.HANDS_OFF or not self._was_guided:
+            return None
+        since_s = self._left_guided_since_s
+        if since_s is None or aircraft.sticks.moved or not aircraft.armed or aircraft.landing():
+            self._left_guided_since_s = now_s
+            return None
+        return Event.ABANDONED if now_s - since_s >= self._rules.abandoned_s else None
+
+    def _take_back(self, event: Event, now_s: float) -> list[Effect]:
+        """Give back what is in the guided mode with nobody flying it."""
+        self._left_guided_since_s = None
+        if event is Event.LATE:
+            self._before = Before(self._other_mode)
+        self._ignored = TAKEN_AWAY - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
+        self._aircraft.sticks.mark()
+        words = f"Avoidance: {event}, giving back to {self._mode_before()}"
+        return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)]
+
+    def _take_over(self, now_s: float) -> list[Effect]:
+        aircraft, adapter = self._aircraft, self._adapter()
         self.supervisor.handle(self._conflict())
-        self._mode_before = self._aircraft.custom_mode
-        self._was_guided = False
-        self._request = ModeRequest(self._mode_before, self._adapter().guided_mode, now_s)
-        self._adapter().stand_back()
+        self._before = aircraft.doing(now_s)
+        self._was_guided, self._ignored = False, frozenset()
+        self._way_back = WayBack.to(self._before, adapter)
+        self._request = ModeRequest(self._before.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
+        aircraft.sticks.mark()
+        aircraft.target_while_ours = None
+        adapter.stand_back()
         return [*self._ask(now_s), *self._announcer.conflict(self._outlook, now_s)]
 
     def _while_engaging(self, now_s: float) -> list[Effect]:
@@ -129,7 +235,7 @@ class Authority:
         if self._outlook.decision.layer is Layer.CLEAR:
             self.supervisor.handle(Event.CLEAR)
             return self._release(now_s)
-        if request.refusals or now_s - request.made_s >= _LONGEST_ENGAGING_S:
+        if request.refusals or now_s - request.asked_s >= _LONGEST_ENGAGING_S:
             return self._give_up_engaging(now_s)
         return self._ask(now_s)
 
@@ -146,11 +252,6 @@ class Authority:
         words = "refused" if request.refusals else "did not answer"
         return self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
 
-    def _came_late(self, now_s: float) -> bool:
-        """The guided mode, entered on a request that we had given up: nobody else flies it."""
-        late = self._aircraft.guided and now_s - self._guided_sent_s < _LATE_S
-        return late and self.supervisor.state in (State.STANDBY, State.HANDS_OFF)
-
     def _while_flying(self, now_s: float) -> list[Effect]:
         self._abandoned = 0
         if self._aircraft.blind(now_s):
@@ -163,21 +264,31 @@ class Authority:
             for effect in self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
         ]
         if self._outlook.decision.layer is Layer.CLEAR:
-            self.supervisor.handle(Event.CLEAR)
-            told = self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, self._returned(), now_s)
-            return [*refused, *self._release(now_s), *told]
+            return [*refused, *self._while_clear(now_s)]
         if self.supervisor.handle(self._conflict()):
             return [*refused, *self._announcer.conflict(self._outlook, now_s)]
         return refused
+
+    def _while_clear(self, now_s: float) -> list[Effect]:
+        """Give back, where the former mode can go on from here; else fly to where it can first."""
+        if self._way_back is not None and not self._way_back.is_done(self._aircraft, now_s):
+            if not self.supervisor.handle(Event.FAR):
+                return []
+            words = f"Clear of traffic, returning for {self._mode_before()}"
+            return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, words, now_s)
+        self.supervisor.handle(Event.CLEAR)
+        words = f"Clear of traffic, back to {self._mode_before()}"
+        return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, words, now_s)]
 
     def _while_releasing(self, now_s: float) -> list[Effect]:
         aircraft, request = self._aircraft, self._asked()
         if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.CONFIRMED:
             self._request = None
+            self._guided_sent_s, self._given_back_s = -math.inf, now_s
             self.supervisor.handle(Event.GIVEN_BACK)
             return []
         stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
-        if stuck and self._outlook.decision.layer is not Layer.CLEAR:
+        if stuck and self._outlook.decision.layer is not Layer.CLEAR and self._operator.role is Role.FLY:
             # It cannot leave, and there is traffic: better flown by us than by nobody.
             self.supervisor.handle(self._conflict())
             return self._while_engaging(now_s)
@@ -188,34 +299,24 @@ class Authority:
     def _try_other_mode(self, now_s: float) -> list[Effect]:
         """The former mode and the fallback in turn, while the autopilot refuses both."""
         adapter, request = self._adapter(), self._asked()
-        text = "Avoidance: cannot leave GUIDED, take over"
-        other = self._mode_before
-        if request.wanted == self._mode_before:
+        text = f"Avoidance: cannot leave {adapter.mode_name(adapter.guided_mode)}, take over"
+        other = self._before.mode
+        if request.wanted == self._before.mode:
             other = adapter.fallback_mode
-            text = f"Avoidance: {self._before()} refused, {adapter.mode_name(other)} instead"
+            text = f"Avoidance: {self._mode_before()} refused, {adapter.mode_name(other)} instead"
         self._request = ModeRequest(request.start, other, now_s)
         return [*self._ask(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, text, now_s)]
 
-    def _ready(self, now_s: float) -> bool:
-        aircraft = self._aircraft
-        return (
-            aircraft.adapter is not None
-            and aircraft.adapter.can_fly
-            and aircraft.fixed_wing
-            and aircraft.heard(now_s)
-            and now_s - aircraft.position_s <= self._position_stale_s
-            and aircraft.mode in self._rules.take_over_from
-            and aircraft.flying(self._rules.min_height_m)
-            and now_s >= self._not_before_s
-        )
-
-    def _hands_off(self, now_s: float) -> list[Effect]:
+    def _hands_off(self, event: Event, now_s: float) -> list[Effect]:
+        """Nothing is sent from now on, whatever becomes of it."""
         self._adapter().stand_back()
-        self.supervisor.handle(Event.LOST)
-        self._request, self._ready_since_s = None, None
-        self._against_us = self._aircraft.mode in self._rules.take_over_from
-        mode = self._aircraft.mode if self._aircraft.armed else "disarmed"
-        return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: hands off, {mode}", now_s)
+        self.supervisor.handle(event)
+        self._request, self._ready_since_s, self._left_guided_since_s = None, None, None
+        if self._was_guided:
+            self._guided_sent_s = -math.inf  # nothing of ours is under way any more
+        self._against_us = event is Event.MODE_CHANGED and self._aircraft.mode in self._rules.take_over_from
+        words = f"Avoidance: hands off, {event}, {self._aircraft.mode}"
+        return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)
 
     def _release(self, now_s: float) -> list[Effect]:
         adapter = self._adapter()
@@ -224,10 +325,14 @@ class Authority:
         # what it was before that arrived.
         settle_s = 0.0 if self._was_guided else _SETTLE_S
         ending = self.supervisor.state is State.STOPPING
+        aircraft = self._aircraft
+        left = adapter.left_behind_mode()
+        start = adapter.guided_mode if aircraft.custom_mode != left else aircraft.custom_mode
         self._request = ModeRequest(
-            adapter.guided_mode,
-            self._mode_before,
+            start,
+            self._before.mode,
             now_s,
+            delay_s=adapter.exit_s if aircraft.guided else 0.0,
             settle_s=settle_s,
             blind_tries=_BLIND_RELEASES_AT_END if ending else _BLIND_RELEASES,
         )
@@ -235,12 +340,26 @@ class Authority:
 
     def _ask(self, now_s: float) -> list[Effect]:
         """Send the request for a mode, if the heartbeats allow it."""
-        aircraft, request = self._aircraft, self._asked()
+        aircraft, adapter, request = self._aircraft, self._adapter(), self._asked()
         if not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
             return []
-        if request.wanted == self._adapter().guided_mode:
+        entering = self.supervisor.state is State.ENGAGING
+        if entering:
             self._guided_sent_s = now_s
-        return self._announcer.transmit([self._adapter().set_mode(request.wanted)])
+        if not entering and request.wanted == self._before.mode:
+            return self._announcer.transmit(adapter.give_back(self._before))
+        return self._announcer.transmit([adapter.set_mode(request.wanted)])
+
+    def _check_item(self, now_s: float) -> list[Effect]:
+        """The mission goes on with the item that it was at; one that was started anew is sent there."""
+        wanted, flown = self._before.sequence, self._aircraft.sequence
+        if wanted is None or flown is None or now_s - self._given_back_s > _ITEM_CHECKED_S:
+            return []
+        if flown >= wanted or self._aircraft.custom_mode != self._before.mode:
+            return []
+        self._given_back_s = -math.inf
+        adapter = self._adapter()
+        return self._announcer.transmit([adapter.desk.ask(adapter.select_item(wanted), now_s)])
 
     def _asked(self) -> ModeRequest:
         if self._request is None:
@@ -268,8 +387,5 @@ class Authority:
             raise RuntimeError("no autopilot: the supervisor must not get here")
         return adapter
 
-    def _before(self) -> str:
-        return self._adapter().mode_name(self._mode_before)
-
-    def _returned(self) -> str:
-        return f"Clear of traffic, back to {self._before()}"
+    def _mode_before(self) -> str:
+        return self._adapter().mode_name(self._before.mode)

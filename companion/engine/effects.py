@@ -29,4 +29,11 @@ class Say:
     text: str
 
 
-Effect = Transmit | Record | Say
+@dataclass(frozen=True, slots=True)
+class Keep:
+    """Keep this for the next run, in place of what was kept before; `None`: nothing needs to be known."""
+
+    text: str | None
+
+
+Effect = Transmit | Record | Say | Keep

@@ -16,18 +16,25 @@ from companion.avoidance import AvoidanceParams, Avoider
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.authority import Authority
-from companion.engine.effects import Effect, Record
+from companion.engine.effects import Effect, Keep, Record
+from companion.engine.held import Held
+from companion.engine.operator import Operator
 from companion.engine.rates import RateKeeper
+from companion.engine.readiness import Readiness
 from companion.engine.record import decision_line
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
+    AttitudeTarget,
+    CommandRequest,
     CommandResult,
     Fact,
     Heartbeat,
     OwnPosition,
     OwnTransponder,
     Parameter,
+    ParameterRequest,
+    ParameterSet,
     Sender,
     Traffic,
 )
@@ -35,16 +42,19 @@ from companion.model import (
     AltitudeReference,
     Decision,
     Goal,
+    Guidance,
     Layer,
     Ownship,
     Snapshot,
     Track,
     TrafficReport,
 )
-from companion.supervisor import WATCHING, State, Supervisor, SupervisorParams
+from companion.supervisor import WATCHING, Role, State, Supervisor, SupervisorParams
 from companion.traffic import Tracker, TrafficParams
 
 _HEARTBEAT_INTERVAL_S = 1.0
+_ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
+_KEEP_INTERVAL_S = 1.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
 _FRAME_REACH_M = 5_000.0
 
@@ -87,11 +97,21 @@ class Engine:
             None if wanted == "auto" else wanted,
             NAMES.get(config.autopilot),
             adopt_after_s=config.engine.adopt_after_s,
+            stick_us=config.supervisor.stick_us,
         )
+        self.operator = Operator(Role[config.supervisor.role.upper()], lambda: self.sender)
+        self._role_told = Role.FLY  # what everybody expects
         self.tracker = Tracker(config.traffic)
         self._announcer = Announcer(lambda: self.sender)
+        self.readiness = Readiness(
+            self.aircraft,
+            config.supervisor,
+            self.operator,
+            position_stale_s=config.engine.position_stale_s,
+            other_avoider=lambda: None,
+        )
         self._authority = Authority(
-            self.aircraft, config.supervisor, self._announcer, position_stale_s=config.engine.position_stale_s
+            self.aircraft, config.supervisor, self._announcer, self.operator, self.readiness
         )
         self._avoider = Avoider(config.avoidance)
         self._envelope = config.avoidance.envelope
@@ -104,6 +124,9 @@ class Engine:
         self._heartbeat_s = -math.inf
         self._boot_time_s = -math.inf
         self._prompted = False
+        self._answers: list[Message] = []
+        self._borrowed: dict[str, float] = {}
+        self._kept_s: float | None = None
         self.ticks = 0
         self.foreign = 0  # facts of systems that are not ours
 
@@ -149,6 +172,9 @@ class Engine:
         """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
         if fact.sender == self.sender:
             return False
+        if isinstance(fact, CommandRequest | ParameterRequest | ParameterSet):
+            self._answers += self.operator.receive(fact)
+            return bool(self._answers)
         if isinstance(fact, Traffic):
             return self._receive_traffic(fact, now_s)
         mode_before = self.aircraft.custom_mode
@@ -168,8 +194,10 @@ class Engine:
                 self._boot_time_s = fact.boot_time_s
             case CommandResult():
                 return self._receive_answer(fact, now_s)
-            case Parameter() if fact.name == Adapter.own_icao_parameter and fact.value >= 1.0:
-                self.tracker.learn_own(int(fact.value))
+            case Parameter():
+                self._receive_parameter(fact, now_s)
+            case AttitudeTarget():
+                self._tell_adapter(fact, now_s)
             case OwnTransponder():
                 self.tracker.learn_own(fact.icao)
             case _:
@@ -180,6 +208,15 @@ class Engine:
         """The service ends: give the aircraft back first. Tick on until `finished`."""
         return self._authority.request_stop(now_s)
 
+    def recover(self, text: str) -> None:
+        """What a former run kept (see `Keep`): had it the aircraft when it was killed, that is put right."""
+        held = Held.from_text(text)
+        if held is None:
+            return
+        self._borrowed = held.borrowed
+        self.aircraft.expect(held.system_id)
+        self._authority.recover(held)
+
     def emergency_release(self) -> list[Message]:
         """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
         return self._authority.emergency_release()
@@ -189,15 +226,17 @@ class Engine:
         self.ticks += 1
         effects: list[Effect] = []
         effects += self._tell_who_is_there(now_s)
+        effects += self._tell_role(now_s)
         self._decide(now_s)
         flying_before = self.supervisor.flying
         effects += self._authority.step(Outlook(self._decision, self._own, self._tracks), now_s)
         flying = self.supervisor.flying
         if flying_before and not flying:
             self._avoider.reset()
-        if flying:
-            effects += self._command(now_s)
+        self.aircraft.ours = flying
+        effects += self._command(now_s)
         effects += self._keep_up_manners(now_s)
+        effects += self._keep(now_s)
         if self._own is not None:
             effects.append(Record(decision_line(now_s, self._decision, self._own, len(self._tracks))))
         self._prompted = False
@@ -208,14 +247,19 @@ class Engine:
         effects: list[Effect] = []
         adapter = self.aircraft.adapter
         if adapter is not None:
+            if self._borrowed:
+                adapter.put_back(self._borrowed)
+                self._borrowed = {}
             effects += self._announcer.transmit(adapter.tick(now_s))
             if self.aircraft.heard(now_s):
                 effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
+        answers, self._answers = self._answers, []
+        effects += self._announcer.transmit(answers)
         effects += self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
         if now_s - self._heartbeat_s >= _HEARTBEAT_INTERVAL_S - 1e-3 or now_s < self._heartbeat_s:
             self._heartbeat_s = now_s
             healthy = self.aircraft.heard(now_s) and not self.aircraft.blind(now_s)
-            effects += self._announcer.heartbeat(healthy=healthy)
+            effects += self._announcer.heartbeat(self.operator.role, healthy=healthy)
         return effects
 
     # --- deciding
@@ -235,9 +279,10 @@ class Engine:
         self._tracks = self.tracker.tracks(now_s, self._frame)
         if self._goal is None or self.supervisor.state in WATCHING:
             self._goal = self.aircraft.goal(self._frame, now_s)
-        if self._own is None or not self._may_decide():
+        if self._own is None or self.operator.role is Role.OFF or not self._may_decide():
             self._avoider.reset()
-            self._decision = Decision(Layer.CLEAR, because="not flying")
+            because = "off" if self.operator.role is Role.OFF else "not flying"
+            self._decision = Decision(Layer.CLEAR, because=because)
             return
         self._limit_heights()
         self._decision = self._avoider.decide(now_s, self._own, self._tracks, self._goal)
@@ -277,12 +322,41 @@ class Engine:
     # --- commanding
 
     def _command(self, now_s: float) -> list[Effect]:
-        adapter, place = self.aircraft.adapter, self.aircraft.place()
-        guidance = self._decision.guidance
-        if adapter is None or place is None or guidance is None:
+        """Setpoints while flying; entering and leaving the guided mode, what the autopilot wants then."""
+        adapter, own = self.aircraft.adapter, self.aircraft
+        if adapter is None or own.position is None:
             return []
-        flown = Flown(guidance, place, self.aircraft.velocity_mps())
-        return self._announcer.transmit(adapter.command(flown, now_s, urgent=self._prompted))
+        state = self.supervisor.state
+        if state is State.ENGAGING:
+            return self._announcer.transmit(adapter.entering(self._flown(own.flown()), now_s))
+        if state in (State.RELEASING, State.STOPPING) and own.guided:
+            return self._announcer.transmit(adapter.leaving(self._flown(own.flown()), now_s))
+        guidance = self._decision.guidance or self._authority.way_back()
+        if not self.supervisor.flying or guidance is None:
+            return []
+        messages = adapter.command(self._flown(guidance), now_s, urgent=self._prompted)
+        for refused in adapter.refused_values():
+            self._avoider.refuse(refused.control, refused.value, now_s)
+        return self._announcer.transmit(messages)
+
+    def _flown(self, guidance: Guidance) -> Flown:
+        own = self.aircraft
+        place = own.place()
+        assert place is not None
+        return Flown(
+            guidance, place, own.velocity_mps(), own.airspeed_mps(), self._avoider.envelope.max_bank_rad
+        )
+
+    def _keep(self, now_s: float) -> list[Effect]:
+        """What the next run must know, once a second and when it changes."""
+        held = self._authority.held(now_s)
+        if held is None:
+            changed, self._kept_s = self._kept_s is not None, None
+            return [Keep(None)] if changed else []
+        if self._kept_s is not None and now_s - self._kept_s < _KEEP_INTERVAL_S - 1e-3:
+            return []
+        self._kept_s = now_s
+        return [Keep(held.to_text())]
 
     # --- receiving
 
@@ -308,6 +382,22 @@ class Engine:
             return False
         self._authority.answered(fact, now_s)
         return False
+
+    def _receive_parameter(self, fact: Parameter, now_s: float) -> None:
+        if fact.name == Adapter.own_icao_parameter and fact.value >= 1.0:
+            self.tracker.learn_own(int(fact.value))
+        self._tell_adapter(fact, now_s)
+
+    def _tell_adapter(self, fact: Fact, now_s: float) -> None:
+        if self.aircraft.adapter is not None:
+            self.aircraft.adapter.observe(fact, now_s)
+
+    def _tell_role(self, now_s: float) -> list[Effect]:
+        role = self.operator.role
+        if role is self._role_told:
+            return []
+        self._role_told = role
+        return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}", now_s)
 
     def _tell_who_is_there(self, now_s: float) -> list[Effect]:
         """Whatever keeps us from flying the autopilot that is heard."""

@@ -27,21 +27,29 @@ class Progress(Enum):
 class ModeRequest:
     """One request, from `start` to `wanted` (custom modes), made at `now_s`.
 
-    With `settle_s`, the wanted mode counts only when seen so long after the first try: an older request,
-    still under way, might come after it. `blind_tries` are those allowed without evidence: none for taking
-    the aircraft over, few for giving it back.
+    It is first sent after `delay_s`. With `settle_s`, the wanted mode counts only when seen so long after the
+    request was made: an older one, still under way, might come after it. `blind_tries` are those allowed
+    without evidence: none for taking the aircraft over, few for giving it back.
     """
 
     def __init__(
-        self, start: int, wanted: int, now_s: float, *, settle_s: float = 0.0, blind_tries: int = 0
+        self,
+        start: int,
+        wanted: int,
+        now_s: float,
+        *,
+        delay_s: float = 0.0,
+        settle_s: float = 0.0,
+        blind_tries: int = 0,
     ) -> None:
         self.start = start
         self.wanted = wanted
         self.made_s = now_s
+        self.asked_s = now_s + delay_s
         self.refusals = 0
         self._settle_s = settle_s
         self.sent_s = -math.inf
-        self._not_before_s = now_s
+        self._not_before_s = self.asked_s
         self._blind_tries = blind_tries
 
     def progress(self, mode: int, heartbeat_s: float) -> Progress:

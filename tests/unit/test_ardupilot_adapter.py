@@ -6,7 +6,8 @@ from collections import Counter
 import pytest
 
 from companion.autopilots import ArduPlane, Px4FixedWing, choose
-from companion.autopilots.adapter import Flown
+from companion.autopilots.adapter import Before, Flown, RefusedValue
+from companion.avoidance.strategies import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import CommandResult, Sender
@@ -18,7 +19,7 @@ GUIDANCE = Guidance(math.radians(40.0), 22.0, 680.0)
 
 
 def flown(guidance: Guidance = GUIDANCE) -> Flown:
-    return Flown(guidance, PLACE, (24.0, 0.0, 0.0))
+    return Flown(guidance, PLACE, (24.0, 0.0, 0.0), 22.0, math.radians(30.0))
 
 
 def kinds(messages: list[Message]) -> Counter[str]:
@@ -162,10 +163,57 @@ def test_px4_mode_names(main: int, sub: int, name: str) -> None:
     assert Px4FixedWing.mode_name(main << 16 | sub << 24) == name
 
 
-def test_px4_is_not_commanded() -> None:
-    adapter = Px4FixedWing(TARGET)
-    assert not adapter.can_fly
-    assert adapter.command(flown(), 0.0, urgent=True) == []
+def refuse(adapter: ArduPlane, command: int, now_s: float) -> None:
+    adapter.observe(CommandResult(TARGET, command, mavlink.MAV_RESULT_FAILED, None), now_s)
+
+
+def commands(adapter: ArduPlane, now_s: float, guidance: Guidance = GUIDANCE) -> dict[int, Message]:
+    messages = adapter.command(flown(guidance), now_s, urgent=False)
+    return {message.command: message for message in messages if hasattr(message, "command")}
+
+
+def test_a_speed_refused_is_asked_for_once_more_within_the_limits_and_then_given_up() -> None:
+    adapter = ArduPlane(TARGET)
+    fast = Guidance(GUIDANCE.course_rad, 28.0, GUIDANCE.altitude_m)
+    speed = mavlink.MAV_CMD_GUIDED_CHANGE_SPEED
+    assert commands(adapter, 100.0, fast)[speed].param2 == 28.0
+    refuse(adapter, speed, 100.1)
+    assert adapter.refused_values() == []
+    assert commands(adapter, 100.2, fast)[speed].param2 == 27.0  # a little towards the 22 m/s flown
+    refuse(adapter, speed, 100.3)
+    assert adapter.refused_values() == [RefusedValue(Control.SPEED, 28.0)]
+    assert adapter.refused_values() == []
+    assert speed not in commands(adapter, 100.4, fast)
+    slower = Guidance(GUIDANCE.course_rad, 25.0, GUIDANCE.altitude_m)
+    assert commands(adapter, 100.5, slower)[speed].param2 == 25.0  # another value is another question
+
+
+def test_a_height_refused_is_moved_aside() -> None:
+    adapter = ArduPlane(TARGET)
+    at_zero = Guidance(GUIDANCE.course_rad, 22.0, 0.0)
+    height = mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE
+    assert commands(adapter, 100.0, at_zero)[height].z == 0.0
+    refuse(adapter, height, 100.1)
+    assert commands(adapter, 100.2, at_zero)[height].z == 2.0
+
+
+def test_what_was_accepted_is_not_refused_by_a_late_answer() -> None:
+    adapter = ArduPlane(TARGET)
+    speed = mavlink.MAV_CMD_GUIDED_CHANGE_SPEED
+    commands(adapter, 100.0)
+    adapter.observe(CommandResult(TARGET, speed, 0, None), 100.1)
+    refuse(adapter, speed, 100.2)
+    refuse(adapter, speed, 100.3)
+    assert adapter.refused_values() == []
+
+
+def test_who_was_in_guided_before_is_sent_to_his_target_again() -> None:
+    adapter = ArduPlane(TARGET)
+    (message,) = adapter.give_back(Before(15, target=GeoPoint(-35.1, 149.2, 650.0)))
+    assert (message.get_type(), message.command) == ("COMMAND_INT", 192)
+    assert (message.param2, message.x, message.y, message.z) == (1.0, -351_000_000, 1_492_000_000, 650.0)
+    (mission,) = adapter.give_back(Before(10, target=GeoPoint(-35.1, 149.2, 650.0)))
+    assert (mission.command, mission.param2) == (176, 10)
 
 
 def test_modes_are_asked_for_by_their_numbers() -> None:

@@ -20,7 +20,7 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import AltitudeReference, Layer, TrafficReport
-from companion.supervisor import State
+from companion.supervisor import Role, State, SupervisorParams
 
 AUTOPILOT, OTHER, GCS = Sender(1, 1), Sender(7, 1), Sender(255, 190)
 T0 = 1_700_000_000.0
@@ -206,16 +206,19 @@ def test_takes_nothing_over_disarmed_in_another_mode_or_low(mode: int, armed: bo
     assert [m for m in of(sent, "COMMAND_LONG") if m.command == 176] == []
 
 
-def test_px4_is_advised_and_not_commanded() -> None:
-    engine = new_engine()
-    sent = []
-    for tick in range(50):
-        now_s = T0 + tick / 10
-        facts: list[Fact] = [heartbeat(mode=4 << 16 | 4 << 24, autopilot=12), position(now_s), traffic(now_s)]
-        sent += run(engine, facts, now_s)
-    assert engine.decision.layer is not Layer.CLEAR
-    assert [m for m in of(sent, "COMMAND_LONG") if m.command != 511] == []
-    assert of(sent, "COLLISION")[0].action == mavlink.MAV_COLLISION_ACTION_REPORT
+@pytest.mark.parametrize(("role", "computed"), [("advise", True), ("off", False)])
+def test_told_to_advise_nothing_is_commanded(role: str, computed: bool) -> None:
+    engine = Engine(
+        EngineConfig(engine=EngineParams(autopilot_system_id=1), supervisor=SupervisorParams(role=role))  # type: ignore[arg-type]
+    )
+    sent = fly(engine, 12.0, meet_s=40.0)
+    assert (engine.decision.layer is not Layer.CLEAR) == computed
+    assert engine.supervisor.state is State.STANDBY
+    assert {m.command for m in of(sent, "COMMAND_LONG")} <= {511}
+    assert of(sent, "SET_POSITION_TARGET_GLOBAL_INT") == []
+    assert bool(of(sent, "COLLISION")) == computed
+    assert any("Traffic" in str(m.text) for m in of(sent, "STATUSTEXT")) == computed
+    assert {m.custom_mode for m in of(sent, "HEARTBEAT")} == {int(Role[role.upper()])}
 
 
 def test_own_transponder_is_no_traffic() -> None:

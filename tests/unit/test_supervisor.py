@@ -4,7 +4,17 @@ import itertools
 
 import pytest
 
-from companion.supervisor import FLYING, TRANSITIONS, WATCHING, Event, State, Supervisor
+from companion.supervisor import (
+    FLYING,
+    HELD,
+    TAKEN_AWAY,
+    TRANSITIONS,
+    WATCHING,
+    Event,
+    State,
+    Supervisor,
+    printed,
+)
 
 
 @pytest.mark.parametrize(("state", "event"), [*itertools.product(State, Event)])
@@ -21,14 +31,39 @@ def test_flying_is_reached_only_by_the_autopilots_word() -> None:
     assert into_flying == {(State.ENGAGING, Event.TAKEN)}
 
 
-@pytest.mark.parametrize("state", sorted(FLYING | {State.ENGAGING, State.RELEASING}))
-def test_whoever_takes_the_aircraft_has_it(state: State) -> None:
-    assert TRANSITIONS[state, Event.LOST] is State.HANDS_OFF
+@pytest.mark.parametrize("event", sorted(TAKEN_AWAY))
+@pytest.mark.parametrize("state", sorted(State))
+def test_whoever_takes_the_aircraft_has_it(state: State, event: Event) -> None:
+    after = TRANSITIONS.get((state, event), state)
+    assert after not in FLYING
+    if state in HELD:
+        assert after is State.HANDS_OFF
+
+
+@pytest.mark.parametrize("state", sorted(HELD))
+def test_told_to_advise_only_the_aircraft_is_given_back(state: State) -> None:
+    assert TRANSITIONS.get((state, Event.ADVISE), state) is State.RELEASING
+
+
+def test_only_returning_is_entered_without_a_conflict() -> None:
+    into = {(state, event) for (state, event), after in TRANSITIONS.items() if after is State.RETURNING}
+    assert into == {(State.OUTER, Event.FAR), (State.INNER, Event.FAR)}
+
+
+def test_the_table_printed_says_what_the_table_says() -> None:
+    head, *lines = [[cell.strip() for cell in line.split("|")] for line in printed().splitlines()]
+    assert head == ["", *State]
+    assert [line[0] for line in lines] == list(Event)
+    said = {
+        (State(head[i]), Event(line[0])): line[i] for line in lines for i in range(1, len(line)) if line[i]
+    }
+    assert said == {pair: str(after) for pair, after in TRANSITIONS.items()}
 
 
 def test_after_hands_off_only_readiness_leads_back_to_taking_over() -> None:
     ways = {event for (state, event) in TRANSITIONS if state is State.HANDS_OFF}
-    assert ways == {Event.READY, Event.STOP, Event.LATE}
+    assert ways == {Event.READY, Event.STOP, Event.LATE, Event.ABANDONED}
+    assert TRANSITIONS[State.HANDS_OFF, Event.ABANDONED] is State.RELEASING
     assert TRANSITIONS[State.HANDS_OFF, Event.LATE] is State.RELEASING
 
 

@@ -1,0 +1,52 @@
+"""Whether the aircraft is one to take over, and if not, why: in words that an operator understands."""
+
+from collections.abc import Callable
+
+from companion.engine.aircraft import Aircraft
+from companion.engine.operator import Operator
+from companion.supervisor import Role, SupervisorParams
+
+
+class Readiness:
+    """Everything that must be so before the aircraft may be taken over.
+
+    `other_avoider` names another avoidance that acts in the autopilot, if one is known to.
+    """
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        rules: SupervisorParams,
+        operator: Operator,
+        *,
+        position_stale_s: float,
+        other_avoider: Callable[[], str | None],
+    ) -> None:
+        self._aircraft = aircraft
+        self._rules = rules
+        self._operator = operator
+        self._position_stale_s = position_stale_s
+        self._other_avoider = other_avoider
+
+    def hindrances(self, now_s: float) -> list[str]:
+        """Why the aircraft would not be taken over now; empty when it would."""
+        aircraft, rules = self._aircraft, self._rules
+        if self._operator.role is not Role.FLY:
+            return [f"told to {'advise only' if self._operator.role is Role.ADVISE else 'be off'}"]
+        if aircraft.adapter is None:
+            return ["no autopilot that can be flown is heard"]
+        other = self._other_avoider()
+        checks = {
+            "it is no fixed wing": not aircraft.fixed_wing,
+            "the autopilot is not heard": not aircraft.heard(now_s),
+            "its position is old": now_s - aircraft.position_s > self._position_stale_s,
+            f"another avoider acts: {other}": other is not None and rules.beside_other_avoider == "advise",
+            f"its mode is {aircraft.mode}, not {' or '.join(rules.take_over_from)}": aircraft.mode
+            not in rules.take_over_from,
+            "it is disarmed": not aircraft.armed,
+            f"it is on the ground, below {rules.min_height_m:.0f} m, taking off or landing": aircraft.armed
+            and not aircraft.flying(rules.min_height_m),
+            "it is in a failsafe": aircraft.failsafe,
+            "it has breached its fence": aircraft.fence_breached,
+        }
+        return [words for words, so in checks.items() if so]

@@ -1,0 +1,36 @@
+"""The few words that one run leaves to the next, in a file that is whole at any moment."""
+
+import logging
+import os
+from pathlib import Path
+
+_log = logging.getLogger("companion")
+
+
+class Keeper:
+    """Writes anew as a whole or not at all; a disk that fails is told once, and flying goes on."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._failed = False
+
+    def read(self) -> str | None:
+        """What the last run left, `None` when it left nothing."""
+        try:
+            return self._path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            return None
+
+    def keep(self, text: str | None) -> None:
+        """Replace what is kept; `None` removes it."""
+        try:
+            if text is None:
+                self._path.unlink(missing_ok=True)
+                return
+            fresh = self._path.with_name(f"{self._path.name}.new")
+            fresh.write_text(text, encoding="utf-8")
+            os.replace(fresh, self._path)  # noqa: PTH105 - atomic, and says so
+        except OSError as error:
+            if not self._failed:
+                _log.error("%s: cannot be written: %s", self._path, error.strerror)
+            self._failed = True
