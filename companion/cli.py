@@ -20,9 +20,11 @@ from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
 from companion.links import open_link
 from companion.model import Layer
+from companion.preflight import DEFAULT_SECONDS, look
 from companion.recorder import Recorder
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
+from companion.supervisor import printed
 
 app = typer.Typer(
     help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
@@ -68,13 +70,48 @@ def _recorder(config: Config, log: logging.Logger) -> Recorder | None:
     return recorder
 
 
-@app.command(epilog="Example: companion check configs/arduplane.yaml")
-def check(config_file: ConfigFile) -> None:
-    """Read a configuration and show it as it would be used, every default included."""
+@app.command(epilog="Example: companion check configs/arduplane.yaml --link")
+def check(
+    config_file: ConfigFile,
+    link: Annotated[
+        bool, typer.Option("--link", help="Connect, list what is found, say whether it would fly.")
+    ] = False,
+    seconds: Annotated[
+        float, typer.Option(min=3.0, max=600.0, help="How long to listen, with --link.")
+    ] = DEFAULT_SECONDS,
+    table: Annotated[
+        bool, typer.Option("--table", help="Print the supervisor's table: who may fly, and when.")
+    ] = False,
+) -> None:
+    """Read a configuration and show it as it would be used, every default included.
+
+    With --link nothing is commanded; exit code 1 when no autopilot is heard.
+    """
     config = load_config(config_file)
     console = Console(highlight=False, soft_wrap=True)
-    console.print(describe(config), markup=False, end="")
-    console.print(f"{config_file}: good to fly with", markup=False, style="green")
+    if table:
+        console.print(printed(), markup=False)
+    elif link:
+        _check_link(console, config, seconds)
+    else:
+        console.print(describe(config), markup=False, end="")
+        console.print(f"{config_file}: good to fly with", markup=False, style="green")
+
+
+def _check_link(console: Console, config: Config, seconds: float) -> None:
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s", stream=sys.stderr)
+    links = [open_link(address) for address in config.links]
+    found = asyncio.run(look(config, links, seconds))
+    width = max(len(finding.topic) for finding in found.findings)
+    for finding in found.findings:
+        style = "" if finding.good else "yellow"
+        console.print(f"{finding.topic:{width}}  {finding.words}", markup=False, style=style)
+    if not found.heard:
+        raise CompanionError("would not fly: no autopilot is heard")
+    if found.hindrances:
+        console.print(f"would not fly now: {'; '.join(found.hindrances)}", markup=False, style="yellow")
+    else:
+        console.print("would fly: in a conflict it takes the aircraft over", markup=False, style="green")
 
 
 @app.command("replay", epilog="Example: companion replay flight.tlog --report replay.json")

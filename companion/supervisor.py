@@ -62,7 +62,10 @@ TAKEN_AWAY = frozenset(
 
 TRANSITIONS: dict[tuple[State, Event], State] = {
     **{(state, event): State.HANDS_OFF for state in HELD for event in TAKEN_AWAY},
-    **{(State.STOPPING, event): State.STOPPED for event in TAKEN_AWAY},
+    # Giving back goes on whatever the sticks and the failsafes say: there is no later.
+    (State.STOPPING, Event.MODE_CHANGED): State.STOPPED,
+    (State.STOPPING, Event.DISARMED): State.STOPPED,
+    (State.STOPPING, Event.LANDING): State.STOPPED,
     (State.STANDBY, Event.READY): State.MONITOR,
     (State.STANDBY, Event.LATE): State.RELEASING,
     (State.STANDBY, Event.FOUND): State.RELEASING,

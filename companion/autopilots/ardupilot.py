@@ -100,6 +100,7 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 2.0,
     }
     places: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
     courses: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})

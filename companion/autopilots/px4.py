@@ -68,6 +68,7 @@ class Px4FixedWing(Adapter):
         mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: 0.2,
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 2.0,
     }
 
     def __init__(self, target: Sender) -> None:

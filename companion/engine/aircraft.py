@@ -10,6 +10,7 @@ from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import (
     AirData,
+    AutopilotVersion,
     Fact,
     Heartbeat,
     LandedState,
@@ -19,6 +20,7 @@ from companion.mavlink.facts import (
     PressureAltitude,
     RcChannels,
     Sender,
+    SystemTime,
 )
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
 from companion.units import wrap_two_pi
@@ -77,6 +79,8 @@ class Aircraft:
         self.position_s = -math.inf
         self.others: set[int] = set()
         self.fixed_wing = False
+        self.version: str | None = None
+        self.clock_offset_s: float | None = None  # its clock less ours
         self.failsafe = False
         self.fence_breached = False
         self.sequence: int | None = None  # of the mission item that is flown
@@ -130,6 +134,10 @@ class Aircraft:
                     self._target, self._target_s = fact, now_s
             case MissionProgress():
                 self.sequence = fact.sequence
+            case AutopilotVersion():
+                self.version = fact.version
+            case SystemTime():
+                self.clock_offset_s = None if fact.unix_s is None else fact.unix_s - now_s
             case RcChannels():
                 self.sticks.observe(fact)
             case _:

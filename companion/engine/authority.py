@@ -18,7 +18,16 @@ from companion.engine.way_back import WayBack
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult
 from companion.model import Decision, Guidance, Layer
-from companion.supervisor import TAKEN_AWAY, WATCHING, Event, Role, State, Supervisor, SupervisorParams
+from companion.supervisor import (
+    TAKEN_AWAY,
+    TRANSITIONS,
+    WATCHING,
+    Event,
+    Role,
+    State,
+    Supervisor,
+    SupervisorParams,
+)
 
 # The mode is taken over only from one that was heard just now.
 _FRESH_HEARTBEAT_S = 1.5
@@ -117,7 +126,7 @@ class Authority:
         if state is State.STOPPED:
             return []
         taken = self._taken_away()
-        if taken is not None:
+        if taken is not None and (state, taken) in TRANSITIONS:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
             told = self._announcer.tell(

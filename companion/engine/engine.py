@@ -145,6 +145,11 @@ class Engine:
         return self._authority.supervisor
 
     @property
+    def rates_hz(self) -> dict[int, float]:
+        """How often each measured message came lately, by its id."""
+        return self._rates.measured_hz
+
+    @property
     def decision(self) -> Decision:
         """The decision that stands."""
         return self._decision

@@ -43,6 +43,7 @@ class RateKeeper:
         self._asked = False
         self._traffic_s = -math.inf
         self._own_icao_tries = 0
+        self.measured_hz: dict[int, float] = {}  # by message, over the last full window
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Count a fact of our autopilot."""
@@ -69,6 +70,7 @@ class RateKeeper:
             return [
                 *(adapter.request_interval(*wanted) for wanted in adapter.intervals_s.items()),
                 adapter.request_parameter(adapter.own_icao_parameter),
+                adapter.request_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
             ]
         if now_s < self._window_ends_s:
             return []
@@ -78,6 +80,7 @@ class RateKeeper:
             if message_id in _MEASURED.values()
             and self._counts.get(message_id, 0) < 0.5 * _WINDOW_S / interval_s
         ]
+        self.measured_hz = {message_id: count / _WINDOW_S for message_id, count in self._counts.items()}
         self._begin_window(now_s)
         requests = [
             adapter.request_interval(message_id, interval_s)

@@ -28,11 +28,12 @@ class Readiness:
         self._position_stale_s = position_stale_s
         self._other_avoider = other_avoider
 
-    def hindrances(self, now_s: float) -> list[str]:
-        """Why the aircraft would not be taken over now; empty when it would."""
+    def hindrances(self, now_s: float, *, role: Role | None = None) -> list[str]:
+        """Why the aircraft would not be taken over now (were the role `role`); empty when it would."""
         aircraft, rules = self._aircraft, self._rules
-        if self._operator.role is not Role.FLY:
-            return [f"told to {'advise only' if self._operator.role is Role.ADVISE else 'be off'}"]
+        role = self._operator.role if role is None else role
+        if role is not Role.FLY:
+            return [f"told to {'advise only' if role is Role.ADVISE else 'be off'}"]
         if aircraft.adapter is None:
             return ["no autopilot that can be flown is heard"]
         other = self._other_avoider()

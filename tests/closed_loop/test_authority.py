@@ -11,7 +11,7 @@ from sim.scenario import load_scenario
 from sim.vehicle import Mode
 
 COMMANDS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT"}
-SET_INTERVAL = 511
+SET_INTERVAL, REQUEST_MESSAGE = 511, 512
 
 
 class Watched(ClosedLoop):
@@ -24,7 +24,8 @@ class Watched(ClosedLoop):
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         message = effect.message
-        if message.get_type() in COMMANDS and getattr(message, "command", None) != SET_INTERVAL:
+        asking = getattr(message, "command", None) in (SET_INTERVAL, REQUEST_MESSAGE)
+        if message.get_type() in COMMANDS and not asking:
             self.sent.append((time_us, f"{message.get_type()} {getattr(message, 'command', '')}".strip()))
         if not self._deaf(effect):
             super()._transmit(time_us, effect)
