@@ -234,7 +234,7 @@ def paper(
 
 
 @app.command(
-    epilog="Example: companion-sim relay --listen udpin:127.0.0.1:14560 --to udpout:127.0.0.1:14550 --loss 0.1"
+    epilog="Example: companion-sim relay --listen udpin:0.0.0.0:14560 --to udpout:127.0.0.1:14550 --loss 0.1"
 )
 def relay(
     listen: Annotated[str, typer.Option(metavar="udpin:HOST:PORT", help="Where one end sends to.")],

@@ -1,7 +1,6 @@
 """Keeps a link open for as long as the service lives, whatever happens to cables, hosts and peers."""
 
 import asyncio
-import contextlib
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -57,20 +56,33 @@ class Reconnect:
 
 
 async def open_at_start(links: Sequence[Link]) -> None:
-    """Open all that can be opened at once, and leave the others to `Reconnect`.
+    """Open all that can be opened at once; the others go on opening, and are left to `Reconnect`.
 
     `LinkError` for one that can never be opened, a port to listen on that is in use or forbidden; then all
     are closed.
     """
-    outcomes = await asyncio.gather(*(_open_soon(link) for link in links), return_exceptions=True)
-    for outcome in outcomes:
-        if isinstance(outcome, BaseException):
+    tasks = [asyncio.create_task(_why_never(link), name=f"opening {link.address}") for link in links]
+    _opening.update(tasks)
+    for task in tasks:
+        task.add_done_callback(_opening.discard)
+    if tasks:
+        await asyncio.wait(tasks, timeout=_PATIENCE_AT_START_S)
+    for task in tasks:
+        error = task.result() if task.done() else None
+        if error is not None:
             for link in links:
                 link.close()
-            raise outcome
+            raise error
 
 
-async def _open_soon(link: Link) -> None:
-    with contextlib.suppress(LinkDownError, TimeoutError):
-        async with asyncio.timeout(_PATIENCE_AT_START_S):
-            await link.open()
+_opening: set[asyncio.Task[LinkError | None]] = set()  # the event loop forgets tasks that nobody else knows
+
+
+async def _why_never(link: Link) -> LinkError | None:
+    try:
+        await link.open()
+    except LinkDownError:
+        return None
+    except LinkError as error:
+        return error
+    return None

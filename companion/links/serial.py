@@ -90,8 +90,14 @@ class SerialLink(QueuedLink[None]):
 
     async def _connect(self) -> None:
         self._splitter, self._rest = FrameSplitter(self.counters), b""
+        # A USB device that hangs takes seconds to refuse its settings.
+        port = await asyncio.to_thread(self._open_port)
+        self._port = port
+        asyncio.get_running_loop().add_reader(port.fileno(), self._read)
+
+    def _open_port(self) -> Serial:
         try:
-            port = Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
+            return Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
         except (ValueError, termios.error) as error:
             raise OSError(f"cannot be used at {self._baud} baud: {error}") from error
         except OSError as error:
@@ -100,8 +106,6 @@ class SerialLink(QueuedLink[None]):
             if error.errno == errno.EAGAIN:
                 raise OSError("another program has it") from error
             raise
-        self._port = port
-        asyncio.get_running_loop().add_reader(port.fileno(), self._read)
 
     def _disconnect(self) -> None:
         port, self._port = self._port, None

@@ -97,13 +97,22 @@ async def test_only_what_can_never_work_ends_the_start() -> None:
 
 
 class Slow(Troubled):
-    """Asks a name server that does not answer."""
+    """Asks a name server that takes its time."""
+
+    def __init__(self) -> None:
+        super().__init__(0, LinkError(""))
+        self.answered = asyncio.Event()
 
     async def open(self) -> None:
-        await asyncio.sleep(3600.0)
+        await self.answered.wait()
+        await super().open()
 
 
 async def test_a_name_that_takes_long_does_not_hold_up_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reconnect, "_PATIENCE_AT_START_S", 0.02)
+    slow = Slow()
     async with asyncio.timeout(10.0):
-        await open_at_start([Slow(0, LinkError(""))])
+        await open_at_start([slow])
+        assert slow.tries == 0
+        slow.answered.set()
+        await until(lambda: slow.tries == 1)
