@@ -1,33 +1,103 @@
-"""Link addresses as users write them: `udpin:HOST:PORT` listens, `udpout:HOST:PORT` sends there."""
+"""Link addresses as users write them.
+
+| address | meaning |
+|---|---|
+| `udpin:HOST:PORT` | listens, and answers whoever talks to it |
+| `udpout:HOST:PORT` | sends there, and hears only what comes from there |
+| `tcpin:HOST:PORT` | listens; several may connect |
+| `tcpout:HOST:PORT` | connects to there |
+| `serial:DEVICE:BAUD` | a serial port by its absolute path; without BAUD 57600 |
+
+A `?listen` at the end promises that nothing is ever sent there.
+"""
 
 import re
 from dataclasses import dataclass
+from enum import StrEnum
 
 from companion.errors import LinkError
 
-_ADDRESS = re.compile(
-    r"(?P<kind>udpin|udpout):(?:\[(?P<v6>[0-9A-Fa-f:.%\w]+)\]|(?P<host>[^\s:\[\]]+)):(?P<port>\d{1,5})",
+DEFAULT_BAUD = 57_600  # of the TELEM ports of both autopilots
+_FORMS = "udpin|udpout|tcpin|tcpout:HOST:PORT or serial:/dev/NAME:BAUD"
+
+_LISTEN_ONLY = "?listen"
+_NETWORK = re.compile(
+    r"(?P<kind>udpin|udpout|tcpin|tcpout):"
+    r"(?:\[(?P<v6>[0-9A-Fa-f:.%\w]+)\]|(?P<host>[^\s:\[\]?]+)):(?P<port>\d{1,5})",
     re.ASCII,
 )
+# Names under /dev/serial/by-path have colons themselves: only digits after the last one are a baud rate.
+_SERIAL = re.compile(r"serial:(?P<device>/[^\s?]+?)(?::(?P<baud>\d{1,8}))?", re.ASCII)
+_SLOWEST_BAUD, _FASTEST_BAUD = 1_200, 4_000_000
+
+
+class NetworkKind(StrEnum):
+    """How a socket gets its peer."""
+
+    UDP_IN = "udpin"
+    UDP_OUT = "udpout"
+    TCP_IN = "tcpin"
+    TCP_OUT = "tcpout"
+
+    @property
+    def listens(self) -> bool:
+        """Whether it waits for others at a port of its own."""
+        return self in (NetworkKind.UDP_IN, NetworkKind.TCP_IN)
 
 
 @dataclass(frozen=True, slots=True)
-class LinkAddress:
-    """An address that is well formed; whether the host exists turns out when the link is opened."""
+class NetworkAddress:
+    """A well-formed address of a host; whether the host exists turns out when the link is opened."""
 
-    listens: bool
+    kind: NetworkKind
     host: str
     port: int
+    listen_only: bool = False
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """What two links cannot both have."""
+        return self.kind, self.host, self.port
+
+
+@dataclass(frozen=True, slots=True)
+class SerialAddress:
+    """A well-formed address of a serial port; whether the device exists turns out when the link is opened."""
+
+    device: str
+    baud: int = DEFAULT_BAUD
+    listen_only: bool = False
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """What two links cannot both have."""
+        return (self.device,)
+
+
+LinkAddress = NetworkAddress | SerialAddress
 
 
 def parse_address(text: str) -> LinkAddress:
     """The address that a text stands for, IPv6 hosts in brackets. `LinkError` for anything else."""
-    match = _ADDRESS.fullmatch(text)
-    if match is None:
-        raise LinkError(f"{text!r} is no link address: use udpin:HOST:PORT or udpout:HOST:PORT")
-    listens, port = match["kind"] == "udpin", int(match["port"])
-    if port > 65_535:
-        raise LinkError(f"{text}: {port} is no port")
-    if port == 0 and not listens:
-        raise LinkError(f"{text}: {port} is no port to send to")
-    return LinkAddress(listens, match["v6"] or match["host"], port)
+    listen_only = text.endswith(_LISTEN_ONLY)
+    body = text.removesuffix(_LISTEN_ONLY)
+    if (match := _NETWORK.fullmatch(body)) is not None:
+        host, kind = match["v6"] or match["host"], NetworkKind(match["kind"])
+        address = NetworkAddress(kind, host, int(match["port"]), listen_only)
+        _check_network(text, address)
+        return address
+    if (match := _SERIAL.fullmatch(body)) is not None:
+        baud = DEFAULT_BAUD if match["baud"] is None else int(match["baud"])
+        if not _SLOWEST_BAUD <= baud <= _FASTEST_BAUD:
+            raise LinkError(f"{text}: {baud} is no baud rate")
+        return SerialAddress(match["device"], baud, listen_only)
+    raise LinkError(f"{text!r} is no link address: use {_FORMS}")
+
+
+def _check_network(text: str, address: NetworkAddress) -> None:
+    if address.port > 65_535:
+        raise LinkError(f"{text}: {address.port} is no port")
+    if address.port == 0 and not address.kind.listens:
+        raise LinkError(f"{text}: {address.port} is no port to send to")
+    if address.kind is NetworkKind.UDP_OUT and address.listen_only:
+        raise LinkError(f"{text}: who sends nothing by udpout is never answered; use udpin to listen")

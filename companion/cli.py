@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -18,13 +19,15 @@ from companion import __version__
 from companion.config import Config, describe, load_config
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
-from companion.links import open_link
+from companion.keeper import Keeper
+from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
 from companion.recorder import Recorder
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
 from companion.supervisor import printed
+from companion.watchdog import Watchdog
 
 app = typer.Typer(
     help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
@@ -41,7 +44,11 @@ ReportFile = Annotated[
 
 @app.command(epilog="Example: companion run configs/arduplane.yaml")
 def run(config_file: ConfigFile) -> None:
-    """Fly: listen to the autopilot, avoid traffic, give the aircraft back. Ends on Ctrl-C or SIGTERM."""
+    """Fly: listen to the autopilot, avoid traffic, give the aircraft back. Ends on Ctrl-C or SIGTERM.
+
+    The links of CONFIG are udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or
+    serial:DEVICE:BAUD; nothing is sent on one that ends in ?listen. A link that fails is opened again.
+    """
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     asyncio.run(_run(config))
@@ -50,11 +57,13 @@ def run(config_file: ConfigFile) -> None:
 async def _run(config: Config) -> None:
     log = logging.getLogger("companion")
     links = [open_link(address) for address in config.links]
-    for link in links:
-        await link.open()
+    await open_at_start(links)
     log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder = _recorder(config, log)
-    await Runtime(Engine(config.for_engine()), links, recorder=recorder).run(on_signals=True)
+    engine, watchdog = Engine(config.for_engine()), Watchdog(os.environ)
+    keeper = Keeper(config.state_file)
+    runtime = Runtime(engine, links, recorder=recorder, watchdog=watchdog, keeper=keeper)
+    await runtime.run(on_signals=True)
 
 
 def _recorder(config: Config, log: logging.Logger) -> Recorder | None:

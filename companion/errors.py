@@ -13,5 +13,9 @@ class LinkError(CompanionError):
     """A link address cannot be understood, or cannot be opened."""
 
 
+class LinkDownError(LinkError):
+    """A link does not work now; there is hope that it will later."""
+
+
 class LogError(CompanionError):
     """A log cannot be read or written."""

@@ -12,26 +12,27 @@ from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
 
 from companion.clock import Clock, SteadyClock
-from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Say, Stepper, Transmit
-from companion.errors import CompanionError, LinkError
-from companion.links import Link, open_link
+from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Say, Stepper, Transmit
+from companion.errors import CompanionError
+from companion.keeper import Keeper
+from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.recorder import Recorder
+from companion.watchdog import Watchdog
 
 _log = logging.getLogger("companion")
 
 # How long the autopilot gets to take the aircraft back before the service ends regardless.
 _LONGEST_GIVING_BACK_US = 8_000_000
+_LETTING_GO_S, _LETTING_GO_TIMES = 2.0, 20
 _SILENCE_TOLD_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
-_SHORTEST_REOPENING_S, _LONGEST_REOPENING_S = 0.5, 5.0
-_WORKED_S = 10.0  # a link that lasted so long had been well
 
 
 class Runtime:
-    """Runs one engine over its links until told to stop.
+    """Runs one engine over its links until told to stop. A link that fails is opened again, the others go on.
 
     `latencies_s` holds, for traffic that was answered at once, the time from its datagram to the setpoint.
     """
@@ -43,7 +44,8 @@ class Runtime:
         *,
         recorder: Recorder | None = None,
         clock: Clock | None = None,
-        reopen: Callable[[Link], Link] = lambda link: open_link(link.address),
+        watchdog: Watchdog | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         self.engine = engine
         self.links = list(links)
@@ -51,9 +53,10 @@ class Runtime:
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
         self.unusable = 0  # messages that we want, of which nothing could be believed
-        self._reopen = reopen
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
+        self._watchdog = watchdog or Watchdog({})
+        self._keeper = keeper
         self._encoder = Encoder()
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
@@ -67,8 +70,7 @@ class Runtime:
     async def run(self, *, on_signals: bool = False) -> None:
         """Run until `stop` (`on_signals`: also SIGINT, SIGTERM); `CompanionError` when it cannot go on."""
         try:
-            for link in self.links:
-                await link.open()
+            await open_at_start(self.links)
             with contextlib.ExitStack() as undo:
                 if on_signals:
                     self._catch_signals(undo)
@@ -88,8 +90,10 @@ class Runtime:
         try:
             async with asyncio.TaskGroup() as tasks:
                 owned = [
-                    tasks.create_task(self._owned(self._keep_link(place)), name=f"link {link.address}")
-                    for place, link in enumerate(self.links)
+                    tasks.create_task(
+                        self._owned(Reconnect(link).run(self._on_frames)), name=f"link {link.address}"
+                    )
+                    for link in self.links
                 ]
                 if self.recorder is not None:
                     owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
@@ -109,37 +113,28 @@ class Runtime:
             self._failure = self._failure or error
             self._stop.set()
 
-    async def _keep_link(self, place: int) -> None:
-        """Run a link, and open it again when it fails: the others go on, and so does the flight."""
-        wait_s, level = _SHORTEST_REOPENING_S, logging.WARNING
-        while True:
-            link, began_s = self.links[place], time.monotonic()
-            try:
-                await link.run(self._on_frames)
-            except LinkError as error:
-                _log.log(level, "%s; opening it again", error)
-            else:
-                return
-            level = logging.DEBUG  # said once: a link that stays away is not news
-            if time.monotonic() - began_s > _WORKED_S:
-                wait_s, level = _SHORTEST_REOPENING_S, logging.WARNING
-            await asyncio.sleep(wait_s)
-            wait_s = min(2.0 * wait_s, _LONGEST_REOPENING_S)
-            link.close()
-            self.links[place] = self._reopen(link)
-
     async def _tick_until_stopped(self) -> None:
+        kept = None if self._keeper is None else self._keeper.read()
+        if kept is not None:
+            self.engine.recover(kept)
+        self._watchdog.ready()
         while not self._stop.is_set():
-            self._guarded(lambda: self._stepper.advance(self.clock.now_us()))
+            self._guarded(self._tick)
             wait_s = self.clock.wall_seconds_until(self._stepper.next_tick_us(self.clock.now_us()))
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._stop.wait(), wait_s)
+        self._watchdog.stopping()
         if self._failure is None:
             self._guarded(lambda: self._perform(now := self.clock.now_us(), self._ask_back(now)))
         if self._failure is None:
             await self._await_given_back()
         if self._failure is not None:
             await self._let_go()
+
+    def _tick(self) -> None:
+        """Make the ticks that are due; who watches us hears of it."""
+        self._stepper.advance(self.clock.now_us())
+        self._watchdog.alive(self._stepper.ticks, time.monotonic())
 
     def _ask_back(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
@@ -148,7 +143,7 @@ class Runtime:
     async def _await_given_back(self) -> None:
         deadline_us = self.clock.now_us() + _LONGEST_GIVING_BACK_US
         while not self.engine.finished and self._failure is None and self.clock.now_us() < deadline_us:
-            self._guarded(lambda: self._stepper.advance(self.clock.now_us()))
+            self._guarded(self._tick)
             await asyncio.sleep(
                 self.clock.wall_seconds_until(self._stepper.next_tick_us(self.clock.now_us()))
             )
@@ -164,12 +159,12 @@ class Runtime:
     async def _let_go(self) -> None:
         """The engine broke: ask for the former mode without it; several times, as nobody awaits answers."""
         _log.critical("internal error, giving the aircraft back: %r", self._failure)
-        for _ in range(5):
-            for message in self.engine.emergency_release():
+        for _ in range(_LETTING_GO_TIMES):
+            for message in self.engine.emergency_release(self.clock.now_us() / 1e6):
                 raw = self._encoder.encode(message, *_address(self.engine))
                 for link in self.links:
                     link.send(raw)
-            await asyncio.sleep(0.2)
+            await asyncio.sleep(_LETTING_GO_S / _LETTING_GO_TIMES)
 
     def _on_frames(self, frames: list[Frame], _link: Link) -> None:
         if self._failure is None:
@@ -200,6 +195,9 @@ class Runtime:
                 case Record():
                     if self.recorder is not None:
                         self.recorder.decision(effect.line)
+                case Keep():
+                    if self._keeper is not None:
+                        self._keeper.keep(effect.text)
                 case Say():
                     level = (
                         logging.WARNING if effect.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO

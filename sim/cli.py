@@ -1,4 +1,4 @@
-"""The command line: `companion-sim demo`, `vehicle`, `bench` and `paper`."""
+"""The command line: `companion-sim demo`, `vehicle`, `relay`, `bench` and `paper`."""
 
 import asyncio
 import contextlib
@@ -7,6 +7,7 @@ import logging
 import signal
 import sys
 import time
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +22,8 @@ from companion.links import open_link
 from sim.bench import run as run_bench
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, DemoState, fly_demo
+from sim.faults import Faults
+from sim.relay import Relay
 from sim.scenario import DEFAULT_SCENARIO, build_world, load_scenario, scenario_names
 from sim.server import VehicleServer
 from sim.view import DemoView, print_result
@@ -37,6 +40,14 @@ class Autopilot(StrEnum):
     """Which autopilot's manners the fake vehicle has."""
 
     ARDUPILOT = "ardupilot"
+
+
+class Direction(StrEnum):
+    """Where `relay` has faults: away from the side that listens, back to it, or both."""
+
+    FORTH = "forth"
+    BACK = "back"
+    BOTH = "both"
 
 
 class Study(StrEnum):
@@ -124,7 +135,8 @@ def vehicle(
     link: Annotated[
         list[str],
         typer.Option(
-            metavar="ADDRESS", help="udpout:HOST:PORT or udpin:HOST:PORT; may be given several times."
+            metavar="ADDRESS",
+            help="udpin, udpout, tcpin or tcpout:HOST:PORT, or serial:DEVICE:BAUD; as often as wanted.",
         ),
     ],
     scenario: ScenarioOption = DEFAULT_SCENARIO,
@@ -219,6 +231,52 @@ def paper(
         command.run_fields(out, fields, console)
     if not well:
         raise typer.Exit(1)
+
+
+@app.command(
+    epilog="Example: companion-sim relay --listen udpin:0.0.0.0:14560 --to udpout:127.0.0.1:14550 --loss 0.1"
+)
+def relay(
+    listen: Annotated[str, typer.Option(metavar="udpin:HOST:PORT", help="Where one end sends to.")],
+    to: Annotated[str, typer.Option(metavar="udpout:HOST:PORT", help="Where the other end listens.")],
+    loss: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of datagrams that get lost.")] = 0.0,
+    duplication: Annotated[
+        float, typer.Option(min=0.0, max=1.0, help="Share of datagrams that come twice.")
+    ] = 0.0,
+    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Seconds that each takes.")] = 0.0,
+    jitter: Annotated[
+        float, typer.Option(min=0.0, max=3600.0, help="Up to so many seconds more, which reorders them.")
+    ] = 0.0,
+    direction: Annotated[
+        Direction, typer.Option(help="Which way has faults; forth is from --listen to --to.")
+    ] = Direction.BOTH,
+    seed: Annotated[int, typer.Option(help="Of the chances.")] = 0,
+) -> None:
+    """Pass datagrams on between two ends, with faults, until Ctrl-C: what does the companion make of them?"""
+    faults, none = Faults(loss, duplication, delay, jitter), Faults()
+    try:
+        between = Relay(
+            listen,
+            to,
+            forth=none if direction is Direction.BACK else faults,
+            back=none if direction is Direction.FORTH else faults,
+            seed=seed,
+        )
+    except LinkError as error:
+        raise ConfigError(f"relay: {error}") from error
+    asyncio.run(_relay_until_interrupted(between))
+    for name, line in (("forth", between.forth), ("back", between.back)):
+        figures = ", ".join(f"{count} {what}" for what, count in asdict(line.counters).items())
+        typer.echo(f"{name}: {figures}")
+
+
+async def _relay_until_interrupted(between: Relay) -> None:
+    ended = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, ended.set)
+    with contextlib.closing(between):
+        await between.open()
+        await ended.wait()
 
 
 async def _serve(server: VehicleServer) -> None:

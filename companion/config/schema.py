@@ -25,7 +25,7 @@ def _is_address(text: str) -> str:
 
 
 def _are_distinct(addresses: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(addresses)) < len(addresses):
+    if len({parse_address(text).place for text in addresses}) < len(addresses):
         raise ValueError("the same address twice")
     return addresses
 
@@ -42,13 +42,16 @@ class RecordingParams:
 class Config:
     """Everything that `companion run` needs to know."""
 
-    # Addresses as in `companion.address`. Whatever comes in by any of them is heard, and all are answered.
+    # Addresses as in `companion.address`. Whatever comes in by any of them is heard, and what is sent goes
+    # out by all but those that end in `?listen`.
     links: Annotated[
         tuple[Annotated[str, AfterValidator(_is_address)], ...], MinLen(1), AfterValidator(_are_distinct)
     ]
     # Which adapter flies the aircraft: "auto" goes by the autopilot's heartbeat.
     autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     recording: RecordingParams = field(default_factory=RecordingParams)
+    # What a run that is killed while it flies the aircraft leaves to the next, which then gives it back.
+    state_file: Path = Path("companion.state")
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)

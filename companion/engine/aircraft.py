@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from companion.autopilots import Adapter, choose
-from companion.autopilots.adapter import Before
+from companion.autopilots.adapter import Before, Flown
 from companion.engine.sticks import Sticks
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import mavlink
@@ -213,7 +213,14 @@ class Aircraft:
         if self._wanted_system_id is None:
             self._wanted_system_id = system_id
 
-    def flown(self) -> Guidance:
+    def flown(self, guidance: Guidance, *, max_bank_rad: float) -> Flown | None:
+        """Guidance with what a setpoint needs beside it."""
+        place = self.place()
+        if place is None:
+            return None
+        return Flown(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
+
+    def flying_now(self) -> Guidance:
         """What it flies now, as guidance."""
         north_mps, east_mps, _ = self.velocity_mps()
         altitude_m = 0.0 if self.position is None else self.position.altitude_m

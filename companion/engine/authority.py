@@ -75,6 +75,7 @@ class Authority:
         self._left_guided_since_s: float | None = None
         self._given_back_s = -math.inf
         self._found: Held | None = None
+        self._emergency_s: float | None = None
 
     # --- for others
 
@@ -108,10 +109,18 @@ class Authority:
         ending = f"Avoidance ends, back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, ending, now_s)]
 
-    def emergency_release(self) -> list[Message]:
+    def emergency_release(self, now_s: float) -> list[Message]:
         """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
         adapter = self._aircraft.adapter
-        return adapter.give_back(self._before) if adapter is not None and self.holds else []
+        if adapter is None or not self.holds:
+            return []
+        if self._emergency_s is None:
+            self._emergency_s = now_s
+        flown = self._aircraft.flown(self._aircraft.flying_now(), max_bank_rad=0.0)
+        messages = [] if flown is None else adapter.leaving(flown, now_s)
+        if now_s - self._emergency_s >= adapter.exit_s:
+            messages += adapter.give_back(self._before)
+        return messages
 
     # --- each tick
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from companion.autopilots import NAMES
-from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.adapter import Adapter
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
@@ -42,7 +42,6 @@ from companion.model import (
     AltitudeReference,
     Decision,
     Goal,
-    Guidance,
     Layer,
     Ownship,
     Snapshot,
@@ -222,9 +221,12 @@ class Engine:
         self.aircraft.expect(held.system_id)
         self._authority.recover(held)
 
-    def emergency_release(self) -> list[Message]:
-        """Messages that ask for the former mode, when the engine itself cannot be trusted any more."""
-        return self._authority.emergency_release()
+    def emergency_release(self, now_s: float) -> list[Message]:
+        """Messages that ask for the former mode, when the engine itself cannot be trusted any more.
+
+        To be called several times a second, for two seconds.
+        """
+        return self._authority.emergency_release(now_s)
 
     def tick(self, now_s: float) -> list[Effect]:
         """Decide, supervise, command, and keep up the manners."""
@@ -328,29 +330,23 @@ class Engine:
 
     def _command(self, now_s: float) -> list[Effect]:
         """Setpoints while flying; entering and leaving the guided mode, what the autopilot wants then."""
-        adapter, own = self.aircraft.adapter, self.aircraft
-        if adapter is None or own.position is None:
+        adapter, aircraft = self.aircraft.adapter, self.aircraft
+        bank_rad = self._avoider.envelope.max_bank_rad
+        level = aircraft.flown(aircraft.flying_now(), max_bank_rad=bank_rad)
+        if adapter is None or level is None:
             return []
         state = self.supervisor.state
         if state is State.ENGAGING:
-            return self._announcer.transmit(adapter.entering(self._flown(own.flown()), now_s))
-        if state in (State.RELEASING, State.STOPPING) and own.guided:
-            return self._announcer.transmit(adapter.leaving(self._flown(own.flown()), now_s))
+            return self._announcer.transmit(adapter.entering(level, now_s))
+        if state in (State.RELEASING, State.STOPPING) and aircraft.guided:
+            return self._announcer.transmit(adapter.leaving(level, now_s))
         guidance = self._decision.guidance or self._authority.way_back()
         if not self.supervisor.flying or guidance is None:
             return []
-        messages = adapter.command(self._flown(guidance), now_s, urgent=self._prompted)
+        messages = adapter.command(replace(level, guidance=guidance), now_s, urgent=self._prompted)
         for refused in adapter.refused_values():
             self._avoider.refuse(refused.control, refused.value, now_s)
         return self._announcer.transmit(messages)
-
-    def _flown(self, guidance: Guidance) -> Flown:
-        own = self.aircraft
-        place = own.place()
-        assert place is not None
-        return Flown(
-            guidance, place, own.velocity_mps(), own.airspeed_mps(), self._avoider.envelope.max_bank_rad
-        )
 
     def _keep(self, now_s: float) -> list[Effect]:
         """What the next run must know, once a second and when it changes."""

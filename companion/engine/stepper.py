@@ -23,11 +23,12 @@ class Stepper:
     """Drives an engine along a clock of whole microseconds that never runs backwards.
 
     `perform(time_us, effects)` does what the engine wants done. With `longest_catch_up_us`, ticks that are
-    overdue by more (the machine was suspended) are left out rather than made up for.
+    overdue by more (the machine was suspended) are left out rather than made up for. `ticks` were made.
     """
 
     def __init__(self, engine: Engine, perform: Perform, *, longest_catch_up_us: int | None = None) -> None:
         self.engine = engine
+        self.ticks = 0
         self.skipped_ticks = 0
         self._perform = perform
         self._longest_catch_up_us = longest_catch_up_us
@@ -50,6 +51,7 @@ class Stepper:
         while due_us <= now_us:
             self._next_tick_us = due_us + TICK_US
             self._perform(due_us, self.engine.tick(due_us / 1e6))
+            self.ticks += 1
             due_us = self._next_tick_us
         self._next_tick_us = due_us
 

@@ -9,7 +9,10 @@ from companion.mavlink.framing import Frame, StreamCounters
 
 @dataclass(slots=True)
 class LinkCounters(StreamCounters):
-    """What came in and what went out. `dropped` datagrams arrived faster than they were dealt with."""
+    """What came in and what went out, over all times that the link was opened.
+
+    `dropped` pieces arrived faster than they were dealt with; `send_errors` are frames that did not go out.
+    """
 
     received_bytes: int = 0
     dropped: int = 0
@@ -19,15 +22,23 @@ class LinkCounters(StreamCounters):
 
 
 class Link(ABC):
-    """One way to other MAVLink systems.
+    """One way to other MAVLink systems; nothing is ever sent on one that is `listen_only`.
 
-    `await open()` (optional: `run` does it too) raises `LinkError` if the address cannot be used; `run` hands
-    over whatever arrives until `close`; what `on_frames` raises comes out of `run`. All in one event loop.
+    `await open()` (optional: `run` does it too) raises `LinkDownError` if the address does not work now, and
+    another `LinkError` if it never will; `run` hands over whatever arrives until `close`, and raises
+    `LinkDownError` when the link is lost, after which both may be tried again. What `on_frames` raises comes
+    out of `run`. All in one event loop.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, *, listen_only: bool = False) -> None:
         self.address = address
+        self.listen_only = listen_only
         self.counters = LinkCounters()
+
+    def send(self, data: bytes) -> None:
+        """Send one frame to everybody on this link. Never waits, never raises: errors are counted."""
+        if not self.listen_only:
+            self._send(data)
 
     @abstractmethod
     async def open(self) -> None:
@@ -38,12 +49,12 @@ class Link(ABC):
         """Hand over the frames that arrive, those of one datagram together, until `close`."""
 
     @abstractmethod
-    def send(self, data: bytes) -> None:
-        """Send one frame to everybody on this link. Never waits, never raises: errors are counted."""
+    def close(self) -> None:
+        """Stop for good; `run` returns. A second time does nothing."""
 
     @abstractmethod
-    def close(self) -> None:
-        """Stop; `run` returns. A second time does nothing."""
+    def _send(self, data: bytes) -> None:
+        """Send one frame, now or never: old setpoints are worth nothing. Errors are counted."""
 
 
 OnFrames = Callable[[list[Frame], Link], None]

@@ -19,11 +19,17 @@ class MemoryLink(DatagramLink[str]):
         self._reordering = reordering
         self._held_back: list[bytes] = []
 
-    async def open(self) -> None:
+    @property
+    def _is_open(self) -> bool:
+        return True
+
+    async def _connect(self) -> None:
         """There is nothing to open."""
 
-    def send(self, data: bytes) -> None:
-        """Send one frame to the other end. Never waits, never raises: errors are counted."""
+    def _disconnect(self) -> None:
+        """There is nothing to let go of."""
+
+    def _send(self, data: bytes) -> None:
         if self.closed or self.other is None:
             self.counters.send_errors += 1
             return

@@ -5,26 +5,30 @@ import socket
 import time
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 from companion.errors import LinkError
 from companion.links.datagram import DatagramLink
-
-SocketAddress = tuple[Any, ...]  # (host, port) or, for IPv6, (host, port, flow, scope)
+from companion.links.queued import in_words
+from companion.links.resolve import SocketAddress, resolve
 
 
 class UdpLink(DatagramLink[SocketAddress]):
     """What both directions share: a socket in the event loop, and sending that never waits."""
 
     def __init__(
-        self, address: str, host: str, port: int, clock_s: Callable[[], float] = time.monotonic
+        self,
+        address: str,
+        host: str,
+        port: int,
+        clock_s: Callable[[], float] = time.monotonic,
+        *,
+        listen_only: bool = False,
     ) -> None:
-        super().__init__(address, clock_s)
+        super().__init__(address, clock_s, listen_only=listen_only)
+        self.congested = False
         self._host = host
         self._port = port
-        self.congested = False
         self._transport: asyncio.DatagramTransport | None = None
-        self._opening = asyncio.Lock()  # `open` and `run` may meet: one socket, not two
 
     @property
     def local_port(self) -> int:
@@ -34,23 +38,12 @@ class UdpLink(DatagramLink[SocketAddress]):
         port: int = self._transport.get_extra_info("sockname")[1]
         return port
 
-    async def open(self) -> None:
-        """Make the socket; `LinkError` when the host is unknown or the port in use."""
-        async with self._opening:
-            if self._transport is not None:
-                return
-            try:
-                transport = await self._make_transport(await _resolve(self._host, self._port))
-            except OSError as error:
-                raise LinkError(f"{self.address}: {error.strerror or error}") from error
-            except UnicodeError as error:
-                raise LinkError(f"{self.address}: this is no host name") from error
-            self._transport = transport
-            if self.closed:
-                transport.close()
+    def lost(self, transport: asyncio.BaseTransport | None, error: Exception | None) -> None:
+        """The socket is gone; by itself, if it is still ours."""
+        if transport is self._transport and error is not None:
+            self.failed(in_words(error) if isinstance(error, OSError) else str(error))
 
-    def send(self, data: bytes) -> None:
-        """Send one frame to everybody on this link. Never waits, never raises: errors are counted."""
+    def _send(self, data: bytes) -> None:
         transport, counters = self._transport, self.counters
         if transport is None or transport.is_closing() or self.congested:
             counters.send_errors += 1
@@ -62,11 +55,18 @@ class UdpLink(DatagramLink[SocketAddress]):
                 counters.sent_frames += 1
                 counters.sent_bytes += len(data)
 
-    def close(self) -> None:
-        """Stop; `run` returns. A second time does nothing."""
-        super().close()
-        if self._transport is not None:
-            self._transport.close()
+    @property
+    def _is_open(self) -> bool:
+        return self._transport is not None
+
+    async def _connect(self) -> None:
+        self.congested = False
+        self._transport = await self._make_transport(await resolve(self._host, self._port, socket.SOCK_DGRAM))
+
+    def _disconnect(self) -> None:
+        transport, self._transport = self._transport, None
+        if transport is not None:
+            transport.close()
 
     @abstractmethod
     async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport: ...
@@ -103,6 +103,10 @@ class UdpOutLink(UdpLink):
 class _Protocol(asyncio.DatagramProtocol):
     def __init__(self, link: UdpLink) -> None:
         self._link = link
+        self._transport: asyncio.BaseTransport | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = transport
 
     def datagram_received(self, data: bytes, addr: SocketAddress) -> None:
         self._link.arrived(addr, data)
@@ -117,11 +121,4 @@ class _Protocol(asyncio.DatagramProtocol):
         self._link.congested = False
 
     def connection_lost(self, exc: Exception | None) -> None:
-        if exc is not None:
-            self._link.failed(str(exc))
-
-
-async def _resolve(host: str, port: int) -> SocketAddress:
-    """The address of a host, IPv4 if it has one: that is what autopilots and ground stations listen on."""
-    found = await asyncio.get_running_loop().getaddrinfo(host, port, type=socket.SOCK_DGRAM)
-    return min(found, key=lambda entry: entry[0] != socket.AF_INET)[4]
+        self._link.lost(self._transport, exc)

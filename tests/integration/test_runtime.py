@@ -1,18 +1,23 @@
 """The shell: links that fail, bugs, and the end of the service, over links in memory."""
 
 import asyncio
+import itertools
+import os
+import socket
+import tty
 from pathlib import Path
 
 import pytest
 
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.errors import CompanionError
-from companion.links import MemoryLink, memory_pair
+from companion.links import MemoryLink, memory_pair, open_link
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode
 from companion.recorder import Recorder
 from companion.runtime import Runtime
 from companion.supervisor import State
+from companion.watchdog import Watchdog
 
 
 def traffic(tick: int) -> object:
@@ -27,11 +32,12 @@ def traffic(tick: int) -> object:
 class Autopilot:
     """Says that it flies north in AUTO with traffic ahead, and takes every mode it is asked for."""
 
-    def __init__(self, link: MemoryLink, *, obeys: bool = True) -> None:
+    def __init__(self, link: MemoryLink, *, obeys: bool = True, sees_traffic: bool = True) -> None:
         self.link = link
         self.mode = 10
         self.modes_asked: list[int] = []
         self._obeys = obeys
+        self._sees_traffic = sees_traffic
         self._encoder = Encoder()
 
     def hear(self, frames: list[Frame], _link: object) -> None:
@@ -55,7 +61,7 @@ class Autopilot:
                         tick * 50, -350_000_000, 1_490_000_000, 884_000, 300_000, 2200, 0, 0, 0
                     )
                 )
-                if tick % 10 == 0:
+                if self._sees_traffic and tick % 10 == 0:
                     self.say(traffic(tick))
                 await asyncio.sleep(0.05)
         finally:
@@ -120,20 +126,94 @@ async def test_an_autopilot_that_never_takes_it_back_is_said() -> None:
 async def test_a_link_that_fails_is_opened_again_and_the_flight_goes_on() -> None:
     near, far = memory_pair()
     spare, spare_far = memory_pair()
-    runtime = Runtime(new_engine(), [near, spare], reopen=lambda _link: memory_pair()[0])
-    autopilot = Autopilot(far)
+    runtime, autopilot = Runtime(new_engine(), [near, spare]), Autopilot(far)
     flying = asyncio.create_task(autopilot.run())
     running = asyncio.create_task(runtime.run())
     await until(runtime, State.OUTER, State.INNER)
     spare.failed("cable pulled")
-    await asyncio.sleep(1.0)
+    spare_far.send(Encoder().encode(traffic(0), 1, 1))
+    heard = spare.counters.frames
+    async with asyncio.timeout(10.0):
+        while spare.counters.frames == heard:  # noqa: ASYNC110 - a link sets no events
+            await asyncio.sleep(0.02)
     assert runtime.engine.supervisor.flying
-    assert runtime.links[1] is not spare
     runtime.stop()
     await asyncio.wait_for(running, 10.0)
     assert autopilot.mode == 10
     flying.cancel()
     spare_far.close()
+
+
+async def test_traffic_by_a_serial_receiver_that_is_never_talked_to_and_comes_later(tmp_path: Path) -> None:
+    """Autopilot on one link, ADS-B receiver on another, plugged in when the flight has begun."""
+    near, far = memory_pair()
+    device = tmp_path / "ttyUSB0"
+    receiver = open_link(f"serial:{device}?listen")
+    runtime, autopilot = Runtime(new_engine(), [near, receiver]), Autopilot(far, sees_traffic=False)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.MONITOR)
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    device.symlink_to(os.ttyname(slave))
+    encoder = Encoder()
+    async with asyncio.timeout(20.0):
+        for tick in itertools.count(step=4):
+            os.write(master, encoder.encode(traffic(tick), 1, 156))
+            await asyncio.sleep(0.2)
+            if runtime.engine.supervisor.flying:
+                break
+    with pytest.raises(BlockingIOError):
+        os.read(master, 1)
+    os.close(slave)
+    os.close(master)  # unplugged
+    await asyncio.sleep(0.3)
+    assert runtime.engine.supervisor.flying
+    runtime.stop()
+    await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    flying.cancel()
+
+
+@pytest.mark.wire
+async def test_a_name_that_is_not_known_and_a_host_that_refuses_do_not_keep_it_from_flying() -> None:
+    near, far = memory_pair()
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        refusing = open_link(f"tcpout:127.0.0.1:{nobody.getsockname()[1]}")
+        unknown = open_link("udpout:no-such-host.invalid:14550")
+        runtime, autopilot = Runtime(new_engine(), [refusing, unknown, near]), Autopilot(far)
+        flying = asyncio.create_task(autopilot.run())
+        running = asyncio.create_task(runtime.run())
+        await until(runtime, State.OUTER, State.INNER)
+        runtime.stop()
+        await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    flying.cancel()
+
+
+async def test_the_service_manager_hears_of_start_life_and_end(tmp_path: Path) -> None:
+    address = tmp_path / "notify"
+    manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    manager.bind(str(address))
+    manager.setblocking(False)
+    near, far = memory_pair()
+    watchdog = Watchdog({"NOTIFY_SOCKET": str(address), "WATCHDOG_USEC": "400000"})
+    runtime, autopilot = Runtime(new_engine(), [near], watchdog=watchdog), Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    loop = asyncio.get_running_loop()
+    async with asyncio.timeout(10.0):
+        heard = [await loop.sock_recv(manager, 100) for _ in range(4)]
+        runtime.stop()
+        await running
+        while heard[-1] != b"STOPPING=1":
+            heard.append(await loop.sock_recv(manager, 100))
+    assert heard[:4] == [b"READY=1", b"WATCHDOG=1", b"WATCHDOG=1", b"WATCHDOG=1"]
+    assert heard.count(b"READY=1") == heard.count(b"STOPPING=1") == 1
+    manager.close()
+    flying.cancel()
 
 
 class FailingRecorder(Recorder):

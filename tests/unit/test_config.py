@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.address import LinkAddress, parse_address
+from companion.address import NetworkAddress, NetworkKind, SerialAddress, parse_address
 from companion.config import Config, RecordingParams, describe, load_config
 from companion.config.document import Leaf, parse_document
 from companion.engine import EngineConfig
@@ -192,7 +192,8 @@ def test_a_long_value_is_cut_short(tmp_path: Path) -> None:
         ("links:\n- udpin:a:1\n- udpin:a:1", "1: links: the same address twice"),
         (
             "links:\n- udpin:a:1\n- upd:a:2",
-            "3: links[1]: 'upd:a:2' is no link address: use udpin:HOST:PORT or udpout:HOST:PORT",
+            "3: links[1]: 'upd:a:2' is no link address: "
+            "use udpin|udpout|tcpin|tcpout:HOST:PORT or serial:/dev/NAME:BAUD",
         ),
         ("links: ['udpout:a:0']", "1: links[0]: udpout:a:0: 0 is no port to send to"),
     ],
@@ -375,9 +376,29 @@ def test_any_text_survives_description(tmp_path: Path, text: str) -> None:
 
 
 def test_addresses_are_understood() -> None:
-    assert parse_address("udpin:0.0.0.0:14550") == LinkAddress(True, "0.0.0.0", 14550)
-    assert parse_address("udpout:plane.local:1") == LinkAddress(False, "plane.local", 1)
-    assert parse_address("udpin:[::1]:0") == LinkAddress(True, "::1", 0)
+    udp_in, tcp_out = NetworkKind.UDP_IN, NetworkKind.TCP_OUT
+    assert parse_address("udpin:0.0.0.0:14550") == NetworkAddress(udp_in, "0.0.0.0", 14550)
+    assert parse_address("udpout:plane.local:1") == NetworkAddress(NetworkKind.UDP_OUT, "plane.local", 1)
+    assert parse_address("udpin:[::1]:0?listen") == NetworkAddress(udp_in, "::1", 0, listen_only=True)
+    assert parse_address("tcpout:plane.local:5760") == NetworkAddress(tcp_out, "plane.local", 5760)
+    assert parse_address("serial:/dev/ttyACM0") == SerialAddress("/dev/ttyACM0", 57_600)
+    assert parse_address("serial:/dev/ttyUSB0:921600?listen") == SerialAddress(
+        "/dev/ttyUSB0", 921_600, listen_only=True
+    )
+    by_path = "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0"
+    assert parse_address(f"serial:{by_path}") == SerialAddress(by_path, 57_600)
+    assert parse_address(f"serial:{by_path}:115200") == SerialAddress(by_path, 115_200)
+
+
+@pytest.mark.parametrize(
+    "links",
+    [
+        "[udpin:h:1, 'udpin:h:1?listen']",
+        "[serial:/dev/ttyACM0, serial:/dev/ttyACM0:115200]",
+    ],
+)
+def test_one_place_cannot_be_two_links(tmp_path: Path, links: str) -> None:
+    assert refusal(tmp_path, f"links: {links}\n") == "c.yaml:1: links: the same address twice"
 
 
 ADDRESSES = [
@@ -395,6 +416,17 @@ ADDRESSES = [
     "UDPIN:h:1",
     "udpin:h:1 ",
     "tcp:h:1",
+    "tcpin:h:0",
+    "tcpout:h:0",
+    "udpin:h:1?listen",
+    "udpout:h:1?listen",
+    "udpin:h:1?listen?listen",
+    "udpin:h:1?talk",
+    "serial:/dev/ttyACM0",
+    "serial:/dev/ttyACM0:9600?listen",
+    "serial:ttyACM0",
+    "serial:/dev/ttyACM0:300",
+    "serial:/dev/tty ACM0",
     "",
 ]
 

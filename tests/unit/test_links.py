@@ -5,40 +5,15 @@ import socket
 
 import pytest
 
-from companion.errors import LinkError
-from companion.links import Link, memory_pair, open_link, udp
+from companion.errors import LinkDownError, LinkError
+from companion.links import Link, SerialLink, memory_pair, open_link
 from companion.links.peers import MAX_PEERS, SILENCE_S, Peers
+from companion.links.resolve import resolve
+from companion.links.tcp import TcpInLink, TcpOutLink
 from companion.links.udp import UdpInLink, UdpOutLink
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, StreamCounters
-
-ENCODER = Encoder()
-
-
-def frame(number: int = 0) -> bytes:
-    return ENCODER.encode(mavlink.MAVLink_mission_current_message(number), 1, 1)
-
-
-class Inbox:
-    """Keeps what a link hands over, and lets a test wait for it."""
-
-    def __init__(self) -> None:
-        self.batches: list[list[bytes]] = []
-        self._news = asyncio.Event()
-
-    def __call__(self, frames: list[Frame], _link: Link) -> None:
-        self.batches.append([one.raw for one in frames])
-        self._news.set()
-
-    @property
-    def raws(self) -> list[bytes]:
-        return [raw for batch in self.batches for raw in batch]
-
-    async def until(self, count: int) -> None:
-        async with asyncio.timeout(5.0):
-            while len(self.raws) < count:
-                self._news.clear()
-                await self._news.wait()
+from tests.unit.inbox import Inbox, frame
 
 
 @pytest.mark.parametrize(
@@ -49,12 +24,23 @@ class Inbox:
         ("udpout:drone-7.local:14551", UdpOutLink, "drone-7.local", 14551),
         ("udpout:[::1]:65535", UdpOutLink, "::1", 65535),
         ("udpin:[fe80::1%eth0]:1", UdpInLink, "fe80::1%eth0", 1),
+        ("udpin:0.0.0.0:14550?listen", UdpInLink, "0.0.0.0", 14550),
+        ("tcpin:0.0.0.0:5760", TcpInLink, "0.0.0.0", 5760),
+        ("tcpout:[::1]:5760?listen", TcpOutLink, "::1", 5760),
     ],
 )
 def test_addresses(address: str, kind: type[Link], host: str, port: int) -> None:
     link = open_link(address)
-    assert isinstance(link, UdpInLink | UdpOutLink)
+    assert isinstance(link, UdpInLink | UdpOutLink | TcpInLink | TcpOutLink)
+    assert link.listen_only is address.endswith("?listen")
     assert (type(link), link.address, link._host, link._port) == (kind, address, host, port)
+
+
+def test_serial_addresses() -> None:
+    link = open_link("serial:/dev/serial/by-id/usb-ArduPilot_fmuv5-if00?listen")
+    assert isinstance(link, SerialLink)
+    assert (link._device, link._baud) == ("/dev/serial/by-id/usb-ArduPilot_fmuv5-if00", 57_600)
+    assert link.listen_only
 
 
 @pytest.mark.parametrize(
@@ -75,6 +61,15 @@ def test_addresses(address: str, kind: type[Link], host: str, port: int) -> None
         "UDPIN:host:1",
         "tcp:host:5760",
         "/dev/ttyACM0",
+        "tcpin:5760",
+        "tcpout:host:0",
+        "udpout:host:1?listen",
+        "udpin:host:1?listen?listen",
+        "udpin:host:1?speak",
+        "serial:ttyACM0",
+        "serial:/dev/ttyACM0:57",
+        "serial:/dev/ttyACM0:99999999",
+        "serial:/dev/tty ACM0:57600",
         "udpin:host:1\n",
         "udpin:host:١٢",
     ],
@@ -139,16 +134,22 @@ async def test_a_port_in_use_names_the_address() -> None:
     await first.open()
     assert isinstance(first, UdpInLink)
     second = open_link(f"udpin:127.0.0.1:{first.local_port}")
-    with pytest.raises(LinkError, match=rf"^{second.address}: .*in use"):
+    with pytest.raises(LinkError, match=rf"^{second.address}: .*in use") as refusal:
         await second.run(Inbox())
+    assert not isinstance(refusal.value, LinkDownError), "trying again does not help"
     first.close()
 
 
 @pytest.mark.wire
-@pytest.mark.parametrize("host", ["no-such-host.invalid", "a" * 70, "192.0.2.1"])
-async def test_a_host_that_is_not_here_names_the_address(host: str) -> None:
-    with pytest.raises(LinkError, match=f"^udpin:{host}:14550: ."):
-        await open_link(f"udpin:{host}:14550").open()
+@pytest.mark.parametrize(
+    ("host", "kind"),
+    [("no-such-host.invalid", LinkDownError), ("a" * 70, LinkError), ("192.0.2.1", LinkDownError)],
+)
+@pytest.mark.parametrize("way", ["udpin", "tcpin"])
+async def test_a_host_that_is_not_here_names_the_address(way: str, host: str, kind: type[LinkError]) -> None:
+    with pytest.raises(kind, match=f"^{way}:{host}:14550: .") as refusal:
+        await open_link(f"{way}:{host}:14550").open()
+    assert type(refusal.value) is kind
 
 
 async def test_a_name_with_both_addresses_means_the_ipv4_one(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,7 +160,7 @@ async def test_a_name_with_both_addresses_means_the_ipv4_one(monkeypatch: pytest
         ]
 
     monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", both)
-    assert await udp._resolve("localhost", 14550) == ("127.0.0.1", 14550)
+    assert await resolve("localhost", 14550, socket.SOCK_DGRAM) == ("127.0.0.1", 14550)
 
 
 @pytest.mark.wire
@@ -198,11 +199,49 @@ async def test_an_error_in_the_callback_comes_out_of_run() -> None:
         await near.run(buggy)
 
 
-async def test_a_socket_that_dies_is_a_link_error() -> None:
-    near, _ = memory_pair()
+async def test_a_socket_that_dies_is_a_link_error_and_can_be_opened_again() -> None:
+    near, far = memory_pair()
     near.failed("the cable is gone")
-    with pytest.raises(LinkError, match="memory:a: the cable is gone"):
+    with pytest.raises(LinkDownError, match="memory:a: the cable is gone"):
         await near.run(Inbox())
+    heard = Inbox()
+    running = asyncio.create_task(near.run(heard))
+    far.send(frame())
+    await heard.until(1)
+    near.close()
+    await running
+
+
+@pytest.mark.wire
+async def test_a_udp_socket_that_dies_is_opened_again() -> None:
+    link = UdpInLink("udpin:127.0.0.1:0", "127.0.0.1", 0)
+    heard = Inbox()
+    await link.open()
+    transport = link._transport
+    link.lost(transport, OSError(19, "the network card"))
+    with pytest.raises(LinkDownError, match=r"127\.0\.0\.1:0: No such device"):
+        await link.run(heard)
+    await link.open()
+    assert link._transport is not transport
+    link.close()
+
+
+async def test_nothing_is_sent_where_we_only_listen() -> None:
+    near, far = memory_pair()
+    near.listen_only = True
+    near.send(frame())
+    far.send(frame())
+    assert far.counters.received_bytes == len(far._waiting) == 0
+    assert len(near._waiting) == 1
+    assert (near.counters.sent_frames, near.counters.send_errors) == (0, 0)
+
+
+async def test_what_waits_is_bounded_in_bytes_too() -> None:
+    near, far = memory_pair()
+    for _ in range(100):
+        far.send(bytes(65_000))
+    assert near.counters.dropped == 100 - (1 << 20) // 65_000
+    near.close()
 
 
 async def test_a_flood_is_dropped_and_counted_not_stored() -> None:

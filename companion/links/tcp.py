@@ -1,0 +1,213 @@
+"""TCP: `tcpin` listens and has several clients, `tcpout` connects to one address."""
+
+import asyncio
+import socket
+import time
+from abc import abstractmethod
+from collections.abc import Callable
+
+from companion.errors import LinkError
+from companion.links.peers import MAX_PEERS, SILENCE_S
+from companion.links.queued import QueuedLink, in_words
+from companion.links.resolve import SocketAddress, resolve
+from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
+
+_LONGEST_CONNECTING_S = 5.0
+# What the kernel may hold for a peer that does not take it, and for how long until the connection is given
+# up: setpoints that arrive later than that are worth less than none. Each small packet is booked with its
+# overhead, so that this is some hundred frames: a burst, on a slow radio.
+_SEND_BUFFER_BYTES = 65_536
+_UNANSWERED_MS = 5_000
+# A peer that vanished without a word is noticed by us even if we never send.
+_PROBE_AFTER_S, _PROBE_EVERY_S, _PROBES = 5, 2, 3
+
+
+class Connection(asyncio.Protocol):
+    """One peer's stream, both ways."""
+
+    def __init__(self, link: "TcpLink", counters: StreamCounters) -> None:
+        self.splitter = FrameSplitter(counters)
+        self.heard_s = 0.0
+        self.transport: asyncio.Transport | None = None
+        self._link = link
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The event loop has connected it."""
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        _tune(transport.get_extra_info("socket"))
+        self._link.joined(self)
+
+    def data_received(self, data: bytes) -> None:
+        """The next piece came in."""
+        self._link.arrived(self, data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """It ended, by whomever."""
+        self._link.left(self, exc)
+
+    def write(self, data: bytes) -> bool:
+        """Send it if it can go now; at most the rest of one frame waits for a peer that does not read."""
+        transport = self.transport
+        if transport is None or transport.is_closing() or transport.get_write_buffer_size():
+            return False
+        transport.write(data)
+        return True
+
+    def abort(self) -> None:
+        """End it; what is not sent yet never is."""
+        if self.transport is not None:
+            self.transport.abort()
+
+
+class TcpLink(QueuedLink[Connection]):
+    """What both directions share: connections, and sending that never waits."""
+
+    def __init__(
+        self,
+        address: str,
+        host: str,
+        port: int,
+        clock_s: Callable[[], float] = time.monotonic,
+        *,
+        listen_only: bool = False,
+    ) -> None:
+        super().__init__(address, listen_only=listen_only)
+        self._host = host
+        self._port = port
+        self._clock_s = clock_s
+        self._connections: list[Connection] = []
+
+    @property
+    def clients(self) -> int:
+        """How many are connected."""
+        return len(self._connections)
+
+    def joined(self, connection: Connection) -> None:
+        """A connection stands."""
+        connection.heard_s = self._clock_s()
+        self._connections.append(connection)
+
+    @abstractmethod
+    def left(self, connection: Connection, error: Exception | None) -> None:
+        """A connection ended; by itself, if it is still among ours."""
+
+    def _send(self, data: bytes) -> None:
+        for connection in self._connections:
+            if connection.write(data):
+                self.counters.sent_frames += 1
+                self.counters.sent_bytes += len(data)
+            else:
+                self.counters.send_errors += 1
+
+    def _split(self, source: Connection, data: bytes) -> list[Frame]:
+        frames = source.splitter.feed(data)
+        if frames:
+            source.heard_s = self._clock_s()
+        return frames
+
+    def _disconnect(self) -> None:
+        connections, self._connections = self._connections, []
+        for connection in connections:
+            connection.abort()
+
+    async def _resolved(self) -> SocketAddress:
+        return await resolve(self._host, self._port, socket.SOCK_STREAM)
+
+
+class TcpInLink(TcpLink):
+    """Listens. One client more or less is no event; `MAX_PEERS` are served.
+
+    When all places are taken, a newcomer gets that of a client that sent no good frame in `SILENCE_S`, if
+    there is one: whoever floods the port does not push the autopilot out.
+    """
+
+    _server: asyncio.Server | None = None
+
+    @property
+    def local_port(self) -> int:
+        """The port of our own socket, once open."""
+        if self._server is None:
+            raise LinkError(f"{self.address}: not open")
+        port: int = self._server.sockets[0].getsockname()[1]
+        return port
+
+    def joined(self, connection: Connection) -> None:
+        """A client has connected."""
+        if self.closed or (len(self._connections) >= MAX_PEERS and not self._dismiss_silent()):
+            self.counters.dropped += 1
+            connection.abort()
+            return
+        super().joined(connection)
+
+    def left(self, connection: Connection, error: Exception | None) -> None:  # noqa: ARG002 - it may come back
+        """A client has gone."""
+        if connection in self._connections:
+            self._connections.remove(connection)
+
+    def _dismiss_silent(self) -> bool:
+        oldest_s = self._clock_s() - SILENCE_S
+        silent = next((each for each in self._connections if each.heard_s < oldest_s), None)
+        if silent is None:
+            return False
+        self._connections.remove(silent)
+        silent.abort()
+        return True
+
+    @property
+    def _is_open(self) -> bool:
+        return self._server is not None
+
+    async def _connect(self) -> None:
+        host, port = (await self._resolved())[:2]
+        self._server = await asyncio.get_running_loop().create_server(self._new_connection, host, port)
+
+    def _disconnect(self) -> None:
+        server, self._server = self._server, None
+        if server is not None:
+            server.close()
+        super()._disconnect()
+
+    def _new_connection(self) -> Connection:
+        return Connection(self, self.counters)
+
+
+class TcpOutLink(TcpLink):
+    """Connected to one address, and lost when that connection is."""
+
+    def left(self, connection: Connection, error: Exception | None) -> None:
+        """The connection ended."""
+        if connection in self._connections:
+            self._connections.remove(connection)
+            self.failed(in_words(error) if isinstance(error, OSError) else "closed by the other end")
+
+    def _send(self, data: bytes) -> None:
+        if not self._connections:
+            self.counters.send_errors += 1
+        super()._send(data)
+
+    @property
+    def _is_open(self) -> bool:
+        return bool(self._connections) or self._failure is not None
+
+    async def _connect(self) -> None:
+        host, port = (await self._resolved())[:2]
+        loop = asyncio.get_running_loop()
+        async with asyncio.timeout(_LONGEST_CONNECTING_S):
+            transport, _ = await loop.create_connection(lambda: Connection(self, self.counters), host, port)
+        if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
+            # Nobody listens, and the kernel happened to give us that very port.
+            self._disconnect()
+            raise ConnectionRefusedError("connected to itself")
+
+
+def _tune(stream: socket.socket) -> None:
+    for level, option, value in (
+        (socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES),
+        (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+        (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, _PROBE_AFTER_S),
+        (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, _PROBE_EVERY_S),
+        (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, _PROBES),
+        (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNANSWERED_MS),
+    ):
+        stream.setsockopt(level, option, value)

@@ -1,0 +1,43 @@
+"""What the tests of links share: frames to send, and a place where they arrive."""
+
+import asyncio
+from collections.abc import Callable
+
+from companion.links import Link
+from companion.mavlink.dialect import Encoder, mavlink
+from companion.mavlink.framing import Frame
+
+ENCODER = Encoder()
+
+
+def frame(number: int = 0) -> bytes:
+    return ENCODER.encode(mavlink.MAVLink_mission_current_message(number), 1, 1)
+
+
+class Inbox:
+    """Keeps what a link hands over, and lets a test wait for it."""
+
+    def __init__(self) -> None:
+        self.batches: list[list[bytes]] = []
+        self._news = asyncio.Event()
+
+    def __call__(self, frames: list[Frame], _link: Link) -> None:
+        self.batches.append([one.raw for one in frames])
+        self._news.set()
+
+    @property
+    def raws(self) -> list[bytes]:
+        return [raw for batch in self.batches for raw in batch]
+
+    async def until(self, count: int) -> None:
+        async with asyncio.timeout(5.0):
+            while len(self.raws) < count:
+                self._news.clear()
+                await self._news.wait()
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait for what sets no event; the limit only ends a test that has failed."""
+    async with asyncio.timeout(10.0):
+        while not condition():  # noqa: ASYNC110 - see above
+            await asyncio.sleep(0.005)
