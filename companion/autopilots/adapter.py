@@ -1,10 +1,12 @@
 """What every autopilot must be able to tell and do; the engine knows no other."""
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
 from companion.autopilots.commands import CommandDesk
+from companion.autopilots.limits import ParameterTable
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Sender
@@ -13,11 +15,12 @@ from companion.model import Guidance, Vec3
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """Guidance with what a setpoint needs beside it: where we are, and how fast over ground."""
+    """Guidance with what a setpoint needs beside it: where we are, how fast over ground, how far to bank."""
 
     guidance: Guidance
     position: GeoPoint
     velocity_mps: Vec3
+    max_bank_rad: float = math.radians(30.0)
 
 
 class Adapter(ABC):
@@ -34,6 +37,8 @@ class Adapter(ABC):
     mode_command: ClassVar[int] = mavlink.MAV_CMD_DO_SET_MODE
     # The parameter that holds our own transponder's address: what it transmits comes back as traffic.
     own_icao_parameter: ClassVar[str] = "ADSB_ICAO_ID"
+    # The parameters that tell of the aircraft's limits, its fence and its mission.
+    parameters: ClassVar[ParameterTable]
 
     def __init__(self, target: Sender) -> None:
         self.target = target

@@ -9,6 +9,7 @@ from collections import deque
 from typing import ClassVar, NamedTuple
 
 from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.limits import ARDUPLANE, ParameterTable
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Sender
@@ -51,8 +52,6 @@ _SPEED_AND_HEIGHT_REPEAT_S = 10.0
 _SETPOINT_INTERVAL_S = 0.2
 _MAX_SETPOINTS_PER_S = 10
 _POINT_AHEAD_M = 500.0
-# Course changes are flown at this bank; atan(5 / g) is the 27 degrees at which the response was measured.
-_TURN_BANK_RAD = math.radians(30.0)
 _TYPE_MASK = (
     mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
@@ -80,7 +79,13 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+        mavlink.MAVLINK_MSG_ID_WIND: 1.0,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION: 5.0,
+        mavlink.MAVLINK_MSG_ID_FENCE_STATUS: 1.0,
+        mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: 1.0,
     }
+    parameters: ClassVar[ParameterTable] = ARDUPLANE
 
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
@@ -121,7 +126,7 @@ class ArduPlane(Adapter):
         height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted.altitude_m)
         messages = []
         if self._news(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
-            messages.append(self.desk.ask(self._change_heading(wanted.course_rad), now_s))
+            messages.append(self.desk.ask(self._change_heading(wanted.course_rad, flown.max_bank_rad), now_s))
         if self._news(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
             messages.append(self.desk.ask(self._change_speed(wanted.airspeed_mps), now_s))
         if self._news(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
@@ -159,8 +164,9 @@ class ArduPlane(Adapter):
         # A thousandth less, as ticks fall on tenths that have no exact binary number.
         return urgent or now_s - times_s[-1] >= _SETPOINT_INTERVAL_S - 1e-3
 
-    def _change_heading(self, course_rad: float) -> Message:
-        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(_TURN_BANK_RAD)
+    def _change_heading(self, course_rad: float, max_bank_rad: float) -> Message:
+        """ArduPlane takes the bank of a turn as a lateral acceleration."""
+        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(max_bank_rad)
         course_over_ground = 0
         return self._command_int(
             mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, course_over_ground, course_deg(course_rad), lateral_mps2

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from companion.autopilots.adapter import Adapter, Flown
+from companion.autopilots.limits import PX4, ParameterTable
 from companion.mavlink.dialect import Message, mavlink
 
 _MAIN_MODES = {
@@ -32,7 +33,11 @@ class Px4FixedWing(Adapter):
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+        mavlink.MAVLINK_MSG_ID_WIND_COV: 1.0,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION: 5.0,
     }
+    parameters: ClassVar[ParameterTable] = PX4
 
     @staticmethod
     def mode_name(custom_mode: int) -> str:

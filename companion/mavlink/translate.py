@@ -11,6 +11,7 @@ from collections import namedtuple
 from collections.abc import Callable
 from typing import Any
 
+from companion.mavlink import mission_facts
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
@@ -18,7 +19,6 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
-    MissionProgress,
     NavigationTarget,
     OwnPosition,
     OwnTransponder,
@@ -170,10 +170,6 @@ def _navigation_target(message: Message, sender: Sender, _received_s: float) -> 
     return NavigationTarget(sender, place[0], place[1], message.alt if given else None)
 
 
-def _mission_progress(message: Message, sender: Sender, _received_s: float) -> Fact:
-    return MissionProgress(sender, message.seq)
-
-
 def _command_result(message: Message, sender: Sender, _received_s: float) -> Fact:
     """MAVLink 1, and senders who do not fill them in, leave the target fields 0."""
     target = None
@@ -291,17 +287,17 @@ _TRANSLATIONS: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
     mavlink.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: _navigation_target,
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: _mission_progress,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: _command_result,
     mavlink.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
     mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_CFG: _own_transponder,
     mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: _traffic,
+    **mission_facts.TRANSLATIONS,
 }
 
 _LAYOUTS: dict[int, tuple[struct.Struct, Any]] = {
     message_id: (kind.unpacker, namedtuple(kind.msgname, kind.ordered_fieldnames))
     for message_id, kind in ((wanted, mavlink.mavlink_map[wanted]) for wanted in _TRANSLATIONS)
-}
+} | mission_facts.LAYOUTS
 
 WANTED: frozenset[int] = frozenset(_TRANSLATIONS)
 """Ids of the messages worth decoding."""
