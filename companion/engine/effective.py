@@ -1,7 +1,7 @@
 """The envelope in effect: what is configured, within what the aircraft says, within what is assumed."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -13,6 +13,8 @@ from companion.engine.limits import Belief
 # Of the rate in its parameters an aircraft reaches this share when it is sent to another height: measured on
 # ArduPlane, 4.5 of 5 m/s. What is counted upon is what is reached.
 _REACHED = 0.9
+# Autopilots grant this bank at any airspeed.
+_LEAST_BANK_RAD = math.radians(25.0)
 CONFIGURED, ASSUMED = "configured", "assumed"
 
 
@@ -69,13 +71,11 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> 
     A configured limit replaces an assumption and narrows what the aircraft says, but does not widen it: the
     autopilot would not fly it, and a prediction that counts on it is wrong.
     """
-    limits, names = belief.limits, belief.names
-    bank = _tightest("max_bank_rad", configured.max_bank_rad, limits.max_bank_rad, assumed, names)
-    climb = _tightest(
-        "max_climb_mps", configured.max_climb_mps, _reached(limits.max_climb_mps), assumed, names
-    )
-    sink = _tightest("max_sink_mps", configured.max_sink_mps, _reached(limits.max_sink_mps), assumed, names)
-    slowest, fastest, doubts = _airspeeds(assumed, configured, belief)
+    sure = _as_reached(belief)
+    bank = _tightest("max_bank_rad", configured.max_bank_rad, sure, assumed)
+    climb = _tightest("max_climb_mps", configured.max_climb_mps, sure, assumed)
+    sink = _tightest("max_sink_mps", configured.max_sink_mps, sure, assumed)
+    slowest, fastest, doubts = _airspeeds(assumed, configured, _banked(sure, bank.value))
     taken = [
         _taken("min airspeed", slowest, "m/s"),
         _taken("max airspeed", fastest, "m/s"),
@@ -83,9 +83,9 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> 
         _taken("max climb", climb, "m/s"),
         _taken("max sink", sink, "m/s"),
     ]
-    radius_m = configured.loiter_radius_m or limits.loiter_radius_m
+    radius_m = configured.loiter_radius_m or sure.limits.loiter_radius_m
     if radius_m is not None:
-        source = CONFIGURED if configured.loiter_radius_m else names["loiter_radius_m"]
+        source = CONFIGURED if configured.loiter_radius_m else sure.names["loiter_radius_m"]
         taken.append(_taken("loiter radius", _Value(radius_m, source), "m"))
     envelope = replace(
         assumed,
@@ -98,19 +98,51 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> 
     return Effective(envelope, tuple(taken), radius_m, (*belief.doubts, *doubts))
 
 
+def _as_reached(belief: Belief) -> Belief:
+    """What the aircraft reaches of its limits: the share of its rates, the bank that cruise airspeed carries.
+
+    In a turn the stall speed grows by 1 / sqrt(cos(bank)), and autopilots give no more bank than keeps the
+    airspeed above the lowest one grown alike.
+    """
+    limits, names = belief.limits, dict(belief.names)
+    for name in ("max_climb_mps", "max_sink_mps"):
+        rate_mps = getattr(limits, name)
+        if rate_mps is not None:
+            limits = replace(limits, **{name: _REACHED * rate_mps})
+            names[name] = f"{_REACHED:g} {names[name]}"
+    bank_rad, low, cruise = limits.max_bank_rad, limits.min_airspeed_mps, limits.cruise_airspeed_mps
+    if bank_rad is not None and low is not None and cruise is not None:
+        carried_rad = max(math.acos((low / cruise) ** 2), _LEAST_BANK_RAD)
+        if carried_rad < bank_rad:
+            limits = replace(limits, max_bank_rad=carried_rad)
+            names["max_bank_rad"] = f"{names['max_bank_rad']}, at cruise airspeed"
+    return replace(belief, limits=limits, names=names)
+
+
+def _banked(belief: Belief, bank_rad: float) -> Belief:
+    """With the lowest airspeed at which this bank is flown."""
+    limits = belief.limits
+    if limits.min_airspeed_mps is None:
+        return belief
+    low = limits.min_airspeed_mps / math.sqrt(math.cos(bank_rad))
+    low = min(low, math.inf if limits.max_airspeed_mps is None else limits.max_airspeed_mps)
+    names = {**belief.names, "min_airspeed_mps": f"{belief.names['min_airspeed_mps']}, banked"}
+    return replace(belief, limits=replace(limits, min_airspeed_mps=low), names=names)
+
+
 def _tightest(
     name: str,
     configured: float | None,
-    known: float | None,
+    belief: Belief,
     assumed: Envelope,
-    names: Mapping[str, str],
     tighter: Callable[[float, float], float] = min,
 ) -> _Value:
     """A limit and where it was taken from; `tighter` of two is what both allow."""
+    known = getattr(belief.limits, name)
     if configured is not None and (known is None or tighter(configured, known) == configured):
         return _Value(configured, CONFIGURED)
     if known is not None:
-        return _Value(known, names[name])
+        return _Value(known, belief.names[name])
     return _Value(getattr(assumed, name), ASSUMED)
 
 
@@ -118,13 +150,8 @@ def _airspeeds(
     assumed: Envelope, configured: AircraftLimits, belief: Belief
 ) -> tuple[_Value, _Value, tuple[str, ...]]:
     """Slowest and fastest airspeed. Where they contradict each other, the less certain one yields."""
-    limits, names = belief.limits, belief.names
-    slowest = _tightest(
-        "min_airspeed_mps", configured.min_airspeed_mps, limits.min_airspeed_mps, assumed, names, max
-    )
-    fastest = _tightest(
-        "max_airspeed_mps", configured.max_airspeed_mps, limits.max_airspeed_mps, assumed, names
-    )
+    slowest = _tightest("min_airspeed_mps", configured.min_airspeed_mps, belief, assumed, max)
+    fastest = _tightest("max_airspeed_mps", configured.max_airspeed_mps, belief, assumed)
     if slowest.value <= fastest.value:
         return slowest, fastest, ()
     if fastest.source == ASSUMED:
@@ -132,12 +159,8 @@ def _airspeeds(
     if slowest.source == ASSUMED:
         return _Value(fastest.value, ASSUMED), fastest, ()
     # A configured speed against one of the aircraft's own.
-    own = _airspeeds(assumed, AircraftLimits(), belief)
-    return own[0], own[1], ("configured airspeeds not used: outside those of the autopilot",)
-
-
-def _reached(rate_mps: float | None) -> float | None:
-    return None if rate_mps is None else _REACHED * rate_mps
+    low, high, _ = _airspeeds(assumed, AircraftLimits(), belief)
+    return low, high, ("configured airspeeds not used: outside those of the autopilot",)
 
 
 def _taken(quantity: str, value: _Value, unit: str) -> Taken:
