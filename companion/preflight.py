@@ -81,6 +81,12 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
         if rate_hz is not None:
             name = mavlink.mavlink_map[message_id].msgname
             yield Finding(f"rate {name}", f"{rate_hz:.1f} Hz of {1 / wanted_s:.1f}", rate_hz > 0.5 / wanted_s)
+    for taken in engine.onboard.limits.taken:
+        yield Finding("limit", str(taken))
+    for doubt in (*engine.onboard.limits.doubts, *adapter.advice(engine.onboard.parameters)):
+        yield Finding("set otherwise", doubt, good=False)
+    other = adapter.other_avoider(engine.onboard.parameters)
+    yield Finding("second avoider", other or "none acts", other is None)
     offset_s = aircraft.clock_offset_s
     words = "unknown" if offset_s is None else f"{offset_s:+.1f} s from ours"
     yield Finding("its clock", words, offset_s is not None and abs(offset_s) < 5.0)

@@ -1,10 +1,12 @@
 """What every autopilot must be able to tell and do; the engine knows no other."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from companion.autopilots.commands import CommandDesk
+from companion.autopilots.limits import ParameterTable
 from companion.avoidance.strategies import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
@@ -65,6 +67,8 @@ class Adapter(ABC):
     # Modes without a mission that hold a circle or a course: flown back to before they are entered again.
     places: ClassVar[frozenset[str]] = frozenset()
     courses: ClassVar[frozenset[str]] = frozenset()
+    # The parameters that tell of the aircraft's limits, its fence and its mission.
+    parameters: ClassVar[ParameterTable]
 
     def __init__(self, target: Sender) -> None:
         self.target = target
@@ -133,6 +137,14 @@ class Adapter(ABC):
 
     def put_back(self, values: dict[str, float]) -> None:  # noqa: B027 - most borrow nothing
         """Put back what another companion, since killed, had borrowed."""
+
+    @abstractmethod
+    def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
+        """The autopilot's own avoidance, where its parameters say that it acts by itself."""
+
+    def advice(self, parameters: Mapping[str, float]) -> list[str]:  # noqa: ARG002
+        """What the operator should better set otherwise, in words."""
+        return []
 
     def refusals(self) -> list[str]:
         """What the autopilot refused since the last call, in words."""

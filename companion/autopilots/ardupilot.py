@@ -6,11 +6,13 @@ SET_POSITION_TARGET_GLOBAL_INT; the latter is sent whole all the same, for its h
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from companion.autopilots.adapter import Adapter, Before, Flown, RefusedValue
 from companion.autopilots.commands import Outcome
+from companion.autopilots.limits import ARDUPLANE, ParameterTable
 from companion.avoidance.strategies import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
@@ -65,6 +67,8 @@ _TYPE_MASK = (
 )
 
 
+_AVD_ACTS = 2.0  # 0 does nothing, 1 reports
+
 _CONTROLS = {
     mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: Control.HEADING,
     mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: Control.SPEED,
@@ -101,9 +105,14 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 2.0,
+        mavlink.MAVLINK_MSG_ID_WIND: 1.0,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION: 5.0,
+        mavlink.MAVLINK_MSG_ID_FENCE_STATUS: 1.0,
+        mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: 1.0,
     }
     places: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
     courses: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
+    parameters: ClassVar[ParameterTable] = ARDUPLANE
 
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
@@ -164,6 +173,12 @@ class ArduPlane(Adapter):
         elif not refused.given_up:
             refused.given_up = True
             self._given_up.append(RefusedValue(_CONTROLS[fact.command], wanted))
+
+    def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
+        """AP_Avoidance, if it does more than report."""
+        if parameters.get("AVD_ENABLE", 0.0) < 1.0 or parameters.get("AVD_F_ACTION", 0.0) < _AVD_ACTS:
+            return None
+        return f"AVD_ENABLE with AVD_F_ACTION {parameters['AVD_F_ACTION']:.0f}"
 
     def refused_values(self) -> list[RefusedValue]:
         """What it will not fly, not even moderated, since the last call."""

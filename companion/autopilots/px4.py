@@ -8,10 +8,12 @@ FW_AIRSPD_TRIM and nothing else; it is put back to what it was.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
 from companion.autopilots.adapter import Adapter, Before, Flown
+from companion.autopilots.limits import PX4, ParameterTable
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, Fact, Parameter, Sender
 
@@ -36,6 +38,7 @@ _OFFBOARD = 6 << 16
 _LOST_STREAM_MODES = {3: _RETURN, 4: _LAND, 5: _HOLD}
 LOST_STREAM_PARAMETER = "COM_OBL_RC_ACT"
 _TRIM = "FW_AIRSPD_TRIM"
+_NAV_TRAFF_ACTS = 2.0  # 0 is off, 1 warns
 
 _VELOCITY_ONLY = 3527
 _POSITION_AND_VELOCITY = 3520
@@ -69,7 +72,10 @@ class Px4FixedWing(Adapter):
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 2.0,
+        mavlink.MAVLINK_MSG_ID_WIND_COV: 1.0,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION: 5.0,
     }
+    parameters: ClassVar[ParameterTable] = PX4
 
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
@@ -167,6 +173,18 @@ class Px4FixedWing(Adapter):
     def tick(self, now_s: float) -> list[Message]:
         """Commands and the speed that are due to be sent again."""
         return [*super().tick(now_s), *self._set_trim(now_s)]
+
+    def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
+        """The navigator's reaction to traffic, if it does more than warn."""
+        action = parameters.get("NAV_TRAFF_AVOID", 0.0)
+        return f"NAV_TRAFF_AVOID {action:.0f}" if action >= _NAV_TRAFF_ACTS else None
+
+    def advice(self, parameters: Mapping[str, float]) -> list[str]:
+        """What it does when we fall silent is its most important setting."""
+        action = parameters.get(LOST_STREAM_PARAMETER)
+        if action is None or int(action) in _LOST_STREAM_MODES:
+            return []
+        return [f"{LOST_STREAM_PARAMETER} {action:.0f}: set 5 (Hold), or it waits for sticks if we die"]
 
     @property
     def borrowed(self) -> dict[str, float]:

@@ -27,6 +27,12 @@ def _lines(section: Any, indent: str) -> Iterator[str]:
         if dataclasses.is_dataclass(value):
             yield f"{indent}{key}:"
             yield from _lines(value, indent + "  ")
+        elif isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+            yield f"{indent}{key}:"
+            for item in value:
+                first, *others = _lines(item, indent + "    ")
+                yield f"{indent}  - {first.lstrip()}"
+                yield from others
         else:
             yield f"{indent}{key}: {_text(value, field.name)}"
 

@@ -10,8 +10,9 @@ from pydantic import AfterValidator
 from companion.address import parse_address
 from companion.autopilots import MODE_NAMES
 from companion.avoidance import AvoidanceParams
-from companion.engine import EngineConfig, EngineParams
+from companion.engine import AircraftLimits, EngineConfig, EngineParams
 from companion.errors import LinkError
+from companion.geofence import FenceZone
 from companion.supervisor import SupervisorParams
 from companion.traffic import TrafficParams
 
@@ -56,6 +57,10 @@ class Config:
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
+    # What the autopilot's parameters do not say, or say too generously.
+    aircraft: AircraftLimits = field(default_factory=AircraftLimits)
+    # Zones to keep to beside those of the autopilot's own fence.
+    fences: tuple[FenceZone, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.supervisor.take_over_from:
@@ -70,4 +75,6 @@ class Config:
             supervisor=self.supervisor,
             traffic=self.traffic,
             avoidance=self.avoidance,
+            aircraft=self.aircraft,
+            fences=self.fences,
         )

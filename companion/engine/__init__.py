@@ -1,5 +1,6 @@
 """The heart: one object that flies, replays, simulates and is tested. Facts in, effects out."""
 
+from companion.engine.effective import AircraftLimits
 from companion.engine.effects import Effect, Keep, Record, Say, Transmit
 from companion.engine.engine import Engine, EngineConfig, EngineParams
 from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper
@@ -7,6 +8,7 @@ from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper
 __all__ = [
     "LONGEST_CATCH_UP_US",
     "TICK_US",
+    "AircraftLimits",
     "Effect",
     "Engine",
     "EngineConfig",

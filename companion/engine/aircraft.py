@@ -1,17 +1,20 @@
 """Our aircraft: the autopilot we belong to, and the newest of everything it said."""
 
 import math
-from dataclasses import dataclass
 
 from companion.autopilots import Adapter, choose
 from companion.autopilots.adapter import Before, Flown
+from companion.engine.mission import Mission
 from companion.engine.sticks import Sticks
+from companion.engine.terrain import Terrain
+from companion.engine.wind import WindKeeper
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import (
     AirData,
     AutopilotVersion,
     Fact,
+    FenceStatus,
     Heartbeat,
     LandedState,
     MissionProgress,
@@ -21,13 +24,20 @@ from companion.mavlink.facts import (
     RcChannels,
     Sender,
     SystemTime,
+    TerrainReport,
+    Wind,
 )
-from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
+from companion.model import Goal, Guidance, Ownship, Vec3
 from companion.units import wrap_two_pi
 
-# Time constant of the wind estimate: longer than a gust or the swing of the nose.
-_WIND_TIME_CONSTANT_S = 10.0
 _TARGET_FRESH_S = 10.0
+# MISSION_CURRENT comes once a second.
+_PROGRESS_FRESH_S = 5.0
+# Further apart than this, the mission's item and the autopilot's own target are different places.
+_SAME_PLACE_M = 150.0
+# For so long they may differ while one waypoint follows another.
+_DIFFERENCE_S = 5.0
+_MISSION_MODES = frozenset({"AUTO", "MISSION"})
 # Without heartbeats for so long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
 _BLIND_S = 5.0
@@ -43,13 +53,6 @@ _FAILSAFE = frozenset(
 )
 # Aeroplanes, and those VTOLs that fly as such.
 _FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
-
-
-@dataclass(slots=True)
-class _Wind:
-    north_mps: float
-    east_mps: float
-    at_s: float
 
 
 class Aircraft:
@@ -94,7 +97,12 @@ class Aircraft:
         self._target: NavigationTarget | None = None
         self.target_while_ours: NavigationTarget | None = None
         self._target_s = -math.inf
-        self._wind: _Wind | None = None
+        # The mission as far as it is known; whoever reads it from the autopilot puts it here.
+        self.mission: Mission | None = None
+        self.terrain = Terrain()
+        self._wind = WindKeeper()
+        self._sequence_s = -math.inf
+        self._differs_since_s: float | None = None
 
     @property
     def sender(self) -> Sender | None:
@@ -120,20 +128,26 @@ class Aircraft:
         match fact:
             case OwnPosition():
                 self.position, self.position_s = fact, now_s
-                self._estimate_wind(fact, now_s)
+                self._wind.observe(fact, self._airspeed_mps, now_s)
             case AirData():
                 self._airspeed_mps = fact.airspeed_mps
             case PressureAltitude() if self.position is not None:
                 self.pressure_offset_m = self.position.altitude_m - fact.altitude_m
             case LandedState():
                 self._landed_state = fact.landed_state
+            case Wind():
+                self._wind.report(fact, now_s)
+            case FenceStatus():
+                self.fence_breached = fact.breached
+            case TerrainReport():
+                self.terrain.observe(fact, self.place(), now_s)
+            case MissionProgress():
+                self.sequence, self._sequence_s = fact.sequence, now_s
             case NavigationTarget():
                 if self.ours:
                     self.target_while_ours = fact
                 else:
                     self._target, self._target_s = fact, now_s
-            case MissionProgress():
-                self.sequence = fact.sequence
             case AutopilotVersion():
                 self.version = fact.version
             case SystemTime():
@@ -169,7 +183,7 @@ class Aircraft:
         """Armed, in the air, and neither taking off nor landing."""
         if not self.armed or self.position is None:
             return False
-        if self._landed_state not in (None, mavlink.MAV_LANDED_STATE_IN_AIR):
+        if self._landed_state not in (None, mavlink.MAV_LANDED_STATE_IN_AIR) or self.taking_off_or_landing():
             return False
         return self.position.height_above_home_m >= min_height_m
 
@@ -226,6 +240,12 @@ class Aircraft:
         altitude_m = 0.0 if self.position is None else self.position.altitude_m
         return Guidance(wrap_two_pi(math.atan2(east_mps, north_mps)), self.airspeed_mps(), altitude_m)
 
+    def taking_off_or_landing(self) -> bool:
+        """Whether the mission being flown takes off, approaches or lands, as far as it is known."""
+        if self.mode not in _MISSION_MODES or self.mission is None or self.sequence is None:
+            return False
+        return self.mission.taking_off_or_landing(self.sequence)
+
     def place(self) -> GeoPoint | None:
         """Where it is."""
         if self.position is None:
@@ -248,19 +268,53 @@ class Aircraft:
             velocity_mps=velocity,
             airspeed_mps=self.airspeed_mps(),
             heading_rad=self._heading_rad(self.position),
-            wind_mps=self._wind_mps(),
+            wind_mps=self._wind.wind_mps(self.airspeed_mps(), self.position_s),
         )
 
     def goal(self, frame: LocalFrame, now_s: float) -> Goal:
-        """What the mission wants: the autopilot's own target, or else straight on as it flies now."""
-        target = self.target(now_s)
+        """What the mission wants: its item, or the autopilot's own target, or else straight on as now.
+
+        Where item and target are different places, what is known of the mission is out of date, and the
+        target counts.
+        """
+        place = self.target(now_s)
+        item = self._item_place(now_s)
+        if item is None:
+            self._differs_since_s = None
+        elif not self._different(item, place, frame, now_s):
+            place = item
         speed_mps = self.airspeed_mps()
-        if target is not None:
-            position = frame.to_ned_m(target)
-            return Goal(position_m=position, airspeed_mps=speed_mps, altitude_m=target.altitude_m)
+        if place is not None:
+            return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
         north_mps, east_mps, _ = self.velocity_mps()
         altitude_m = None if self.position is None else self.position.altitude_m
         return Goal(course_rad=math.atan2(east_mps, north_mps), airspeed_mps=speed_mps, altitude_m=altitude_m)
+
+    def mission_outdated(self, now_s: float) -> bool:
+        """Whether the autopilot has been flying elsewhere than the mission that is known leads to."""
+        since_s = self._differs_since_s
+        return since_s is not None and now_s - since_s > _DIFFERENCE_S
+
+    def _item_place(self, now_s: float) -> GeoPoint | None:
+        """Where the mission's item leads to that is being flown."""
+        if self.mission is None or self.sequence is None or self.mode not in _MISSION_MODES:
+            return None
+        if now_s - self._sequence_s > _PROGRESS_FRESH_S:
+            return None
+        return self.mission.destination(self.sequence, self.home_altitude_m())
+
+    def _different(self, item: GeoPoint, target: GeoPoint | None, frame: LocalFrame, now_s: float) -> bool:
+        """Whether the mission's item and the autopilot's target are different places; notes since when."""
+        away_m = 0.0
+        if target is not None:
+            here, there = frame.to_ned_m(item), frame.to_ned_m(target)
+            away_m = math.hypot(here[0] - there[0], here[1] - there[1])
+        if away_m <= _SAME_PLACE_M:
+            self._differs_since_s = None
+            return False
+        if self._differs_since_s is None:
+            self._differs_since_s = now_s
+        return True
 
     def _heartbeat(self, fact: Heartbeat, now_s: float) -> bool:
         if fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
@@ -307,25 +361,3 @@ class Aircraft:
         if position.heading_rad is not None:
             return position.heading_rad
         return math.atan2(position.velocity_mps[1], position.velocity_mps[0])
-
-    def _estimate_wind(self, position: OwnPosition, now_s: float) -> None:
-        """Velocity over ground less velocity through the air, smoothed."""
-        if self._airspeed_mps is None or position.heading_rad is None or self._airspeed_mps < 1.0:
-            return
-        north = position.velocity_mps[0] - self._airspeed_mps * math.cos(position.heading_rad)
-        east = position.velocity_mps[1] - self._airspeed_mps * math.sin(position.heading_rad)
-        if self._wind is None or now_s < self._wind.at_s:
-            self._wind = _Wind(north, east, now_s)
-            return
-        share = 1.0 - math.exp((self._wind.at_s - now_s) / _WIND_TIME_CONSTANT_S)
-        self._wind.north_mps += share * (north - self._wind.north_mps)
-        self._wind.east_mps += share * (east - self._wind.east_mps)
-        self._wind.at_s = now_s
-
-    def _wind_mps(self) -> Vec2 | None:
-        if self._wind is None:
-            return None
-        # More than this is no wind but a wrong airspeed, as on the ground.
-        if math.hypot(self._wind.north_mps, self._wind.east_mps) > 0.6 * self.airspeed_mps():
-            return None
-        return self._wind.north_mps, self._wind.east_mps

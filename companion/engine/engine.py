@@ -16,13 +16,17 @@ from companion.avoidance import AvoidanceParams, Avoider
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.authority import Authority
+from companion.engine.effective import AircraftLimits
 from companion.engine.effects import Effect, Keep, Record
+from companion.engine.heights import limit_heights
 from companion.engine.held import Held
+from companion.engine.onboard import Onboard
 from companion.engine.operator import Operator
 from companion.engine.rates import RateKeeper
 from companion.engine.readiness import Readiness
 from companion.engine.record import decision_line
 from companion.geodesy import LocalFrame
+from companion.geofence import FenceZone
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AttitudeTarget,
@@ -82,6 +86,8 @@ class EngineConfig:
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
+    aircraft: AircraftLimits = field(default_factory=AircraftLimits)
+    fences: tuple[FenceZone, ...] = ()
 
 
 class Engine:
@@ -107,13 +113,14 @@ class Engine:
             config.supervisor,
             self.operator,
             position_stale_s=config.engine.position_stale_s,
-            other_avoider=lambda: None,
+            other_avoider=self._other_avoider,
         )
         self._authority = Authority(
             self.aircraft, config.supervisor, self._announcer, self.operator, self.readiness
         )
         self._avoider = Avoider(config.avoidance)
-        self._envelope = config.avoidance.envelope
+        # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
+        self.onboard = Onboard(self._announcer, config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = RateKeeper()
         self._frame: LocalFrame | None = None
         self._goal: Goal | None = None
@@ -183,6 +190,8 @@ class Engine:
             return self._receive_traffic(fact, now_s)
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
+        if self.aircraft.adapter is not None:
+            self.onboard.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
             return False
@@ -190,11 +199,11 @@ class Engine:
         match fact:
             case Heartbeat():
                 if back:
-                    self._rates.restart()
+                    self._ask_anew()
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
                 if fact.boot_time_s < self._boot_time_s - 1.0:
-                    self._rates.restart()
+                    self._ask_anew()
                 self._boot_time_s = fact.boot_time_s
             case CommandResult():
                 return self._receive_answer(fact, now_s)
@@ -260,6 +269,8 @@ class Engine:
             effects += self._announcer.transmit(adapter.tick(now_s))
             if self.aircraft.heard(now_s):
                 effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
+                effects += self.onboard.tick(adapter, now_s)
+                self.aircraft.mission = self.onboard.mission
         answers, self._answers = self._answers, []
         effects += self._announcer.transmit(answers)
         effects += self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
@@ -286,12 +297,14 @@ class Engine:
         self._tracks = self.tracker.tracks(now_s, self._frame)
         if self._goal is None or self.supervisor.state in WATCHING:
             self._goal = self.aircraft.goal(self._frame, now_s)
+            if self.aircraft.mission_outdated(now_s):
+                self.onboard.doubt_mission(now_s)
         if self._own is None or self.operator.role is Role.OFF or not self._may_decide():
             self._avoider.reset()
             because = "off" if self.operator.role is Role.OFF else "not flying"
             self._decision = Decision(Layer.CLEAR, because=because)
             return
-        self._limit_heights()
+        self._limit(now_s)
         self._decision = self._avoider.decide(now_s, self._own, self._tracks, self._goal)
 
     def _may_decide(self) -> bool:
@@ -312,19 +325,14 @@ class Engine:
             self._goal = replace(self._goal, position_m=moved)
         return here
 
-    def _limit_heights(self) -> None:
-        """Floor and ceiling are above home, the frame's zero is the sea."""
+    def _limit(self, now_s: float) -> None:
+        """The aircraft's envelope, with floor and ceiling of this place."""
         home_m = self.aircraft.home_altitude_m()
         if home_m is None:
             return
-        # Barometer and home move by centimetres all the time; whole metres keep decisions from following.
-        home_m = float(round(home_m))
-        ceiling_m = self._params.max_height_m
-        self._avoider.envelope = replace(
-            self._envelope,
-            min_altitude_m=home_m + self._rules.min_height_m,
-            max_altitude_m=None if ceiling_m is None else home_m + ceiling_m,
-        )
+        heights = self.onboard.heights(self._rules.min_height_m, self._params.max_height_m, now_s)
+        terrain_m = self.aircraft.terrain.altitude_m(now_s)
+        self._avoider.envelope = limit_heights(self.onboard.envelope, heights, home_m, terrain_m)
 
     # --- commanding
 
@@ -360,6 +368,11 @@ class Engine:
         return [Keep(held.to_text())]
 
     # --- receiving
+
+    def _ask_anew(self) -> None:
+        """The autopilot started anew, or came back: it remembers nothing, and may hold other things."""
+        self._rates.restart()
+        self.onboard.restart()
 
     def _receive_traffic(self, fact: Traffic, now_s: float) -> bool:
         if fact.sender == self.aircraft.sender:
@@ -400,16 +413,30 @@ class Engine:
         self._role_told = role
         return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}", now_s)
 
+    def _other_avoider(self) -> str | None:
+        adapter = self.aircraft.adapter
+        return None if adapter is None else adapter.other_avoider(self.onboard.parameters)
+
     def _tell_who_is_there(self, now_s: float) -> list[Effect]:
-        """Whatever keeps us from flying the autopilot that is heard."""
+        """Whatever keeps us from flying the autopilot that is heard, or should be set otherwise."""
         aircraft = self.aircraft
-        problem = None
+        problems = [f"Avoidance: {words}" for words in self._advice()]
+        other = self._other_avoider()
+        if other is not None:
+            consequence = ", advising only" if self._rules.beside_other_avoider == "advise" else ""
+            problems.append(f"Avoidance: autopilot avoids too ({other}){consequence}")
         if aircraft.adapter is None and len(aircraft.others) > 1:
-            problem = "Avoidance: several autopilots, set autopilot_system_id"
+            problems.append("Avoidance: several autopilots, set autopilot_system_id")
         elif aircraft.adapter is not None and aircraft.others:
-            problem = f"Avoidance: another autopilot, system {min(aircraft.others)}"
+            problems.append(f"Avoidance: another autopilot, system {min(aircraft.others)}")
         elif aircraft.adapter is not None and not aircraft.fixed_wing:
-            problem = "Avoidance: not a fixed wing, advising only"
-        if problem is None:
-            return []
-        return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
+            problems.append("Avoidance: not a fixed wing, advising only")
+        return [
+            effect
+            for problem in problems
+            for effect in self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
+        ]
+
+    def _advice(self) -> list[str]:
+        adapter = self.aircraft.adapter
+        return [] if adapter is None else adapter.advice(self.onboard.parameters)

@@ -9,6 +9,7 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
+    MissionProgress,
     NavigationTarget,
     OwnPosition,
     Parameter,
@@ -21,6 +22,7 @@ _MEASURED: dict[type, int] = {
     AirData: mavlink.MAVLINK_MSG_ID_VFR_HUD,
     LandedState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
     NavigationTarget: mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    MissionProgress: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
 }
 _WINDOW_S = 5.0
 # An autopilot that cannot send a message is not to be nagged: the wait doubles up to this.

@@ -5,6 +5,7 @@ here; the local frame comes later, in the engine. `climb` is positive up, `veloc
 """
 
 from dataclasses import dataclass
+from enum import Enum
 
 from companion.model import TrafficReport, Vec3
 
@@ -88,10 +89,105 @@ class NavigationTarget:
 
 @dataclass(frozen=True, slots=True)
 class MissionProgress:
-    """MISSION_CURRENT: the item that is being flown."""
+    """MISSION_CURRENT: the item that is being flown, and what tells one mission from another.
+
+    `total` is `None` where the sender does not say, and so are the identities of mission and fence.
+    """
 
     sender: Sender
     sequence: int
+    total: int | None = None
+    mission_id: int | None = None
+    fence_id: int | None = None
+
+
+class HeightAbove(Enum):
+    """What the height of a mission item is measured from."""
+
+    SEA = "sea"
+    HOME = "home"
+    TERRAIN = "terrain"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItem:
+    """MISSION_ITEM_INT: one item of a mission or of a fence (`mission_type`: MAV_MISSION_TYPE).
+
+    `params` are its first four, in the units of `command` (MAV_CMD). An item without a place has no latitude
+    and longitude, one without a height in a known frame no `height_m`.
+    """
+
+    sender: Sender
+    target: Sender
+    mission_type: int
+    sequence: int
+    command: int
+    params: tuple[float | None, float | None, float | None, float | None]
+    lat_deg: float | None
+    lon_deg: float | None
+    height_m: float | None
+    height_above: HeightAbove
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCount:
+    """MISSION_COUNT: how many items a list has that is about to be transferred."""
+
+    sender: Sender
+    target: Sender
+    mission_type: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionAck:
+    """MISSION_ACK: the end of a transfer; `result` is MAV_MISSION_RESULT."""
+
+    sender: Sender
+    target: Sender
+    mission_type: int
+    result: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionTalk:
+    """Any other message of the mission protocol: somebody transfers, or clears, a list."""
+
+    sender: Sender
+    target: Sender
+    mission_type: int
+
+
+@dataclass(frozen=True, slots=True)
+class FenceStatus:
+    """FENCE_STATUS: the autopilot keeps to a fence; `breached`: it is outside."""
+
+    sender: Sender
+    breached: bool
+
+
+@dataclass(frozen=True, slots=True)
+class HomePosition:
+    """HOME_POSITION; the height is above mean sea level."""
+
+    sender: Sender
+    lat_deg: float
+    lon_deg: float
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainReport:
+    """TERRAIN_REPORT of a place whose terrain is known.
+
+    `terrain_altitude_m` is above mean sea level; `height_above_terrain_m` is that of the aircraft.
+    """
+
+    sender: Sender
+    lat_deg: float
+    lon_deg: float
+    terrain_altitude_m: float
+    height_above_terrain_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +297,13 @@ Fact = (
     | LandedState
     | NavigationTarget
     | MissionProgress
+    | MissionItem
+    | MissionCount
+    | MissionAck
+    | MissionTalk
+    | FenceStatus
+    | HomePosition
+    | TerrainReport
     | CommandResult
     | Parameter
     | RcChannels

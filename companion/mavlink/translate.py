@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any
 
+from companion.mavlink import mission_facts
 from companion.mavlink.control import CONTROL
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -20,7 +21,6 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
-    MissionProgress,
     NavigationTarget,
     OwnPosition,
     OwnTransponder,
@@ -164,10 +164,6 @@ def _navigation_target(message: Message, sender: Sender, _received_s: float) -> 
     return NavigationTarget(sender, place[0], place[1], message.alt if given else None)
 
 
-def _mission_progress(message: Message, sender: Sender, _received_s: float) -> Fact:
-    return MissionProgress(sender, message.seq)
-
-
 def _command_result(message: Message, sender: Sender, _received_s: float) -> Fact:
     """MAVLink 1, and senders who do not fill them in, leave the target fields 0."""
     target = None
@@ -262,12 +258,12 @@ _TRANSLATIONS: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
     mavlink.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: _navigation_target,
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: _mission_progress,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK: _command_result,
     mavlink.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
     mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_CFG: _own_transponder,
     mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: _traffic,
     **CONTROL,
+    **mission_facts.TRANSLATIONS,
 }
 
 
@@ -279,7 +275,7 @@ def _layout(kind: Any) -> tuple[struct.Struct, Any, tuple[int, ...]]:
     return kind.unpacker, namedtuple(kind.msgname, kind.ordered_fieldnames), arrays if any(arrays) else ()
 
 
-_LAYOUTS = {wanted: _layout(mavlink.mavlink_map[wanted]) for wanted in _TRANSLATIONS}
+_LAYOUTS = {wanted: _layout(mavlink.mavlink_map[wanted]) for wanted in _TRANSLATIONS} | mission_facts.LAYOUTS
 
 WANTED: frozenset[int] = frozenset(_TRANSLATIONS)
 """Ids of the messages worth decoding."""

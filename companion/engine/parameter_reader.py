@@ -1,0 +1,96 @@
+"""Parameters of the autopilot: asked for by name, a few at a time, until answered or given up."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from companion.mavlink.dialect import Message
+
+_AT_A_TIME = 3
+_ANSWER_S = 1.0
+_LONGEST_WAIT_S = 16.0
+# For each name: where three of ten datagrams get lost each way, one value in two hundred is given up.
+_TRIES = 8
+# A change that was announced once, and lost on the way, is found by asking for one value after the other.
+_REFRESH_S = 10.0
+
+
+@dataclass(slots=True)
+class _Question:
+    """One parameter by its alternative names, the newest first."""
+
+    names: tuple[str, ...]
+    tries: int = 0
+    sent_s: float = -math.inf
+    due_s: float = -math.inf
+    answered_s: float | None = None
+
+    @property
+    def open(self) -> bool:
+        return self.answered_s is None and self.tries < _TRIES * len(self.names)
+
+
+class ParameterReader:
+    """Knows the values of some parameters, as far as the autopilot told them.
+
+    A value that arrives unasked, as after a ground station changed it, counts like any other. What is not
+    answered under any of its names is asked again with growing patience, and in the end given up until
+    `restart`. Values are kept over a restart until newer ones come.
+    """
+
+    def __init__(self, questions: tuple[tuple[str, ...], ...]) -> None:
+        self.values: dict[str, float] = {}
+        self._questions = [_Question(names) for names in questions]
+        self._by_name = {name: question for question in self._questions for name in question.names}
+        self._refreshed_s = -math.inf
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything is answered or given up."""
+        return not any(question.open for question in self._questions)
+
+    def restart(self) -> None:
+        """The autopilot started anew, or came back: its parameters may be others."""
+        for question in self._questions:
+            question.tries, question.answered_s = 0, None
+            question.sent_s = question.due_s = -math.inf
+
+    def observe(self, name: str, value: float, now_s: float) -> bool:
+        """Take a value in; true when it is one of ours and differs from what was known."""
+        question = self._by_name.get(name)
+        if question is None:
+            return False
+        question.answered_s = now_s
+        changed = self.values.get(name) != value
+        self.values[name] = value
+        return changed
+
+    def tick(self, request: Callable[[str], Message], now_s: float) -> Message | None:
+        """The request to send now, if any; `request` makes one from a name."""
+        name = self._due(now_s) or self._stale(now_s)
+        return None if name is None else request(name)
+
+    def _due(self, now_s: float) -> str | None:
+        unanswered = [question for question in self._questions if question.open]
+        if sum(now_s - question.sent_s < _ANSWER_S for question in unanswered) >= _AT_A_TIME:
+            return None
+        due = [question for question in unanswered if now_s >= question.due_s]
+        if not due:
+            return None
+        question = min(due, key=lambda q: (q.tries, q.due_s))
+        name = question.names[question.tries % len(question.names)]
+        rounds = question.tries // len(question.names)
+        question.tries += 1
+        question.sent_s = now_s
+        question.due_s = now_s + min(_ANSWER_S * 2.0**rounds, _LONGEST_WAIT_S)
+        return name
+
+    def _stale(self, now_s: float) -> str | None:
+        answered = [(q.answered_s, q) for q in self._questions if q.answered_s is not None]
+        if not answered or now_s - self._refreshed_s < _REFRESH_S:
+            return None
+        _, oldest = min(answered, key=lambda pair: pair[0])
+        self._refreshed_s = now_s
+        # Lost or not, the next one is asked for next.
+        oldest.answered_s = now_s
+        return next((name for name in oldest.names if name in self.values), oldest.names[0])
