@@ -26,7 +26,7 @@ _log = logging.getLogger("companion")
 
 # How long the autopilot gets to take the aircraft back before the service ends regardless.
 _LONGEST_GIVING_BACK_US = 8_000_000
-_LETTING_GO_S, _LETTING_GO_TIMES = 2.0, 20
+_LETTING_GO_S, _LETTING_GO_TIMES = 1.4, 14
 _SILENCE_TOLD_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
 
@@ -116,7 +116,7 @@ class Runtime:
     async def _tick_until_stopped(self) -> None:
         kept = None if self._keeper is None else self._keeper.read()
         if kept is not None:
-            self.engine.recover(kept)
+            self.engine.recover(kept, self.clock.now_us() / 1e6)
         self._watchdog.ready()
         while not self._stop.is_set():
             self._guarded(self._tick)

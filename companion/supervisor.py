@@ -40,6 +40,7 @@ class Event(StrEnum):
     UNKNOWN = "unknown"  # nothing is heard of what became of the request
     LATE = "late"  # it entered the guided mode after we had given up asking
     FOUND = "found"  # it is where a companion that was killed left it
+    POISONED = "poisoned"  # found so, and its controller has lost itself: flown until it has recovered
     ABANDONED = "abandoned"  # taken from us, but left in the guided mode with nobody flying it
     ADVISE = "advise"  # told in flight to advise only, or to be off
     GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
@@ -69,6 +70,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.STANDBY, Event.READY): State.MONITOR,
     (State.STANDBY, Event.LATE): State.RELEASING,
     (State.STANDBY, Event.FOUND): State.RELEASING,
+    (State.STANDBY, Event.POISONED): State.ENGAGING,
     (State.STANDBY, Event.STOP): State.STOPPED,
     (State.MONITOR, Event.NOT_READY): State.STANDBY,
     (State.MONITOR, Event.OUTER_CONFLICT): State.ENGAGING,

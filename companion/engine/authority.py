@@ -40,6 +40,10 @@ _SETTLE_S = 1.0
 _REFUSALS_BEFORE_FALLBACK = 3
 # The mission goes on where it was; an autopilot that starts it anew is told so within this time.
 _ITEM_CHECKED_S = 8.0
+# So long after it was taken over a recovered controller has flown setpoints again.
+_RESCUED_AFTER_S = 3.0
+# Time enough to hear whether the controller of an aircraft that was left behind is well.
+_FOUND_AFTER_S = 1.0
 _ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
@@ -64,6 +68,7 @@ class Authority:
         self._before = Before(0)
         self._request: ModeRequest | None = None
         self._way_back: WayBack | None = None
+        self._taken_s = -math.inf
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
         self._ignored: frozenset[Event] = frozenset()  # what was the case already when it was left to us
@@ -75,6 +80,8 @@ class Authority:
         self._left_guided_since_s: float | None = None
         self._given_back_s = -math.inf
         self._found: Held | None = None
+        self._found_since_s: float | None = None
+        self._rescuing = False  # flown until the controller has recovered, conflict or not
         self._emergency_s: float | None = None
 
     # --- for others
@@ -86,17 +93,22 @@ class Authority:
 
     def recover(self, held: Held) -> None:
         """A former run was killed while it had the aircraft, which is given back as soon as it is seen."""
-        self._found = held
+        self._found = held if held.before is not None else None
 
     def held(self, now_s: float) -> Held | None:
         """What the next run must know if this one is killed now."""
         adapter = self._aircraft.adapter
-        if adapter is None or not (self.holds or adapter.borrowed):
+        role = self._operator.changed_to
+        if adapter is None or not (self.holds or adapter.borrowed or role is not None):
             return None
-        return Held(now_s, adapter.target.system_id, self._before, adapter.borrowed)
+        before = self._before if self.holds else None
+        left_behind = adapter.left_behind_mode()
+        return Held(now_s, adapter.target.system_id, before, role, left_behind, adapter.borrowed)
 
     def way_back(self) -> Guidance | None:
-        """What to fly on the way back to where the former mode belongs."""
+        """What to fly without a conflict: to where the former mode belongs, or straight on to recover."""
+        if self._rescuing:
+            return self._aircraft.flying_now()
         if self.supervisor.state is not State.RETURNING or self._way_back is None:
             return None
         return self._way_back.guidance(self._aircraft)
@@ -199,15 +211,9 @@ class Authority:
 
     def _came_late(self, now_s: float) -> Event | None:
         """The guided mode with nobody flying it: entered late, left behind, or abandoned."""
-        aircraft, found = self._aircraft, self._found
-        if found is not None and aircraft.adapter is not None and aircraft.heard(now_s):
-            self._found = None
-            if found.is_fresh(now_s) and aircraft.custom_mode in (
-                aircraft.adapter.guided_mode,
-                aircraft.adapter.left_behind_mode(),
-            ):
-                self._before = found.before
-                return Event.FOUND
+        aircraft = self._aircraft
+        if self._found is not None:
+            return self._look_for(self._found, now_s)
         if not aircraft.guided:
             self._left_guided_since_s = None
             return None
@@ -221,9 +227,29 @@ class Authority:
             return None
         return Event.ABANDONED if now_s - since_s >= self._rules.abandoned_s else None
 
+    def _look_for(self, found: Held, now_s: float) -> Event | None:
+        """Whether the aircraft is where a companion that was killed left it."""
+        aircraft, adapter = self._aircraft, self._aircraft.adapter
+        if not found.is_fresh(now_s):
+            self._found = None
+            return None
+        if adapter is None or not aircraft.heard(now_s):
+            return None
+        if self._found_since_s is None:
+            self._found_since_s = now_s
+        if now_s - self._found_since_s < _FOUND_AFTER_S:
+            return None
+        self._found = None
+        if found.before is None or aircraft.custom_mode not in (adapter.guided_mode, found.left_behind):
+            return None
+        self._before = found.before
+        return Event.POISONED if adapter.poisoned(now_s) else Event.FOUND
+
     def _take_back(self, event: Event, now_s: float) -> list[Effect]:
         """Give back what is in the guided mode with nobody flying it."""
         self._left_guided_since_s = None
+        if event is Event.POISONED:
+            return self._rescue(now_s)
         if event is Event.LATE:
             self._before = Before(self._other_mode)
         self._ignored = TAKEN_AWAY - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
@@ -231,10 +257,22 @@ class Authority:
         words = f"Avoidance: {event}, giving back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)]
 
+    def _rescue(self, now_s: float) -> list[Effect]:
+        """Enter the guided mode again, in which the controller recovers; then give the aircraft back."""
+        adapter = self._adapter()
+        self._rescuing, self._was_guided, self._ignored = True, False, frozenset(TAKEN_AWAY)
+        self._aircraft.sticks.mark()
+        self._request = ModeRequest(
+            self._aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+        )
+        words = "Avoidance: attitude setpoint lost, recovering"
+        return [*self._ask(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, words, now_s)]
+
     def _take_over(self, now_s: float) -> list[Effect]:
         aircraft, adapter = self._aircraft, self._adapter()
         self.supervisor.handle(self._conflict())
         self._before = aircraft.doing(now_s)
+        self._rescuing = False
         self._was_guided, self._ignored = False, frozenset()
         self._way_back = WayBack.to(self._before, adapter)
         self._request = ModeRequest(self._before.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
@@ -246,11 +284,11 @@ class Authority:
     def _while_engaging(self, now_s: float) -> list[Effect]:
         aircraft, request = self._aircraft, self._asked()
         if aircraft.guided:
-            self._request, self._was_guided = None, True
+            self._request, self._was_guided, self._taken_s = None, True, now_s
             self.supervisor.handle(Event.TAKEN)
             self.supervisor.handle(self._conflict())
             return []
-        if self._outlook.decision.layer is Layer.CLEAR:
+        if self._outlook.decision.layer is Layer.CLEAR and not self._rescuing:
             self.supervisor.handle(Event.CLEAR)
             return self._release(now_s)
         if request.refusals or now_s - request.asked_s >= _LONGEST_ENGAGING_S:
@@ -281,7 +319,9 @@ class Authority:
             for words in self._adapter().refusals()
             for effect in self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
         ]
-        if self._outlook.decision.layer is Layer.CLEAR:
+        if self._rescuing and not self._adapter().poisoned(now_s):
+            self._rescuing = now_s - self._taken_s < _RESCUED_AFTER_S
+        if self._outlook.decision.layer is Layer.CLEAR and not self._rescuing:
             return [*refused, *self._while_clear(now_s)]
         if self.supervisor.handle(self._conflict()):
             return [*refused, *self._announcer.conflict(self._outlook, now_s)]
@@ -327,6 +367,7 @@ class Authority:
 
     def _hands_off(self, event: Event, now_s: float) -> list[Effect]:
         """Nothing is sent from now on, whatever becomes of it."""
+        self._rescuing = False
         self._adapter().stand_back()
         self.supervisor.handle(event)
         self._request, self._ready_since_s, self._left_guided_since_s = None, None, None

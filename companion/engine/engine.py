@@ -72,6 +72,8 @@ class EngineParams:
     autopilot_system_id: Literal["auto"] | Annotated[int, Ge(1), Le(255)] = "auto"
     # With no autopilot configured, others are waited for so long; of several none is chosen.
     adopt_after_s: Annotated[float, Ge(0), Le(60)] = 1.5
+    # Own position older than this begins no take-over; older than the second, no decision is made anew.
+    position_fresh_s: Annotated[float, Gt(0), Le(5)] = 0.5
     position_stale_s: Annotated[float, Gt(0), Le(5)] = 2.0
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
     max_height_m: Annotated[float, Gt(0)] | None = None
@@ -112,7 +114,7 @@ class Engine:
             self.aircraft,
             config.supervisor,
             self.operator,
-            position_stale_s=config.engine.position_stale_s,
+            position_fresh_s=config.engine.position_fresh_s,
             other_avoider=self._other_avoider,
         )
         self._authority = Authority(
@@ -221,12 +223,16 @@ class Engine:
         """The service ends: give the aircraft back first. Tick on until `finished`."""
         return self._authority.request_stop(now_s)
 
-    def recover(self, text: str) -> None:
+    def recover(self, text: str, now_s: float) -> None:
         """What a former run kept (see `Keep`): had it the aircraft when it was killed, that is put right."""
         held = Held.from_text(text)
         if held is None:
             return
         self._borrowed = held.borrowed
+        if not held.is_fresh(now_s):
+            return
+        if held.role is not None:
+            self.operator.role = held.role
         self.aircraft.expect(held.system_id)
         self._authority.recover(held)
 

@@ -19,7 +19,13 @@ class Operator:
 
     def __init__(self, role: Role, address: Callable[[], Sender]) -> None:
         self.role = role
+        self._configured = role
         self._address = address
+
+    @property
+    def changed_to(self) -> Role | None:
+        """The role, if it is no more the one that was configured."""
+        return None if self.role is self._configured else self.role
 
     def receive(self, fact: Fact) -> list[Message]:
         """Do what is asked; the answers to send. What is not for us is not answered."""

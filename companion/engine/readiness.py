@@ -19,13 +19,13 @@ class Readiness:
         rules: SupervisorParams,
         operator: Operator,
         *,
-        position_stale_s: float,
+        position_fresh_s: float,
         other_avoider: Callable[[], str | None],
     ) -> None:
         self._aircraft = aircraft
         self._rules = rules
         self._operator = operator
-        self._position_stale_s = position_stale_s
+        self._position_fresh_s = position_fresh_s
         self._other_avoider = other_avoider
 
     def hindrances(self, now_s: float, *, role: Role | None = None) -> list[str]:
@@ -40,7 +40,7 @@ class Readiness:
         checks = {
             "it is no fixed wing": not aircraft.fixed_wing,
             "the autopilot is not heard": not aircraft.heard(now_s),
-            "its position is old": now_s - aircraft.position_s > self._position_stale_s,
+            "its position is old": now_s - aircraft.position_s > self._position_fresh_s,
             f"another avoider acts: {other}": other is not None and rules.beside_other_avoider == "advise",
             f"its mode is {aircraft.mode}, not {' or '.join(rules.take_over_from)}": aircraft.mode
             not in rules.take_over_from,

@@ -214,7 +214,7 @@ def test_told_to_advise_nothing_is_commanded(role: str, computed: bool) -> None:
     sent = fly(engine, 12.0, meet_s=40.0)
     assert (engine.decision.layer is not Layer.CLEAR) == computed
     assert engine.supervisor.state is State.STANDBY
-    assert {m.command for m in of(sent, "COMMAND_LONG")} <= {511}
+    assert {m.command for m in of(sent, "COMMAND_LONG")} <= {511, 512}
     assert of(sent, "SET_POSITION_TARGET_GLOBAL_INT") == []
     assert bool(of(sent, "COLLISION")) == computed
     assert any("Traffic" in str(m.text) for m in of(sent, "STATUSTEXT")) == computed

@@ -9,6 +9,7 @@ from companion.engine.held import LONGEST_S, Held
 from companion.engine.sticks import Sticks
 from companion.geodesy import GeoPoint
 from companion.mavlink.facts import RcChannels, Sender
+from companion.supervisor import Role
 
 AUTOPILOT = Sender(1, 1)
 
@@ -55,10 +56,12 @@ def test_a_limit_of_zero_never_sees_them_move() -> None:
     assert not sticks.moved
 
 
-HELD = Held(1e9, 1, Before(10, 3, GeoPoint(1.0, 2.0, 3.0), 0.5, 600.0, 22.0), {"FW_AIRSPD_TRIM": 15.0})
+HELD = Held(
+    1e9, 1, Before(10, 3, GeoPoint(1.0, 2.0, 3.0), 0.5, 600.0, 22.0), Role.ADVISE, 5, {"FW_AIRSPD_TRIM": 15.0}
+)
 
 
-@pytest.mark.parametrize("held", [HELD, Held(1e9, 1, Before(10))])
+@pytest.mark.parametrize("held", [HELD, Held(1e9, 1, Before(10)), Held(1e9, 1, None, Role.OFF)])
 def test_what_is_kept_is_found_again(held: Held) -> None:
     assert Held.from_text(held.to_text()) == held
 
