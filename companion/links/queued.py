@@ -13,6 +13,7 @@ from companion.mavlink.framing import Frame
 
 _MAX_WAITING = 512  # about a second of a busy link
 _MAX_WAITING_BYTES = 1 << 20
+_BYTES_AT_ONCE = 32_768  # junk costs a microsecond a byte: however much there is, ticks come in between
 # Waiting does not help: another program has the port, or the system forbids it.
 _HOPELESS = frozenset({errno.EADDRINUSE, errno.EACCES, errno.EPERM})
 
@@ -46,10 +47,13 @@ class QueuedLink(Link, Generic[Source]):
         await self.open()
         while not self.closed:
             self._hand_over(on_frames)
-            if self._failure is not None:
+            if self._failure is not None and not self._waiting:
                 reason, self._failure = self._failure, None
                 self._disconnect()
                 raise LinkDownError(f"{self.address}: {reason}")
+            if self._waiting:
+                await asyncio.sleep(0)
+                continue
             await self._news.wait()
             self._news.clear()
 
@@ -85,7 +89,10 @@ class QueuedLink(Link, Generic[Source]):
             self._disconnect()
 
     def _hand_over(self, on_frames: OnFrames) -> None:
+        received_before = self.counters.received_bytes
         while self._waiting and not self.closed:
+            if self.counters.received_bytes - received_before >= _BYTES_AT_ONCE:
+                break
             source, data = self._waiting.popleft()
             self._waiting_bytes -= len(data)
             self.counters.received_bytes += len(data)

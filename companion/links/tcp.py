@@ -1,6 +1,7 @@
 """TCP: `tcpin` listens and has several clients, `tcpout` connects to one address."""
 
 import asyncio
+import errno
 import socket
 import time
 from abc import abstractmethod
@@ -12,6 +13,7 @@ from companion.links.queued import QueuedLink, in_words
 from companion.links.resolve import SocketAddress, resolve
 from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
 
+_READ_BYTES = 16_384
 _LONGEST_CONNECTING_S = 5.0
 # What the kernel may hold for a peer that does not take it, and for how long until the connection is given
 # up: setpoints that arrive later than that are worth less than none. Each small packet is booked with its
@@ -22,7 +24,7 @@ _UNANSWERED_MS = 5_000
 _PROBE_AFTER_S, _PROBE_EVERY_S, _PROBES = 5, 2, 3
 
 
-class Connection(asyncio.Protocol):
+class Connection(asyncio.BufferedProtocol):
     """One peer's stream, both ways."""
 
     def __init__(self, link: "TcpLink", counters: StreamCounters) -> None:
@@ -30,6 +32,7 @@ class Connection(asyncio.Protocol):
         self.heard_s = 0.0
         self.transport: asyncio.Transport | None = None
         self._link = link
+        self._buffer = bytearray(_READ_BYTES)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The event loop has connected it."""
@@ -38,9 +41,13 @@ class Connection(asyncio.Protocol):
         _tune(transport.get_extra_info("socket"))
         self._link.joined(self)
 
-    def data_received(self, data: bytes) -> None:
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - small pieces let others have their turn
+        """Where the next piece goes."""
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
         """The next piece came in."""
-        self._link.arrived(self, data)
+        self._link.arrived(self, bytes(self._buffer[:nbytes]))
 
     def connection_lost(self, exc: Exception | None) -> None:
         """It ended, by whomever."""
@@ -198,7 +205,7 @@ class TcpOutLink(TcpLink):
         if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
             # Nobody listens, and the kernel happened to give us that very port.
             self._disconnect()
-            raise ConnectionRefusedError("connected to itself")
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "connected to itself")
 
 
 def _tune(stream: socket.socket) -> None:

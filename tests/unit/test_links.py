@@ -236,6 +236,23 @@ async def test_nothing_is_sent_where_we_only_listen() -> None:
     assert (near.counters.sent_frames, near.counters.send_errors) == (0, 0)
 
 
+async def test_much_junk_at_once_lets_others_have_their_turn() -> None:
+    near, far = memory_pair()
+    for _ in range(10):
+        far.send(bytes(32_768))
+    good = frame()
+    far.send(good)
+    near.failed("and then the cable is gone")
+    heard, turns = Inbox(), 0
+    running = asyncio.create_task(near.run(heard))
+    while not running.done():
+        await asyncio.sleep(0)
+        turns += 1
+    assert turns >= 10
+    assert heard.raws == [good]
+    assert isinstance(running.exception(), LinkDownError)
+
+
 async def test_what_waits_is_bounded_in_bytes_too() -> None:
     near, far = memory_pair()
     for _ in range(100):

@@ -1,6 +1,7 @@
 """TCP links: streams in pieces, peers that come, go, restart, or never read."""
 
 import asyncio
+import functools
 import socket
 
 import pytest
@@ -136,6 +137,30 @@ async def test_who_refuses_is_named_and_may_be_tried_again() -> None:
             with pytest.raises(LinkDownError, match=f"^{client.address}: Connection refused$"):
                 await client.open()
     client.close()
+
+
+async def test_a_connection_to_ourselves_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nobody listens, the kernel may choose the very port that is asked for as our own."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    loop = asyncio.get_running_loop()
+    by_chance = functools.partial(loop.create_connection, local_addr=("127.0.0.1", port))
+    monkeypatch.setattr(loop, "create_connection", by_chance)
+    client = out(port)
+    with pytest.raises(LinkDownError, match="Connection refused"):
+        await client.open()
+    assert client.clients == 0
+
+
+async def test_a_flood_comes_in_small_pieces() -> None:
+    server = await listening()
+    flooder = socket.create_connection(("127.0.0.1", server.local_port))
+    flooder.sendall(bytes(200_000))
+    await until(lambda: sum(len(data) for _, data in server._waiting) == 200_000)
+    assert max(len(data) for _, data in server._waiting) <= 16_384
+    flooder.close()
+    server.close()
 
 
 async def test_who_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
