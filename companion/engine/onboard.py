@@ -74,9 +74,11 @@ class Onboard:
 
     @property
     def complete(self) -> bool:
-        """Whether all parameters are answered or given up, and the lists read."""
-        read = self._missions.mission is not None and self._missions.fence is not None
-        return self._adapter is not None and self._parameters.complete and read
+        """Whether all limits are answered or given up, and the lists read."""
+        if self._adapter is None or self._missions.mission is None or self._missions.fence is None:
+            return False
+        limits = self._adapter.parameters.limits
+        return self._parameters.settled(named.name for limit in limits for named in limit.names)
 
     def restart(self) -> None:
         """The autopilot started anew, or came back."""
