@@ -106,6 +106,8 @@ def test_everything_is_learnt_within_seconds() -> None:
         (True, 4, None),
         (False, 0, 300.0),
     ]
+    assert onboard.local_fence(LocalFrame(47.0, 8.0), 500.2, talk.now_s + 1.0) is fence
+    assert onboard.local_fence(LocalFrame(47.0, 8.1), 500.0, talk.now_s) != fence
 
 
 def test_never_more_than_five_messages_a_second_and_none_without_need() -> None:
