@@ -44,6 +44,7 @@ class ParameterTable:
 
     Of several `limits` for one field the tightest counts. `fence` turns the values into what its fence is.
     `mission_total` and `fence_total` count the items of a list, where there are such parameters.
+    `stall_prevention`: at low airspeed the autopilot gives less bank than its limit, rather than more speed.
     """
 
     limits: tuple[LimitSource, ...]
@@ -51,6 +52,7 @@ class ParameterTable:
     fence: Callable[[Mapping[str, float]], FenceSettings]
     mission_total: str | None = None
     fence_total: str | None = None
+    stall_prevention: bool = False
 
     def questions(self) -> tuple[tuple[str, ...], ...]:
         """What to ask for: the alternative names of each parameter."""
@@ -86,6 +88,7 @@ ARDUPLANE = ParameterTable(
     fence=ardupilot_fence,
     mission_total="MIS_TOTAL",
     fence_total="FENCE_TOTAL",
+    stall_prevention=True,
 )
 
 PX4 = ParameterTable(

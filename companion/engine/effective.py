@@ -13,7 +13,7 @@ from companion.engine.limits import Belief
 # Of the rate in its parameters an aircraft reaches this share when it is sent to another height: measured on
 # ArduPlane, 4.5 of 5 m/s. What is counted upon is what is reached.
 _REACHED = 0.9
-# Autopilots grant this bank at any airspeed.
+# ArduPlane grants this bank at any airspeed.
 _LEAST_BANK_RAD = math.radians(25.0)
 CONFIGURED, ASSUMED = "configured", "assumed"
 
@@ -101,8 +101,8 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> 
 def _as_reached(belief: Belief) -> Belief:
     """What the aircraft reaches of its limits: the share of its rates, the bank that cruise airspeed carries.
 
-    In a turn the stall speed grows by 1 / sqrt(cos(bank)), and autopilots give no more bank than keeps the
-    airspeed above the lowest one grown alike.
+    In a turn the stall speed grows by 1 / sqrt(cos(bank)). ArduPlane's stall prevention gives no more bank
+    than keeps the airspeed above the lowest one grown alike; PX4 flies faster instead.
     """
     limits, names = belief.limits, dict(belief.names)
     for name in ("max_climb_mps", "max_sink_mps"):
@@ -111,7 +111,7 @@ def _as_reached(belief: Belief) -> Belief:
             limits = replace(limits, **{name: _REACHED * rate_mps})
             names[name] = f"{_REACHED:g} {names[name]}"
     bank_rad, low, cruise = limits.max_bank_rad, limits.min_airspeed_mps, limits.cruise_airspeed_mps
-    if bank_rad is not None and low is not None and cruise is not None:
+    if belief.stall_prevention and bank_rad is not None and low is not None and cruise is not None:
         carried_rad = max(math.acos((low / cruise) ** 2), _LEAST_BANK_RAD)
         if carried_rad < bank_rad:
             limits = replace(limits, max_bank_rad=carried_rad)

@@ -20,11 +20,15 @@ _SENSIBLE = {
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """What is believed, the parameter that each field of it came from, and what is not believed, in words."""
+    """What is believed, the parameter that each field of it came from, and what is not believed, in words.
+
+    `stall_prevention` is that of the autopilot's `ParameterTable`.
+    """
 
     limits: Limits = field(default_factory=Limits)
     names: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
+    stall_prevention: bool = False
 
 
 def believe(values: Mapping[str, float], table: ParameterTable) -> Belief:
@@ -43,7 +47,7 @@ def believe(values: Mapping[str, float], table: ParameterTable) -> Belief:
             found[source.field] = value, name
     limits = replace(Limits(), **{name: value for name, (value, _) in found.items()})
     names = {field_name: name for field_name, (_, name) in found.items()}
-    return _consistent(Belief(limits, names, tuple(doubts)))
+    return _consistent(Belief(limits, names, tuple(doubts), table.stall_prevention))
 
 
 def _answer(values: Mapping[str, float], source: LimitSource) -> tuple[float, str] | None:
@@ -68,8 +72,9 @@ def _consistent(belief: Belief) -> Belief:
 def _without(belief: Belief, *wrong: str) -> Belief:
     names = " and ".join(belief.names[name] for name in wrong)
     kept = {f.name: getattr(belief.limits, f.name) for f in fields(Limits) if f.name not in wrong}
-    return Belief(
-        Limits(**kept),
-        {name: parameter for name, parameter in belief.names.items() if name not in wrong},
-        (*belief.doubts, f"{names} not believed: contradictory"),
+    return replace(
+        belief,
+        limits=Limits(**kept),
+        names={name: parameter for name, parameter in belief.names.items() if name not in wrong},
+        doubts=(*belief.doubts, f"{names} not believed: contradictory"),
     )

@@ -6,6 +6,7 @@ One question at a time, five a second at most, and none of them twice without ne
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 from companion.autopilots import Adapter
 from companion.autopilots.fences import FenceSettings
@@ -33,6 +34,16 @@ _SETTLED_S = 3.0
 _DOUBTED_AGAIN_S = 120.0
 
 
+class _FenceSource(NamedTuple):
+    """All that the fence in the local frame is made from, besides the configuration."""
+
+    frame: LocalFrame
+    home_altitude_m: float
+    settings: FenceSettings
+    uploaded: tuple[FenceZone, ...]
+    home: HomePosition | None
+
+
 class Onboard:
     """Asks, believes with care, and tells what it took from where."""
 
@@ -57,10 +68,12 @@ class Onboard:
         self._fence_items: tuple[MissionItem, ...] | None = None
         self._uploaded_zones: tuple[FenceZone, ...] = ()
         self._fence_heard_s = -math.inf
+        self._fence: tuple[_FenceSource, LocalFence] | None = None
         self._home: HomePosition | None = None
         self._next_s = -math.inf
         self._doubted_s = -math.inf
         self._untold_since_s: float | None = None
+        self._told = ""
 
     @property
     def envelope(self) -> Envelope:
@@ -74,9 +87,11 @@ class Onboard:
 
     @property
     def complete(self) -> bool:
-        """Whether all parameters are answered or given up, and the lists read."""
-        read = self._missions.mission is not None and self._missions.fence is not None
-        return self._adapter is not None and self._parameters.complete and read
+        """Whether all limits are answered or given up, and the lists read."""
+        if self._adapter is None or self._missions.mission is None or self._missions.fence is None:
+            return False
+        limits = self._adapter.parameters.limits
+        return self._parameters.settled(named.name for limit in limits for named in limit.names)
 
     def restart(self) -> None:
         """The autopilot started anew, or came back."""
@@ -106,11 +121,18 @@ class Onboard:
         effects += self._take_lists()
         if self._untold_since_s is not None and now_s - self._untold_since_s >= _SETTLED_S:
             self._untold_since_s = None
-            taken = ", ".join(map(str, self.limits.taken))
-            effects.append(Say(mavlink.MAV_SEVERITY_INFO, f"Aircraft: {taken}"))
-            for doubt in self.limits.doubts:
-                text = f"Avoidance: {doubt}"
-                effects += self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, text, now_s, once=True)
+            effects += self._tell_limits(now_s)
+        return effects
+
+    def _tell_limits(self, now_s: float) -> list[Effect]:
+        effects: list[Effect] = []
+        text = f"Aircraft: {', '.join(map(str, self.limits.taken))}"
+        if text != self._told:
+            self._told = text
+            effects.append(Say(mavlink.MAV_SEVERITY_INFO, text))
+        for doubt in self.limits.doubts:
+            warning = f"Avoidance: {doubt}"
+            effects += self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, warning, now_s, once=True)
         return effects
 
     def doubt_mission(self, now_s: float) -> None:
@@ -133,19 +155,31 @@ class Onboard:
         )
 
     def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> LocalFence:
-        """All zones in force, in the local frame: those of the configuration and those of the autopilot."""
-        settings = self._settings(now_s)
-        uploaded = self._uploaded_zones if settings.zones else ()
+        """All zones in force, in the local frame: those of the configuration and those of the autopilot.
+
+        The same object until something about them changes.
+        """
+        # Barometer and home move by centimetres all the time, and the fence with them.
+        source = _FenceSource(
+            frame, float(round(home_altitude_m)), self._settings(now_s), self._uploaded_zones, self._home
+        )
+        if self._fence is None or self._fence[0] != source:
+            self._fence = source, self._in_frame(source)
+        return self._fence[1]
+
+    def _in_frame(self, source: "_FenceSource") -> LocalFence:
+        settings = source.settings
+        uploaded = source.uploaded if settings.zones else ()
         others = [*self._configured_zones]
-        if settings.home_radius_m is not None and self._home is not None:
-            home = self._home.lat_deg, self._home.lon_deg
+        if settings.home_radius_m is not None and source.home is not None:
+            home = source.home.lat_deg, source.home.lon_deg
             others.append(FenceZone(True, centre_deg=home, radius_m=settings.home_radius_m))
         any_inclusion = settings.any_inclusion and sum(zone.inclusion for zone in uploaded) > 1
         if any_inclusion and any(zone.inclusion for zone in others):
             # "Inside any of these, and inside that" cannot be said: the autopilot looks after its own.
             uploaded = tuple(zone for zone in uploaded if not zone.inclusion)
             any_inclusion = False
-        zones = tuple(zone.in_frame(frame, home_altitude_m) for zone in (*others, *uploaded))
+        zones = tuple(zone.in_frame(source.frame, source.home_altitude_m) for zone in (*others, *uploaded))
         return LocalFence(zones, settings.margin_m, any_inclusion)
 
     def _settings(self, now_s: float) -> FenceSettings:

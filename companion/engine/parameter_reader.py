@@ -1,7 +1,7 @@
 """Parameters of the autopilot: asked for by name, a few at a time, until answered or given up."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from companion.mavlink.dialect import Message
@@ -44,10 +44,9 @@ class ParameterReader:
         self._by_name = {name: question for question in self._questions for name in question.names}
         self._refreshed_s = -math.inf
 
-    @property
-    def complete(self) -> bool:
-        """Whether everything is answered or given up."""
-        return not any(question.open for question in self._questions)
+    def settled(self, names: Iterable[str]) -> bool:
+        """Whether these parameters are answered or given up."""
+        return not any(self._by_name[name].open for name in names if name in self._by_name)
 
     def restart(self) -> None:
         """The autopilot started anew, or came back: its parameters may be others."""

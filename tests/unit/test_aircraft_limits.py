@@ -125,6 +125,8 @@ def test_no_more_bank_than_cruise_airspeed_carries() -> None:
     envelope = effective(ASSUMED, NOTHING, belief).envelope
     assert math.cos(envelope.max_bank_rad) == pytest.approx((18.0 / 20.0) ** 2)
     assert envelope.min_airspeed_mps == pytest.approx(20.0)
+    px4 = believe({**OF_PX4, "FW_AIRSPD_MIN": 18.0}, PX4)
+    assert effective(ASSUMED, NOTHING, px4).envelope.max_bank_rad == pytest.approx(math.radians(45.0))
 
 
 def test_configured_limits_narrow_those_of_the_aircraft_and_replace_assumptions() -> None:

@@ -11,8 +11,9 @@ import pytest
 from companion.address import NetworkAddress, NetworkKind, SerialAddress, parse_address
 from companion.config import Config, RecordingParams, describe, load_config
 from companion.config.document import Leaf, parse_document
-from companion.engine import EngineConfig
+from companion.engine import AircraftLimits, EngineConfig
 from companion.errors import ConfigError, LinkError
+from companion.geofence import FenceZone
 from companion.links import open_link
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -351,6 +352,53 @@ def test_a_description_is_complete_in_degrees_and_loads_to_the_same(tmp_path: Pa
     assert "\n  enabled: true\n" in text
     assert not re.search(r"_rad(ps)?:", text)
     assert load(tmp_path, text) == config
+
+
+FENCES = """aircraft: {max_bank_deg: 35, max_climb_mps: 2.5, loiter_radius_m: -80}
+fences:
+  - inclusion: true
+    vertices_deg: [[47, 8], [47, 8.1], [47.1, 8.05]]
+  - {inclusion: false, centre_deg: [47.05, 8.05], radius_m: 300, min_height_m: 0, max_height_m: 150}
+"""
+
+
+def test_limits_and_fences_are_read_and_described(tmp_path: Path) -> None:
+    config = load(tmp_path, LINKS + FENCES)
+    assert config.aircraft == AircraftLimits(
+        max_bank_rad=math.radians(35), max_climb_mps=2.5, loiter_radius_m=-80.0
+    )
+    assert config.fences == (
+        FenceZone(True, vertices_deg=((47.0, 8.0), (47.0, 8.1), (47.1, 8.05))),
+        FenceZone(False, centre_deg=(47.05, 8.05), radius_m=300.0, min_height_m=0.0, max_height_m=150.0),
+    )
+    assert load(tmp_path, describe(config)) == config
+    engine = config.for_engine()
+    assert (engine.aircraft, engine.fences) == (config.aircraft, config.fences)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("aircraft: {max_bank_deg: 85}", "2: aircraft.max_bank_deg: must be less than 80 (got 85)"),
+        (
+            "aircraft: {min_airspeed_mps: 20, max_airspeed_mps: 10}",
+            "2: aircraft: min_airspeed_mps must not exceed max_airspeed_mps",
+        ),
+        (
+            "fences:\n  - inclusion: true\n    radius_m: 20",
+            "3: fences[0]: must have either vertices_deg, or centre_deg and radius_m",
+        ),
+        ("fences:\n  - radius_m: 20", "3: fences[0].inclusion: is required"),
+        (
+            "fences: [{inclusion: true, centre: 3}]",
+            "2: fences[0].centre: is unknown, did you mean centre_deg?",
+        ),
+    ],
+)
+def test_wrong_limits_and_fences_are_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        load(tmp_path, LINKS + text)
+    assert str(error.value).endswith(message)
 
 
 def test_a_description_names_every_field() -> None:

@@ -91,8 +91,11 @@ def whole() -> Responder:
 
 
 def test_everything_is_learnt_within_seconds() -> None:
-    talk = Talk(whole()).run(20.0)
+    talk = Talk(whole()).run(2.0)
     onboard = talk.onboard
+    assert not onboard.complete
+    talk.run(18.0)
+    assert onboard.complete
     assert onboard.parameters == PARAMETERS
     assert onboard.envelope.max_airspeed_mps == 30.0
     assert onboard.mission is not None
@@ -103,6 +106,8 @@ def test_everything_is_learnt_within_seconds() -> None:
         (True, 4, None),
         (False, 0, 300.0),
     ]
+    assert onboard.local_fence(LocalFrame(47.0, 8.0), 500.2, talk.now_s + 1.0) is fence
+    assert onboard.local_fence(LocalFrame(47.0, 8.1), 500.0, talk.now_s) != fence
 
 
 def test_never_more_than_five_messages_a_second_and_none_without_need() -> None:
@@ -268,6 +273,18 @@ def test_a_list_that_shrinks_while_it_is_read_is_read_from_its_start() -> None:
     talk.run(20.0)
     assert talk.onboard.mission is not None
     assert [item.command for item in talk.onboard.mission.items] == [5001, 5001]
+
+
+def test_a_count_that_comes_again_and_again_disturbs_nothing() -> None:
+    talk = Talk(Responder({}, {MISSION: ROUTE * 10, FENCE: ()})).run(7.0)
+    before = len(talk.asked("MISSION_REQUEST_INT"))
+    assert before
+    for _ in range(5):
+        talk.tell(mavlink.MAVLink_mission_count_message(1, 196, 40, MISSION))
+        talk.run(0.4)
+    talk.run(15.0)
+    asked = [message.seq for message in talk.asked("MISSION_REQUEST_INT")]
+    assert asked == list(range(40))
 
 
 # --- fences

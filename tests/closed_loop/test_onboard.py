@@ -1,0 +1,76 @@
+"""What the engine learns from the fake ArduPlane, and flies by."""
+
+import json
+import math
+
+import pytest
+
+from companion.engine import Effect, Engine, Transmit
+from sim.closed_loop import ClosedLoop
+from sim.scenario import load_scenario
+
+
+def learnt(**parameters: float) -> ClosedLoop:
+    """The head-on scenario, the vehicle's parameters changed, ten seconds after the start."""
+    loop = ClosedLoop(load_scenario("head-on"), Engine())
+    for name, value in parameters.items():
+        loop.world.vehicle.parameters.set(name, value)
+    loop.world.vehicle.flight.apply_parameters()
+    loop.run(10.0)
+    return loop
+
+
+def test_limits_and_mission_are_learnt_from_the_vehicle() -> None:
+    loop = learnt(ROLL_LIMIT_DEG=40.0, TECS_CLMB_MAX=3.0, AIRSPEED_MAX=26.0)
+    assert loop.engine is not None
+    envelope = loop.engine.onboard.envelope
+    assert math.degrees(envelope.max_bank_rad) == pytest.approx(40.0)
+    assert envelope.max_climb_mps == pytest.approx(2.7)
+    assert envelope.max_sink_mps == pytest.approx(4.5)
+    assert envelope.max_airspeed_mps == 26.0
+    assert envelope.min_airspeed_mps == pytest.approx(10.0 / math.sqrt(math.cos(math.radians(40.0))))
+    mission = loop.engine.onboard.mission
+    assert mission is not None
+    assert len(mission.items) == len(loop.world.vehicle.flight.mission.items)
+
+
+def test_what_is_predicted_of_a_climb_is_what_is_flown() -> None:
+    """With a tenth of its climb rate the aircraft cannot climb out of the way, and does not count on it."""
+    loop = learnt(TECS_CLMB_MAX=0.5, TECS_SINK_MAX=0.5)
+    flight = loop.run(100.0)
+    (encounter,) = flight.score.encounters.values()
+    assert flight.engagements == 1
+    assert not encounter.lowc
+    assert encounter.min_horizontal_m > 600.0, "around it, not over it"
+
+
+class Speeds(ClosedLoop):
+    """Notes the airspeeds commanded, with the limit of the moment."""
+
+    commanded: list[tuple[float, float]]
+
+    def _perform(self, time_us: int, effects: object) -> None:
+        for effect in effects:  # type: ignore[attr-defined]
+            self._note(effect)
+        super()._perform(time_us, effects)  # type: ignore[arg-type]
+
+    def _note(self, effect: Effect) -> None:
+        if isinstance(effect, Transmit) and getattr(effect.message, "command", None) == 43000:
+            fastest = self.world.vehicle.parameters["AIRSPEED_MAX"]
+            self.commanded.append((effect.message.param2, fastest))
+
+
+def test_no_speed_beyond_the_limits_of_the_aircraft_also_when_they_change_in_flight() -> None:
+    loop = Speeds(load_scenario("overtaken"), Engine())
+    loop.commanded = []
+    for second in range(62):
+        if second == 50:
+            loop.world.vehicle.parameters.set("AIRSPEED_MAX", 18.0)
+            loop.world.vehicle.flight.apply_parameters()
+            loop.world.vehicle._announce(loop.world.vehicle.parameters.find("AIRSPEED_MAX"))
+        loop.run(1.0)
+    after = [speed for speed, fastest in loop.commanded if fastest == 18.0]
+    assert after
+    assert max(after) <= 18.0
+    guided = [json.loads(line)["guidance"] for line in loop.flight.decisions]
+    assert any(guidance is not None for guidance in guided)
