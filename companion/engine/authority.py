@@ -9,11 +9,13 @@ import math
 from companion.autopilots.adapter import Adapter, Before
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
+from companion.engine.claims import Claims
 from companion.engine.effects import Effect
 from companion.engine.held import Held
 from companion.engine.mode_request import ModeRequest, Progress
 from companion.engine.operator import Operator
 from companion.engine.readiness import Readiness
+from companion.engine.strays import Strays
 from companion.engine.way_back import WayBack
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult
@@ -32,8 +34,6 @@ from companion.supervisor import (
 # The mode is taken over only from one that was heard just now.
 _FRESH_HEARTBEAT_S = 1.5
 _LONGEST_ENGAGING_S = 3.0
-# A request that was given up may still arrive, on a slow link.
-_LATE_S = 6.0
 # Without heartbeats nobody knows whose the aircraft is: one try to give it back, more when we are going.
 _BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
@@ -42,8 +42,6 @@ _REFUSALS_BEFORE_FALLBACK = 3
 _ITEM_CHECKED_S = 8.0
 # So long after it was taken over a recovered controller has flown setpoints again.
 _RESCUED_AFTER_S = 3.0
-# Time enough to hear whether the controller of an aircraft that was left behind is well.
-_FOUND_AFTER_S = 1.0
 _ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
@@ -64,6 +62,8 @@ class Authority:
         self._announcer = announcer
         self._operator = operator
         self._readiness = readiness
+        self._claims = Claims(aircraft)
+        self._strays = Strays(aircraft, rules)
         self._outlook = Outlook(Decision(Layer.CLEAR), None, ())
         self._before = Before(0)
         self._request: ModeRequest | None = None
@@ -71,16 +71,10 @@ class Authority:
         self._taken_s = -math.inf
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
-        self._ignored: frozenset[Event] = frozenset()  # what was the case already when it was left to us
         self._abandoned = 0
-        self._guided_sent_s = -math.inf
-        self._other_mode = 0  # the last one heard that was not ours
         self._ready_since_s: float | None = None
         self._not_before_s = -math.inf
-        self._left_guided_since_s: float | None = None
         self._given_back_s = -math.inf
-        self._found: Held | None = None
-        self._found_since_s: float | None = None
         self._rescuing = False  # flown until the controller has recovered, conflict or not
         self._emergency_s: float | None = None
 
@@ -93,7 +87,7 @@ class Authority:
 
     def recover(self, held: Held) -> None:
         """A former run was killed while it had the aircraft, which is given back as soon as it is seen."""
-        self._found = held if held.before is not None else None
+        self._strays.expect(held)
 
     def held(self, now_s: float) -> Held | None:
         """What the next run must know if this one is killed now."""
@@ -139,14 +133,13 @@ class Authority:
     def step(self, outlook: Outlook, now_s: float) -> list[Effect]:
         """Act on what is heard and decided, by the supervisor's table."""
         self._outlook = outlook
-        if not self._aircraft.guided:
-            self._other_mode = self._aircraft.custom_mode
+        self._strays.observe()
         state = self.supervisor.state
         if state in WATCHING:
             return self._while_watching(now_s)
         if state is State.STOPPED:
             return []
-        taken = self._taken_away()
+        taken = self._claims.made(self._request, self._before)
         if taken is not None and (state, taken) in TRANSITIONS:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
@@ -160,33 +153,10 @@ class Authority:
             return self._while_flying(now_s)
         return self._while_releasing(now_s)
 
-    def _taken_away(self) -> Event | None:
-        """What says that somebody else has the aircraft now."""
-        aircraft = self._aircraft
-        happened = {
-            Event.DISARMED: not aircraft.armed,
-            Event.LANDING: aircraft.landing(),
-            Event.FAILSAFE: aircraft.failsafe,
-            Event.FENCE: aircraft.fence_breached,
-            Event.STICKS: aircraft.sticks.moved,
-            Event.MODE_CHANGED: self._overruled(),
-        }
-        self._ignored &= {event for event, is_so in happened.items() if is_so}
-        news = (event for event, is_so in happened.items() if is_so and event not in self._ignored)
-        return next(news, None)
-
-    def _overruled(self) -> bool:
-        """Whether somebody else changed the mode, or what the guided mode flies to."""
-        aircraft, request = self._aircraft, self._request
-        if request is None:
-            from_guided = self._before.mode == self._adapter().guided_mode
-            return not aircraft.guided or (from_guided and aircraft.sent_elsewhere(self._before.target))
-        return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
-
     def _while_watching(self, now_s: float) -> list[Effect]:
-        late = self._came_late(now_s)
-        if late is not None and self.supervisor.handle(late):
-            return self._take_back(late, now_s)
+        stray = self._strays.seen(self.supervisor.state, now_s, was_guided=self._was_guided)
+        if stray is not None and self.supervisor.handle(stray):
+            return self._take_back(stray, now_s)
         advice: list[Effect] = []
         clear = self._outlook.decision.layer is Layer.CLEAR
         ready = not self._readiness.hindrances(now_s) and now_s >= self._not_before_s
@@ -209,59 +179,21 @@ class Authority:
         fresh = now_s - self._aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
         return restored if clear or not fresh else [*restored, *self._take_over(now_s)]
 
-    def _came_late(self, now_s: float) -> Event | None:
-        """The guided mode with nobody flying it: entered late, left behind, or abandoned."""
-        aircraft = self._aircraft
-        if self._found is not None:
-            return self._look_for(self._found, now_s)
-        if not aircraft.guided:
-            self._left_guided_since_s = None
-            return None
-        if now_s - self._guided_sent_s < _LATE_S:
-            return Event.LATE
-        if self.supervisor.state is not State.HANDS_OFF or not self._was_guided:
-            return None
-        since_s = self._left_guided_since_s
-        if since_s is None or aircraft.sticks.moved or not aircraft.armed or aircraft.landing():
-            self._left_guided_since_s = now_s
-            return None
-        return Event.ABANDONED if now_s - since_s >= self._rules.abandoned_s else None
-
-    def _look_for(self, found: Held, now_s: float) -> Event | None:
-        """Whether the aircraft is where a companion that was killed left it."""
-        aircraft, adapter = self._aircraft, self._aircraft.adapter
-        if not found.is_fresh(now_s):
-            self._found = None
-            return None
-        if adapter is None or not aircraft.heard(now_s):
-            return None
-        if self._found_since_s is None:
-            self._found_since_s = now_s
-        if now_s - self._found_since_s < _FOUND_AFTER_S:
-            return None
-        self._found = None
-        if found.before is None or aircraft.custom_mode not in (adapter.guided_mode, found.left_behind):
-            return None
-        self._before = found.before
-        return Event.POISONED if adapter.poisoned(now_s) else Event.FOUND
-
     def _take_back(self, event: Event, now_s: float) -> list[Effect]:
         """Give back what is in the guided mode with nobody flying it."""
-        self._left_guided_since_s = None
+        if event is not Event.ABANDONED:
+            self._before = self._strays.before
         if event is Event.POISONED:
             return self._rescue(now_s)
-        if event is Event.LATE:
-            self._before = Before(self._other_mode)
-        self._ignored = TAKEN_AWAY - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
-        self._aircraft.sticks.mark()
+        self._claims.begin(TAKEN_AWAY - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED})
         words = f"Avoidance: {event}, giving back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)]
 
     def _rescue(self, now_s: float) -> list[Effect]:
         """Enter the guided mode again, in which the controller recovers; then give the aircraft back."""
         adapter = self._adapter()
-        self._rescuing, self._was_guided, self._ignored = True, False, frozenset(TAKEN_AWAY)
-        self._aircraft.sticks.mark()
+        self._rescuing, self._was_guided = True, False
+        self._claims.begin(TAKEN_AWAY)
         self._request = ModeRequest(
             self._aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
         )
@@ -273,11 +205,10 @@ class Authority:
         self.supervisor.handle(self._conflict())
         self._before = aircraft.doing(now_s)
         self._rescuing = False
-        self._was_guided, self._ignored = False, frozenset()
+        self._was_guided = False
+        self._claims.begin()
         self._way_back = WayBack.to(self._before, adapter)
         self._request = ModeRequest(self._before.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
-        aircraft.sticks.mark()
-        aircraft.target_while_ours = None
         adapter.stand_back()
         return [*self._ask(now_s), *self._announcer.conflict(self._outlook, now_s)]
 
@@ -342,7 +273,8 @@ class Authority:
         aircraft, request = self._aircraft, self._asked()
         if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.CONFIRMED:
             self._request = None
-            self._guided_sent_s, self._given_back_s = -math.inf, now_s
+            self._given_back_s = now_s
+            self._strays.settled()
             self.supervisor.handle(Event.GIVEN_BACK)
             return []
         stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
@@ -370,9 +302,9 @@ class Authority:
         self._rescuing = False
         self._adapter().stand_back()
         self.supervisor.handle(event)
-        self._request, self._ready_since_s, self._left_guided_since_s = None, None, None
+        self._request, self._ready_since_s = None, None
         if self._was_guided:
-            self._guided_sent_s = -math.inf  # nothing of ours is under way any more
+            self._strays.settled()
         self._against_us = event is Event.MODE_CHANGED and self._aircraft.mode in self._rules.take_over_from
         words = f"Avoidance: hands off, {event}, {self._aircraft.mode}"
         return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)
@@ -404,7 +336,7 @@ class Authority:
             return []
         entering = self.supervisor.state is State.ENGAGING
         if entering:
-            self._guided_sent_s = now_s
+            self._strays.asked(now_s)
         if not entering and request.wanted == self._before.mode:
             return self._announcer.transmit(adapter.give_back(self._before))
         return self._announcer.transmit([adapter.set_mode(request.wanted)])
@@ -438,7 +370,7 @@ class Authority:
         elif self._request is not None and fact.result != mavlink.MAV_RESULT_IN_PROGRESS:
             self._request.refused(now_s)
             if self.supervisor.state is State.ENGAGING:
-                self._guided_sent_s = -math.inf  # nothing is under way any more
+                self._strays.settled()
 
     def _adapter(self) -> Adapter:
         adapter = self._aircraft.adapter

@@ -1,0 +1,45 @@
+"""Who else has the aircraft: everything that ends ours."""
+
+from collections.abc import Iterable
+
+from companion.autopilots.adapter import Before
+from companion.engine.aircraft import Aircraft
+from companion.engine.mode_request import ModeRequest, Progress
+from companion.supervisor import Event
+
+
+class Claims:
+    """Watches for it while we have the aircraft, or are on our way from or to that."""
+
+    def __init__(self, aircraft: Aircraft) -> None:
+        self._aircraft = aircraft
+        self._ignored: frozenset[Event] = frozenset()
+
+    def begin(self, ignored: Iterable[Event] = ()) -> None:
+        """From now on. What is `ignored` counts only when it has ceased and come again."""
+        self._ignored = frozenset(ignored)
+        self._aircraft.sticks.mark()
+        self._aircraft.target_while_ours = None
+
+    def made(self, request: ModeRequest | None, before: Before) -> Event | None:
+        """What says that somebody else has the aircraft now; `request` is ours that is under way."""
+        aircraft = self._aircraft
+        happened = {
+            Event.DISARMED: not aircraft.armed,
+            Event.LANDING: aircraft.landing(),
+            Event.FAILSAFE: aircraft.failsafe,
+            Event.FENCE: aircraft.fence_breached,
+            Event.STICKS: aircraft.sticks.moved,
+            Event.MODE_CHANGED: self._overruled(request, before),
+        }
+        self._ignored &= {event for event, is_so in happened.items() if is_so}
+        news = (event for event, is_so in happened.items() if is_so and event not in self._ignored)
+        return next(news, None)
+
+    def _overruled(self, request: ModeRequest | None, before: Before) -> bool:
+        """Whether somebody else changed the mode, or, in the guided one, what it flies to."""
+        aircraft, adapter = self._aircraft, self._aircraft.adapter
+        if request is not None:
+            return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
+        was_guided = adapter is not None and before.mode == adapter.guided_mode
+        return not aircraft.guided or (was_guided and aircraft.sent_elsewhere(before.target))
