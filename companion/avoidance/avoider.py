@@ -19,6 +19,7 @@ from companion.avoidance.strategies import Control, Priced, Situation, StrategyT
 from companion.avoidance.survey import (
     Survey,
     distance_m,
+    flown_mps,
     horizon_s,
     matters,
     mission_of,
@@ -117,13 +118,15 @@ class Avoider:
     ) -> Answer | None:
         """The joint response of our group, if it is in conflict and the response keeps its members apart."""
         params = self.params.formation
+        if not (params.own_id and params.cooperate and self.params.layers is Layers.BOTH):
+            return None
         states = [
             MemberState(track.track_id, moved(track, now_s), track.velocity_mps, track.member)
             for track in relevant
             if track.member is not None
         ]
         states = [state for state in states if is_sound(state)]
-        if not (states and params.own_id and params.cooperate and self.params.layers is Layers.BOTH):
+        if not states:
             return None
         ours = MemberState(params.own_id, moved(own, now_s), own.velocity_mps, self.member(own, goal))
         answer = joint_response(group_of([ours, *states], params.reach_m), params)
@@ -252,10 +255,11 @@ class Avoider:
         nearest = survey.nearest
         track_id = survey.tracks.ids[nearest]
         rel, other = survey.rel_position_m[nearest], survey.tracks.velocity_mps[nearest]
-        pace = speed_rule(rel, other, survey.own_velocity_mps)
+        own_mps = flown_mps(state)
+        pace = speed_rule(rel, other, own_mps)
         if self._rule is not None and self._rule.track_id == track_id:
             return _Rule(track_id, self._rule.course_rad, pace)
-        course_rad = heading_rule_rad(state.course_rad, rel, other, survey.own_velocity_mps)
+        course_rad = heading_rule_rad(state.course_rad, rel, other, own_mps)
         return _Rule(track_id, course_rad, pace)
 
     def _situation(self, state: OwnState, mission: Guidance, survey: Survey, goal: Goal) -> Situation:
@@ -280,7 +284,7 @@ class Avoider:
             mission=mission,
             over_m=min(float((np.maximum(first, last) + room).max()), highest_m),
             under_m=max(float((np.minimum(first, last) - room).min()), lowest_m),
-            horizon_s=horizon_s(state, mission, goal),
+            horizon_s=survey.horizon_s,
             goal_distance=(
                 1.0
                 if goal.position_m is None

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
-from companion.model import Guidance
+from companion.model import Goal, Guidance
 from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
@@ -146,6 +146,18 @@ class Separation:
     closest: Array
     exposure: Array
     nearness: Array
+
+
+def to_goal(position_m: Sequence[float], course_rad: float, goal: Goal) -> tuple[float, float]:
+    """Course and height that lead to a goal from a north-east-down position on a present course [rad, m]."""
+    north_m, east_m, down_m = (float(x) for x in position_m)
+    altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
+    if goal.position_m is None:
+        return course_rad if goal.course_rad is None else goal.course_rad, altitude_m
+    north, east = goal.position_m[0] - north_m, goal.position_m[1] - east_m
+    if math.hypot(north, east) > 1.0:  # on top of the goal its bearing means nothing
+        course_rad = math.atan2(east, north)
+    return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
 
 
 def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:

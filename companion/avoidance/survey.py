@@ -26,6 +26,7 @@ from companion.avoidance.prediction import (
     fly_ahead,
     ground_speed_mps,
     separation,
+    to_goal,
 )
 from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind, Vec3
 
@@ -41,7 +42,6 @@ class Survey:
 
     tracks: Tracks
     rel_position_m: Array  # other minus own, (N, 3)
-    own_velocity_mps: Array  # own as flown now, (3,)
     own_rel_velocity_mps: Array  # own on the mission minus other, (N, 3)
     surface_m: Array  # horizontal distance to the protected volume
     closing_mps: Array
@@ -50,6 +50,7 @@ class Survey:
     inner_reach_m: Array
     emergency: NDArray[np.bool_]  # what calls for the inner layer
     conflict: NDArray[np.bool_]
+    horizon_s: float  # how far ahead flights are judged
 
     def pressing(self, most: int) -> NDArray[np.intp]:
         """Places of the tracks to price against: conflicts first, then those soonest reached."""
@@ -95,7 +96,6 @@ def take(
     closest = separation(ahead, tracks, horizon_s=horizon_s).closest[0]
     needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
     lost = closest < needed * (1.0 + params.release_margin if avoiding else 1.0)
-    flown = _flown_mps(state)
     reached = surface < outer_reach
     radius = tracks.protected_horizontal_m
     if params.outer_method is OuterMethod.PRICED:
@@ -103,7 +103,7 @@ def take(
         approach = -rel_velocity
         reached &= lost
     else:
-        approach = flown - tracks.velocity_mps
+        approach = flown_mps(state) - tracks.velocity_mps
     if params.outer_method is OuterMethod.FIELD:
         outer = reached
     else:
@@ -116,7 +116,6 @@ def take(
     return Survey(
         tracks=tracks,
         rel_position_m=rel_position,
-        own_velocity_mps=flown,
         own_rel_velocity_mps=-rel_velocity,
         surface_m=surface,
         closing_mps=closing,
@@ -125,10 +124,12 @@ def take(
         inner_reach_m=inner_reach,
         emergency=inner,
         conflict=conflict,
+        horizon_s=horizon_s,
     )
 
 
-def _flown_mps(state: OwnState) -> Array:
+def flown_mps(state: OwnState) -> Array:
+    """Own velocity as flown now, north-east-down, (3,)."""
     speed_mps = ground_speed_mps(state.course_rad, state.airspeed_mps, state.wind_mps)
     north, east = math.cos(state.course_rad), math.sin(state.course_rad)
     return np.array([speed_mps * north, speed_mps * east, -state.climb_mps])
@@ -258,14 +259,5 @@ def horizon_s(state: OwnState, mission: Guidance, goal: Goal) -> float:
 def mission_of(state: OwnState, own: Ownship, goal: Goal) -> Guidance:
     """What the goal means from here: course, airspeed and height."""
     airspeed = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
-    altitude, course = goal.altitude_m, goal.course_rad
-    if goal.position_m is not None:
-        north, east = (goal.position_m[i] - float(state.position_m[i]) for i in (0, 1))
-        # On top of the goal its bearing means nothing.
-        course = math.atan2(east, north) if math.hypot(north, east) > 1.0 else state.course_rad
-        altitude = -goal.position_m[2] if altitude is None else altitude
-    return Guidance(
-        state.course_rad if course is None else course,
-        airspeed,
-        -float(state.position_m[2]) if altitude is None else altitude,
-    )
+    course_rad, altitude_m = to_goal(state.position_m.tolist(), state.course_rad, goal)
+    return Guidance(course_rad, airspeed, altitude_m)
