@@ -8,14 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.control import Control
 from companion.avoidance.envelope import Pace
+from companion.avoidance.fence import Fence
 from companion.avoidance.formation import Answer, MemberState, group_of, is_sound, joint_response
 from companion.avoidance.inner import emergency
 from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers
-from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
+from companion.avoidance.prediction import (
+    HORIZON_S,
+    Commands,
+    OwnState,
+    Tracks,
+    fly_ahead,
+    separation,
+    turn_around_s,
+)
+from companion.avoidance.refusals import Refusals
 from companion.avoidance.rules import heading_rule_rad, speed_rule
-from companion.avoidance.strategies import Control, Priced, Situation, StrategyTable, price
+from companion.avoidance.strategies import Priced, Situation, StrategyTable, price
 from companion.avoidance.survey import (
     Survey,
     distance_m,
@@ -38,12 +49,15 @@ class Avoider:
     """Decides for one aircraft during one flight.
 
     The same inputs in the same order give the same decisions, bit for bit: there is no clock and no chance in
-    here. `envelope` may be replaced at any time, as limits become known.
+    here. `envelope` and `fence` may be replaced at any time, as limits become known; the fence is in the same
+    frame as everything else, and moves with it.
     """
 
     def __init__(self, params: AvoidanceParams) -> None:
         self.params = params
         self.envelope = params.envelope
+        self.fence: Fence | None = None
+        self._refusals = Refusals()
         has_domain = params.outer_method in (OuterMethod.TRANSITION, OuterMethod.PRICED)
         self._domain = TransitionDomain(params.delta_beta_rad if has_domain else 0.0)
         self._table = StrategyTable.within(params.controls)
@@ -53,8 +67,15 @@ class Avoider:
         self._answering = False  # our group's conflict
         self._clear_since_s: float | None = None
 
+    def refuse(self, control: Control, value: float, now_s: float) -> None:
+        """The autopilot refused a course [rad], an airspeed [m/s] or a height [m] that was asked of it.
+
+        For a while no row asks for it, or for nearly the same, while any other row is left.
+        """
+        self._refusals = self._refusals.noting(control, value, now_s)
+
     def reset(self) -> None:
-        """Forget the conflict at hand: somebody else flies now."""
+        """Forget the conflict at hand: somebody else flies now. What the autopilot refused is remembered."""
         self._domain.reset()
         self._held = None
         self._layer = Layer.CLEAR
@@ -71,11 +92,12 @@ class Avoider:
         no safe answer to it.
         """
         refuse_nonsense(own, goal)
+        self._refusals = self._refusals.at(now_s)
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if matters(t) and not (own_id and t.track_id == own_id)]
-        if not relevant:
-            return self._without_conflict(now_s)
         state = own_state(now_s, own)
+        if not relevant:
+            return self._without_conflict(now_s, state)
         mission = mission_of(state, own, goal)
         survey = take(
             state,
@@ -94,7 +116,7 @@ class Avoider:
                 return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
         self._answering = False
         if not survey.conflict.any():
-            return self._without_conflict(now_s)
+            return self._without_conflict(now_s, state)
         self._clear_since_s = None
         return self._avoid(state, mission, survey, relevant, goal)
 
@@ -138,13 +160,27 @@ class Avoider:
     def _keeps_clear(
         self, answer: Answer, state: OwnState, survey: Survey, others: NDArray[np.bool_]
     ) -> bool:
-        """Whether our part of the joint response keeps out of the volumes of those not of the group."""
+        """Whether our part of the joint response may be flown, and keeps clear of those not of the group."""
+        part = self._within_limits(answer.guidance[self.params.formation.own_id])
         strangers = survey.tracks.subset(np.flatnonzero(others))
-        if len(strangers) == 0:
+        if len(strangers) > 0:
+            kept = separation(fly_ahead(state, Commands.of([part]), self.envelope), strangers)
+            if not (kept.closest >= 1.0).all():
+                return False
+        return self._may_fly(part, state)
+
+    def _may_fly(self, guidance: Guidance, state: OwnState) -> bool:
+        """Whether a guidance keeps to the fence, and the autopilot did not refuse it."""
+        if not self._refusals.allow(guidance):
+            return False
+        if self.fence is None:
             return True
-        row = Commands.of([self._within_limits(answer.guidance[self.params.formation.own_id])])
-        kept = separation(fly_ahead(state, row, self.envelope), strangers)
-        return bool((kept.closest >= 1.0).all())
+        ahead_s = self._fence_look_ahead_s(state)
+        paths = fly_ahead(state, Commands.of([guidance]), self.envelope)
+        return not self.fence.breach(paths, ahead_s, ahead_s).deepest_m.any()
+
+    def _fence_look_ahead_s(self, state: OwnState) -> float:
+        return min(self.params.fence_look_ahead_turns * turn_around_s(state, self.envelope), HORIZON_S)
 
     def _answered(
         self, answer: Answer, state: OwnState, survey: Survey, relevant: Sequence[Track]
@@ -167,15 +203,16 @@ class Avoider:
             self.envelope.clamp_altitude_m(guidance.altitude_m),
         )
 
-    def _without_conflict(self, now_s: float) -> Decision:
+    def _without_conflict(self, now_s: float, state: OwnState) -> Decision:
         if self._held is None:
             self.reset()
             return Decision(Layer.CLEAR, because="no conflict")
         if self._clear_since_s is None or now_s < self._clear_since_s:
             self._clear_since_s = now_s
-        if now_s - self._clear_since_s < self.params.release_after_s:
+        held = self._within_limits(self._held)
+        if now_s - self._clear_since_s < self.params.release_after_s and self._may_fly(held, state):
             self._layer = Layer.INNER if self.params.layers is Layers.INNER else Layer.OUTER
-            self._held, self._rule = self._within_limits(self._held), None
+            self._held, self._rule = held, None
             return Decision(self._layer, self._held, (), "clear of conflict, holding before the return")
         self.reset()
         return Decision(Layer.CLEAR, because="clear of conflict")
@@ -205,7 +242,8 @@ class Avoider:
 
         The paper's inner layer takes over by distance (§2.3). What flies by default leaves a near threat to
         the outer layer as long as that keeps clear, and lets the inner layer go on until the margin is there
-        again, so that the layers do not flicker; the inner layer also takes over when the field has no way.
+        again, so that the layers do not flicker; the inner layer also takes over when the field has no way,
+        or none within the fence.
         """
         params, near = self.params, bool(survey.emergency.any())
         if params.layers is Layers.INNER:
@@ -213,7 +251,10 @@ class Avoider:
         if params.outer_method is not OuterMethod.PRICED:
             if near and params.layers is Layers.BOTH:
                 return Layer.INNER, self._inner(situation, survey, pressing)
-            return Layer.OUTER, self._resultant(situation, survey, pressing)
+            priced = self._resultant(situation, survey, pressing)
+            if params.layers is Layers.OUTER or self._is_open(priced, situation):
+                return Layer.OUTER, priced
+            return Layer.INNER, self._inner(situation, survey, pressing)
         if params.layers is Layers.OUTER:
             return Layer.OUTER, self._field(situation, survey, pressing)
         if near and params.clears_inner_layer:
@@ -224,9 +265,15 @@ class Avoider:
             return Layer.OUTER if kept else Layer.INNER, priced
         if self._layer is not Layer.CLEAR or not near:
             priced = self._field(situation, survey, pressing)
-            if priced.closest[priced.best()] >= situation.lost:
+            if priced.closest[priced.best()] >= situation.lost and self._is_open(priced, situation):
                 return Layer.OUTER, priced
         return Layer.INNER, self._inner(situation, survey, pressing)
+
+    @staticmethod
+    def _is_open(priced: Priced, situation: Situation) -> bool:
+        """Whether the best row keeps to the fence, and asks for nothing that was refused."""
+        best = priced.best()
+        return bool(priced.contained[best]) and situation.refusals.allow(priced.commands.row(best))
 
     def _inner(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
         self._rule = self._ruled(situation.own, survey)
@@ -294,6 +341,10 @@ class Avoider:
             right_preferred=self._right_preferred(mission, survey),
             envelope=self.envelope,
             weights=self.params.weights,
+            fence=self.fence,
+            fence_look_ahead_s=self._fence_look_ahead_s(state),
+            passed_s=float(np.minimum(closest_s + crossing_s, HORIZON_S).max()),
+            refusals=self._refusals,
         )
 
     @staticmethod

@@ -7,9 +7,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Envelope
+from companion.avoidance.control import ALL_CONTROLS, Control
 from companion.avoidance.outer import OuterMethod
 from companion.avoidance.params import Layers
-from companion.avoidance.strategies import ALL_CONTROLS, Control
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import wrap_pi
 

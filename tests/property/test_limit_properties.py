@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider
+from companion.avoidance.control import Control
 from companion.avoidance.prediction import Commands, OwnState, fly_ahead
 from companion.avoidance.rules import Pace
 from companion.avoidance.strategies import (
-    Control,
     CostWeights,
     Situation,
     StrategyTable,
