@@ -45,6 +45,8 @@ class AvoidanceParams:
     # Back to the mission only when its flight keeps clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
+    # Where the fence is in the way of the mission, it is followed for so long before the mission is flown.
+    return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
     # An avoidance goes no further up or down than this from where it would otherwise be.
     largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
     # No row may leave the fence within so many times what turning around takes. One is enough to stay inside:

@@ -149,6 +149,12 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @classmethod
+    def none(cls) -> "Tracks":
+        """No traffic."""
+        nothing = np.zeros(0)
+        return cls((), np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, np.zeros(0, dtype=bool), nothing)
+
     def subset(self, index: NDArray[np.intp]) -> "Tracks":
         """The tracks at the given places, in that order."""
         return Tracks(

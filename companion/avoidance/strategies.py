@@ -265,11 +265,11 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
     ).sum(axis=1)
     # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
     # goal.
-    cost += weights.nearness * kept.nearness.max(axis=1)
+    cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
     cost += effort(situation, commands)
     if held is not None:
         cost[1:] += weights.switch
-    closest, contained = kept.closest.min(axis=1), np.ones(len(commands), dtype=bool)
+    closest, contained = kept.closest.min(axis=1, initial=np.inf), np.ones(len(commands), dtype=bool)
     if situation.fence is not None:
         breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
         contained = breach.deepest_m <= 0.0
@@ -306,7 +306,7 @@ def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Arra
         protected_horizontal_m=horizontal * tracks.protected_horizontal_m,
         protected_vertical_m=vertical * tracks.protected_vertical_m,
     )
-    closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1)
+    closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1, initial=np.inf)
     cost: Array = situation.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
     return cost
 

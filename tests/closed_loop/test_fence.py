@@ -87,7 +87,7 @@ def test_a_box_with_head_on_traffic() -> None:
     assert outcome.arrived
 
 
-@pytest.mark.parametrize("from_deg", [0, 144, 216, 288])
+@pytest.mark.parametrize("from_deg", range(0, 360, 72))
 def test_a_tall_zone_is_kept_out_of_where_its_height_reaches(from_deg: float) -> None:
     """The way up is closed by a ceiling, and one side by a tower."""
     zones = (
@@ -182,3 +182,25 @@ def test_in_the_mirror_the_other_side_is_taken(course_deg: float, side: float) -
     turn_rad = math.remainder(decision.guidance.course_rad - course_rad, math.tau)
     assert math.copysign(1.0, turn_rad) == -side
     assert abs(turn_rad) > math.radians(5.0)
+
+
+@pytest.mark.parametrize("from_deg", [0, 60])
+def test_the_way_back_to_the_mission_goes_round_the_fence_too(from_deg: float) -> None:
+    """Two walls with a gap on the way: whoever avoids is beside it, and straight back is through a wall."""
+    walls = (
+        box((1200.0, 1500.0), (100.0, 3000.0), inclusion=False),
+        box((1200.0, 1500.0), (-3000.0, -500.0), inclusion=False),
+    )
+    outcome = fly([straight(from_deg, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=Fence(walls))
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+    assert outcome.engagements == 1
+
+
+def test_a_mission_beyond_the_fence_is_given_back_after_a_while() -> None:
+    """The goal lies outside: that is the mission's affair, not ours to refuse for ever."""
+    fence = Fence((box((-500.0, 4000.0), (-2500.0, 2500.0)),))
+    outcome = fly([straight(0.0, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=fence, seconds=600.0)
+    assert outcome.arrived
+    assert outcome.engagements == 1

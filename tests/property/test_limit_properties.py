@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.control import Control
+from companion.avoidance.control import ALL_CONTROLS, Control
 from companion.avoidance.prediction import Commands, OwnState, fly_ahead
 from companion.avoidance.rules import Pace
 from companion.avoidance.strategies import (
@@ -18,7 +18,7 @@ from companion.avoidance.strategies import (
     Situation,
     StrategyTable,
 )
-from companion.model import Goal, Guidance, Ownship, Track
+from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
 from tests.property.avoidance_cases import (
     ALL_STRATEGIES,
@@ -118,3 +118,48 @@ def test_limits_that_become_known_in_a_conflict_are_kept_from_then_on() -> None:
     guidance = avoider.decide(0.0, own, [threat], goal).guidance
     assert guidance is not None
     assert within_limits(guidance, avoider.envelope)
+
+
+@pytest.mark.parametrize("params", ALL_STRATEGIES, ids=named)
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(case=cases(), altitude_m=st.sampled_from([20.0, 95.0, 640.0, 1200.0]))
+def test_from_below_the_floor_and_above_the_ceiling_every_way_leads_back(
+    params: AvoidanceParams, case: Case, altitude_m: float
+) -> None:
+    own, tracks, goal = case
+
+    def lifted(place: Vec3) -> Vec3:
+        return (place[0], place[1], place[2] + 300.0 - altitude_m)
+
+    own = replace(own, position_m=lifted(own.position_m))
+    tracks = [replace(track, position_m=lifted(track.position_m)) for track in tracks]
+    decision = Avoider(params).decide(0.0, own, tracks, replace(goal, altitude_m=altitude_m))
+    assert decision.guidance is None or within_limits(decision.guidance)
+
+
+@pytest.mark.parametrize("altitude_m", [20.0, 640.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_row_goes_further_beyond_the_floor_or_ceiling(altitude_m: float, seed: int) -> None:
+    at = situations(seed)
+    own = replace(at.own, position_m=np.array([0.0, 0.0, -altitude_m]), climb_mps=0.0)
+    rows = StrategyTable.within(ALL_CONTROLS).commands(replace(at, own=own))
+    heights_m = fly_ahead(own, rows, ENVELOPE).altitude_m
+    steps_m = np.diff(heights_m, axis=1)
+    assert (steps_m >= -1e-9).all() if altitude_m < 100.0 else (steps_m <= 1e-9).all()
+    assert ((heights_m[:, -1] >= 100.0 - 1e-9) & (heights_m[:, -1] <= 600.0 + 1e-9)).all()
+
+
+def test_the_floor_may_rise_in_flight_above_the_aircraft() -> None:
+    own = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0, (0.0, 0.0))
+    threat = Track("T", 0.0, (2500.0, 0.0, -300.0), (-40.0, 0.0, 0.0))
+    avoider, goal = Avoider(AvoidanceParams()), Goal(0.0, 22.0, 300.0)
+    for now_s, floor_m in enumerate((100.0, 250.0, 340.0, 420.0, 380.0)):
+        avoider.envelope = replace(ENVELOPE, min_altitude_m=floor_m)
+        seen = replace(threat, time_s=now_s)
+        guidance = avoider.decide(now_s, replace(own, time_s=now_s), [seen], goal).guidance
+        assert guidance is not None
+        assert guidance.altitude_m >= floor_m
+    avoider.envelope = replace(ENVELOPE, min_altitude_m=500.0)
+    held = avoider.decide(5.0, replace(own, time_s=5.0), [], goal).guidance
+    assert held is not None
+    assert held.altitude_m >= 500.0, "also while only holding before the return"
