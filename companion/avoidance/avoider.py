@@ -1,6 +1,5 @@
 """The avoider: two layers, one decision, and all the memory there is (cones entered, guidance flown)."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,17 +7,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.control import Control
 from companion.avoidance.envelope import Pace
+from companion.avoidance.fence import Fence
 from companion.avoidance.formation import Answer, MemberState, group_of, is_sound, joint_response
 from companion.avoidance.inner import emergency
 from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers
-from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
+from companion.avoidance.prediction import (
+    HORIZON_S,
+    Commands,
+    OwnState,
+    Tracks,
+    fly_ahead,
+    separation,
+    turn_around_s,
+)
+from companion.avoidance.refusals import Refusals
 from companion.avoidance.rules import heading_rule_rad, speed_rule
-from companion.avoidance.strategies import Control, Priced, Situation, StrategyTable, price
+from companion.avoidance.situations import because, conflict, way_back
+from companion.avoidance.strategies import Priced, Situation, StrategyTable, price
 from companion.avoidance.survey import (
     Survey,
-    distance_m,
+    flown_mps,
     horizon_s,
     matters,
     mission_of,
@@ -29,20 +40,22 @@ from companion.avoidance.survey import (
     threats,
     tracks_at,
 )
-from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Threat, Track
-from companion.units import wrap_pi
+from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 
 
 class Avoider:
     """Decides for one aircraft during one flight.
 
     The same inputs in the same order give the same decisions, bit for bit: there is no clock and no chance in
-    here. `envelope` may be replaced at any time, as limits become known.
+    here. `envelope` and `fence` may be replaced at any time, as limits become known; the fence is in the same
+    frame as everything else, and moves with it.
     """
 
     def __init__(self, params: AvoidanceParams) -> None:
         self.params = params
         self.envelope = params.envelope
+        self.fence: Fence | None = None
+        self._refusals = Refusals()
         has_domain = params.outer_method in (OuterMethod.TRANSITION, OuterMethod.PRICED)
         self._domain = TransitionDomain(params.delta_beta_rad if has_domain else 0.0)
         self._table = StrategyTable.within(params.controls)
@@ -52,8 +65,15 @@ class Avoider:
         self._answering = False  # our group's conflict
         self._clear_since_s: float | None = None
 
+    def refuse(self, control: Control, value: float, now_s: float) -> None:
+        """The autopilot refused a course [rad], an airspeed [m/s] or a height [m] that was asked of it.
+
+        For a while no row asks for it, or for nearly the same, while any other row is left.
+        """
+        self._refusals = self._refusals.noting(control, value, now_s)
+
     def reset(self) -> None:
-        """Forget the conflict at hand: somebody else flies now."""
+        """Forget the conflict at hand: somebody else flies now. What the autopilot refused is remembered."""
         self._domain.reset()
         self._held = None
         self._layer = Layer.CLEAR
@@ -70,12 +90,13 @@ class Avoider:
         no safe answer to it.
         """
         refuse_nonsense(own, goal)
+        self._refusals = self._refusals.at(now_s)
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if matters(t) and not (own_id and t.track_id == own_id)]
-        if not relevant:
-            return self._without_conflict(now_s)
         state = own_state(now_s, own)
         mission = mission_of(state, own, goal)
+        if not relevant:
+            return self._without_conflict(now_s, state, mission, goal)
         survey = take(
             state,
             mission,
@@ -93,7 +114,7 @@ class Avoider:
                 return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
         self._answering = False
         if not survey.conflict.any():
-            return self._without_conflict(now_s)
+            return self._without_conflict(now_s, state, mission, goal)
         self._clear_since_s = None
         return self._avoid(state, mission, survey, relevant, goal)
 
@@ -117,13 +138,15 @@ class Avoider:
     ) -> Answer | None:
         """The joint response of our group, if it is in conflict and the response keeps its members apart."""
         params = self.params.formation
+        if not (params.own_id and params.cooperate and self.params.layers is Layers.BOTH):
+            return None
         states = [
             MemberState(track.track_id, moved(track, now_s), track.velocity_mps, track.member)
             for track in relevant
             if track.member is not None
         ]
         states = [state for state in states if is_sound(state)]
-        if not (states and params.own_id and params.cooperate and self.params.layers is Layers.BOTH):
+        if not states:
             return None
         ours = MemberState(params.own_id, moved(own, now_s), own.velocity_mps, self.member(own, goal))
         answer = joint_response(group_of([ours, *states], params.reach_m), params)
@@ -135,13 +158,33 @@ class Avoider:
     def _keeps_clear(
         self, answer: Answer, state: OwnState, survey: Survey, others: NDArray[np.bool_]
     ) -> bool:
-        """Whether our part of the joint response keeps out of the volumes of those not of the group."""
+        """Whether our part of the joint response may be flown, and keeps clear of those not of the group."""
+        part = self._within_limits(answer.guidance[self.params.formation.own_id])
         strangers = survey.tracks.subset(np.flatnonzero(others))
-        if len(strangers) == 0:
+        if len(strangers) > 0:
+            kept = separation(fly_ahead(state, Commands.of([part]), self.envelope), strangers)
+            if not (kept.closest >= 1.0).all():
+                return False
+        return self._may_fly(part, state)
+
+    def _may_fly(self, guidance: Guidance, state: OwnState) -> bool:
+        """Whether a guidance keeps to the fence, and the autopilot did not refuse it."""
+        ahead_s = self._fence_look_ahead_s(state)
+        return self._refusals.allow(guidance) and self._keeps_fence(guidance, state, ahead_s)
+
+    def _keeps_fence(self, guidance: Guidance, state: OwnState, until_s: float) -> bool:
+        if self.fence is None:
             return True
-        row = Commands.of([self._within_limits(answer.guidance[self.params.formation.own_id])])
-        kept = separation(fly_ahead(state, row, self.envelope), strangers)
-        return bool((kept.closest >= 1.0).all())
+        paths = fly_ahead(state, Commands.of([guidance]), self.envelope)
+        return not self.fence.breach(paths, until_s, until_s).deepest_m.any()
+
+    def _bounded(self, situation: Situation) -> Situation:
+        """The same within the fence, and without what was refused."""
+        ahead_s = self._fence_look_ahead_s(situation.own)
+        return replace(situation, fence=self.fence, fence_look_ahead_s=ahead_s, refusals=self._refusals)
+
+    def _fence_look_ahead_s(self, state: OwnState) -> float:
+        return min(self.params.fence_look_ahead_turns * turn_around_s(state, self.envelope), HORIZON_S)
 
     def _answered(
         self, answer: Answer, state: OwnState, survey: Survey, relevant: Sequence[Track]
@@ -154,7 +197,7 @@ class Avoider:
         near = min(threat.distance_m for threat in found) < params.separation_m
         self._answering, self._held = True, guidance
         self._layer = Layer.INNER if near else Layer.OUTER
-        return Decision(self._layer, guidance, found, "group: " + _because(found[0], guidance, state))
+        return Decision(self._layer, guidance, found, "group: " + because(found[0], guidance, state))
 
     def _within_limits(self, guidance: Guidance) -> Guidance:
         """The same guidance within limits that may have become known since, or that others do not know."""
@@ -164,18 +207,36 @@ class Avoider:
             self.envelope.clamp_altitude_m(guidance.altitude_m),
         )
 
-    def _without_conflict(self, now_s: float) -> Decision:
+    def _without_conflict(self, now_s: float, state: OwnState, mission: Guidance, goal: Goal) -> Decision:
+        """The mission again: after a while, and where the fence leaves a straight way back to it."""
         if self._held is None:
             self.reset()
             return Decision(Layer.CLEAR, because="no conflict")
         if self._clear_since_s is None or now_s < self._clear_since_s:
             self._clear_since_s = now_s
-        if now_s - self._clear_since_s < self.params.release_after_s:
-            self._layer = Layer.INNER if self.params.layers is Layers.INNER else Layer.OUTER
-            self._held, self._rule = self._within_limits(self._held), None
-            return Decision(self._layer, self._held, (), "clear of conflict, holding before the return")
+        waited_s, held = now_s - self._clear_since_s, self._within_limits(self._held)
+        if waited_s < self.params.release_after_s and self._may_fly(held, state):
+            return self._holding(held, "clear of conflict, holding before the return")
+        if waited_s < self.params.return_within_s and not self._leads_back(state, mission, goal):
+            situation = self._bounded(way_back(state, mission, self.params, self.envelope))
+            priced = price(situation, self._table.commands(situation), Tracks.none(), held)
+            return self._holding(
+                priced.commands.row(priced.best()), "clear of conflict, back along the fence"
+            )
         self.reset()
         return Decision(Layer.CLEAR, because="clear of conflict")
+
+    def _holding(self, guidance: Guidance, words: str) -> Decision:
+        self._layer = Layer.INNER if self.params.layers is Layers.INNER else Layer.OUTER
+        self._held, self._rule = guidance, None
+        return Decision(self._layer, guidance, (), words)
+
+    def _leads_back(self, state: OwnState, mission: Guidance, goal: Goal) -> bool:
+        """Whether the mission keeps to the fence, straight on to its next position if it has one."""
+        ahead_s = self._fence_look_ahead_s(state)
+        if goal.position_m is not None:
+            ahead_s = horizon_s(state, mission, replace(goal, is_end=True))
+        return self._keeps_fence(self._within_limits(mission), state, ahead_s)
 
     def _avoid(
         self,
@@ -187,7 +248,7 @@ class Avoider:
     ) -> Decision:
         if self._held is not None:
             self._held = self._within_limits(self._held)
-        situation = self._situation(state, mission, survey, goal)
+        situation = self._bounded(conflict(state, mission, survey, goal, self.params, self.envelope))
         pressing = survey.tracks.subset(survey.pressing(self.params.priced_tracks))
         layer, priced = self._priced(situation, survey, pressing)
         best = priced.best()
@@ -195,14 +256,15 @@ class Avoider:
         if layer is not Layer.INNER:
             self._rule = None
         found = threats(survey, relevant, self.params.priced_tracks)
-        return Decision(layer, self._held, found, _because(found[0], self._held, state))
+        return Decision(layer, self._held, found, because(found[0], self._held, state))
 
     def _priced(self, situation: Situation, survey: Survey, pressing: Tracks) -> tuple[Layer, Priced]:
         """The layer that decides, and its rows.
 
         The paper's inner layer takes over by distance (§2.3). What flies by default leaves a near threat to
         the outer layer as long as that keeps clear, and lets the inner layer go on until the margin is there
-        again, so that the layers do not flicker; the inner layer also takes over when the field has no way.
+        again, so that the layers do not flicker; the inner layer also takes over when the field has no way,
+        or none within the fence.
         """
         params, near = self.params, bool(survey.emergency.any())
         if params.layers is Layers.INNER:
@@ -210,7 +272,10 @@ class Avoider:
         if params.outer_method is not OuterMethod.PRICED:
             if near and params.layers is Layers.BOTH:
                 return Layer.INNER, self._inner(situation, survey, pressing)
-            return Layer.OUTER, self._resultant(situation, survey, pressing)
+            priced = self._resultant(situation, survey, pressing)
+            if params.layers is Layers.OUTER or self._is_open(priced, situation):
+                return Layer.OUTER, priced
+            return Layer.INNER, self._inner(situation, survey, pressing)
         if params.layers is Layers.OUTER:
             return Layer.OUTER, self._field(situation, survey, pressing)
         if near and params.clears_inner_layer:
@@ -221,9 +286,15 @@ class Avoider:
             return Layer.OUTER if kept else Layer.INNER, priced
         if self._layer is not Layer.CLEAR or not near:
             priced = self._field(situation, survey, pressing)
-            if priced.closest[priced.best()] >= situation.lost:
+            if priced.closest[priced.best()] >= situation.lost and self._is_open(priced, situation):
                 return Layer.OUTER, priced
         return Layer.INNER, self._inner(situation, survey, pressing)
+
+    @staticmethod
+    def _is_open(priced: Priced, situation: Situation) -> bool:
+        """Whether the best row keeps to the fence, and asks for nothing that was refused."""
+        best = priced.best()
+        return bool(priced.contained[best]) and situation.refusals.allow(priced.commands.row(best))
 
     def _inner(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
         self._rule = self._ruled(situation.own, survey)
@@ -252,52 +323,12 @@ class Avoider:
         nearest = survey.nearest
         track_id = survey.tracks.ids[nearest]
         rel, other = survey.rel_position_m[nearest], survey.tracks.velocity_mps[nearest]
-        pace = speed_rule(rel, other, survey.own_velocity_mps)
+        own_mps = flown_mps(state)
+        pace = speed_rule(rel, other, own_mps)
         if self._rule is not None and self._rule.track_id == track_id:
             return _Rule(track_id, self._rule.course_rad, pace)
-        course_rad = heading_rule_rad(state.course_rad, rel, other, survey.own_velocity_mps)
+        course_rad = heading_rule_rad(state.course_rad, rel, other, own_mps)
         return _Rule(track_id, course_rad, pace)
-
-    def _situation(self, state: OwnState, mission: Guidance, survey: Survey, goal: Goal) -> Situation:
-        threat = survey.conflict
-        # A threat's height matters while it is within the horizontal volume, around the closest approach.
-        rel_speed = np.hypot(survey.own_rel_velocity_mps[threat, 0], survey.own_rel_velocity_mps[threat, 1])
-        crossing_s = np.minimum(
-            survey.tracks.protected_horizontal_m[threat] / np.maximum(rel_speed, 1.0), 30.0
-        )
-        closest_s = np.clip(survey.time_to_closest_s[threat], 0.0, 90.0)
-        height = -survey.tracks.position_m[threat, 2]
-        climb = -survey.tracks.velocity_mps[threat, 2]
-        first = height + climb * np.maximum(closest_s - crossing_s, 0.0)
-        last = height + climb * (closest_s + crossing_s)
-        # Slightly more than priced as clear, so that arriving at the height is enough.
-        room = 1.02 * survey.tracks.protected_vertical_m[threat]
-        usual_m = (-float(state.position_m[2]), mission.altitude_m)
-        highest_m = max(usual_m) + self.params.largest_height_change_m
-        lowest_m = min(usual_m) - self.params.largest_height_change_m
-        return Situation(
-            own=state,
-            mission=mission,
-            over_m=min(float((np.maximum(first, last) + room).max()), highest_m),
-            under_m=max(float((np.minimum(first, last) - room).min()), lowest_m),
-            horizon_s=horizon_s(state, mission, goal),
-            goal_distance=(
-                1.0
-                if goal.position_m is None
-                else distance_m(state, goal.position_m) / self.params.outer_radius_m
-            ),
-            lost=1.0 / (1.0 + min(self.params.horizontal_margin, self.params.vertical_margin)),
-            right_preferred=self._right_preferred(mission, survey),
-            envelope=self.envelope,
-            weights=self.params.weights,
-        )
-
-    @staticmethod
-    def _right_preferred(mission: Guidance, survey: Survey) -> bool:
-        """Head-on and crossing from the right: the rules of the air turn us to the right."""
-        rel = survey.rel_position_m[survey.nearest]
-        bearing_rad = wrap_pi(math.atan2(rel[1], rel[0]) - mission.course_rad)
-        return math.radians(-20.0) <= bearing_rad <= math.radians(110.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,16 +347,4 @@ def _repelling(survey: Survey) -> Threats:
         survey.own_rel_velocity_mps[threat],
         survey.surface_m[threat],
         survey.outer_reach_m[threat],
-    )
-
-
-def _because(threat: Threat, guidance: Guidance, state: OwnState) -> str:
-    """The decision in words, for the operator and the log."""
-    course = math.degrees(guidance.course_rad) % 360.0
-    turn = math.degrees(wrap_pi(guidance.course_rad - state.course_rad))
-    turning = f"{'right' if turn > 0 else 'left'} to " if abs(turn) > 5.0 else ""
-    return (
-        f"{threat.track_id} {threat.distance_m:.0f} m, {threat.relative_altitude_m:+.0f} m, "
-        f"{threat.time_to_closest_s:.0f} s: course {turning}{course:03.0f}, "
-        f"height {guidance.altitude_m:.0f} m"
     )

@@ -10,17 +10,16 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from companion.avoidance.envelope import Envelope
+from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.geometry import Array
-from companion.avoidance.prediction import TIME_SHARES, Commands, OwnState, fly_ahead
-from companion.model import Goal, Guidance, Member, Vec3
+from companion.avoidance.prediction import TIME_SHARES, Commands, OwnState, fly_ahead, to_goal
+from companion.model import Guidance, Member, Vec3
 from companion.units import wrap_pi, wrap_two_pi
 
 # In larger groups everybody avoids the others as he avoids strangers.
@@ -28,14 +27,6 @@ _LARGEST_GROUP = 8
 # Up to so many members every combination is tried; more of them improve one after the other, in order of id.
 _ALL_COMBINATIONS = 3
 _ROUNDS = 10
-
-
-class Pace(StrEnum):
-    """What a response does with airspeed."""
-
-    CRUISE = "cruise"
-    SLOWEST = "slowest"
-    FASTEST = "fastest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,18 +156,20 @@ class _Flown:
 def _flown(state: MemberState, centre_m: Array) -> _Flown:
     member, velocity = state.member, state.velocity_mps
     speed_mps = math.hypot(velocity[0], velocity[1])
-    bearing_rad, altitude_m = _to_goal(state, member.goal)
+    present_rad = math.atan2(velocity[1], velocity[0])
+    bearing_rad, altitude_m = to_goal(state.position_m, present_rad, member.goal)
     wanted_mps = speed_mps if member.goal.airspeed_mps is None else member.goal.airspeed_mps
-    cruise_mps = min(max(wanted_mps, member.min_airspeed_mps), member.max_airspeed_mps)
-    course_rad = math.atan2(velocity[1], velocity[0]) if speed_mps > 1.0 else bearing_rad
-    speeds = {
-        Pace.CRUISE: cruise_mps,
-        Pace.SLOWEST: member.min_airspeed_mps,
-        Pace.FASTEST: member.max_airspeed_mps,
-    }
+    course_rad = present_rad if speed_mps > 1.0 else bearing_rad
+    envelope = Envelope(
+        min_airspeed_mps=member.min_airspeed_mps,
+        max_airspeed_mps=member.max_airspeed_mps,
+        max_turn_rate_radps=member.max_turn_rate_radps,
+        max_bank_rad=math.radians(79.0),  # the turn rate says it all
+    )
+    speeds_mps = {pace: envelope.airspeed_mps(pace, wanted_mps) for pace in Pace}
     commands = Commands.of(
         [
-            Guidance(wrap_two_pi(bearing_rad + row.beside_rad), speeds[row.pace], altitude_m)
+            Guidance(wrap_two_pi(bearing_rad + row.beside_rad), speeds_mps[row.pace], altitude_m)
             for row in RESPONSES
         ]
     )
@@ -188,30 +181,11 @@ def _flown(state: MemberState, centre_m: Array) -> _Flown:
         -velocity[2],
         np.zeros(2),
     )
-    envelope = Envelope(
-        min_airspeed_mps=member.min_airspeed_mps,
-        max_airspeed_mps=member.max_airspeed_mps,
-        max_turn_rate_radps=member.max_turn_rate_radps,
-        max_bank_rad=math.radians(79.0),  # the turn rate says it all
-    )
     paths = fly_ahead(own, commands, envelope)
     path_m = np.concatenate([paths.ground_m, -paths.altitude_m[:, :, None]], axis=2)
     turn = np.array([abs(wrap_pi(float(c) - course_rad)) / math.pi for c in commands.course_rad])
-    change = np.abs(commands.airspeed_mps - speed_mps) / max(cruise_mps, 1.0)
+    change = np.abs(commands.airspeed_mps - speed_mps) / max(speeds_mps[Pace.KEEP], 1.0)
     return _Flown(path_m, -(turn + change), commands)
-
-
-def _to_goal(state: MemberState, goal: Goal) -> tuple[float, float]:
-    """Course and height that lead to the goal."""
-    north_m, east_m, down_m = state.position_m
-    altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
-    present_rad = math.atan2(state.velocity_mps[1], state.velocity_mps[0])
-    if goal.position_m is not None:
-        north, east = goal.position_m[0] - north_m, goal.position_m[1] - east_m
-        # On top of the goal its bearing means nothing.
-        course_rad = math.atan2(east, north) if math.hypot(north, east) > 1.0 else present_rad
-        return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
-    return present_rad if goal.course_rad is None else goal.course_rad, altitude_m
 
 
 def _between(one_m: Array, other_m: Array, reach_m: float) -> tuple[Array, Array]:

@@ -7,10 +7,11 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from companion.avoidance.control import ALL_CONTROLS, Control
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.formation import FormationParams
 from companion.avoidance.outer import FieldParams, OuterMethod
-from companion.avoidance.strategies import ALL_CONTROLS, Control, CostWeights
+from companion.avoidance.strategies import CostWeights
 
 
 class Layers(StrEnum):
@@ -44,8 +45,14 @@ class AvoidanceParams:
     # Back to the mission only when its flight keeps clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
+    # Where the fence is in the way of the mission, it is followed for so long before the mission is flown.
+    return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
     # An avoidance goes no further up or down than this from where it would otherwise be.
     largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
+    # No row may leave the fence within so many times what turning around takes. One is enough to stay inside:
+    # who turns around never gets further ahead than who flies on for the same time, so that where flying on
+    # is allowed there is room to turn; the rest is for the time until the next decision.
+    fence_look_ahead_turns: Annotated[float, Ge(0.5), Le(4)] = 1.2
     # Rows are priced against the most pressing tracks; the others still count for the layers.
     priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
     # What the paper compares: layers, ways to steer in the outer one, controls (P9, P10) in the inner one.

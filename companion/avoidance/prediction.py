@@ -1,9 +1,10 @@
 """Flying ahead: where rows of commands lead, and how well they keep clear of the predicted tracks.
 
 The motion is the paper's (§2.1, eq. 1-2; its print has the cosine twice, y takes the sine), a point that
-flies where its course points, with the limits of §3.2.3 and lags added. Rows come first, then tracks, then
+flies where its nose points, with the limits of §3.2.3 and lags added. Rows come first, then tracks, then
 time: (K, N, T). The aircraft answers a command after `response_s`, turns at its bank limit, climbs and sinks
-at its limits and holds what it reached; wind carries it along. Tracks fly straight on.
+at its limits and holds what it reached. It does so in the air, which the wind carries along; a course is over
+ground, and holding it takes a crab angle. Tracks fly straight on.
 """
 
 import math
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
-from companion.model import Guidance
+from companion.model import Goal, Guidance
 from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
@@ -33,13 +34,30 @@ _EXPOSURE_WEIGHTS = TIME_SHARES.astype(_Float)
 
 @dataclass(frozen=True, slots=True)
 class OwnState:
-    """Ownship as the prediction needs it: position north-east-down, velocities over ground, wind."""
+    """Ownship as the prediction needs it: position north-east-down, course over ground, wind (north, east).
+
+    `heading_rad`, where the nose points, is `None` when it is what holds the course in this wind. A wind that
+    is stronger than the airspeed leaves that open.
+    """
 
     position_m: Array
     course_rad: float
     airspeed_mps: float
     climb_mps: float
     wind_mps: Array
+    heading_rad: float | None = None
+
+    @property
+    def crab_rad(self) -> float:
+        """How far the nose is left of the course."""
+        if self.heading_rad is None:
+            return float(_crab_rad(np.array(self.course_rad), np.array(self.airspeed_mps), self.wind_mps))
+        return math.remainder(self.course_rad - self.heading_rad, math.tau)
+
+    @property
+    def ground_mps(self) -> Array:
+        """Velocity over ground as flown now: north and east, (2,)."""
+        return _over_ground_mps(self.course_rad - self.crab_rad, self.airspeed_mps, self.wind_mps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +96,16 @@ class Commands:
             wrap_two_pi(float(self.course_rad[ground])),
             float(self.airspeed_mps[ground]),
             float(self.altitude_m[height]),
+        )
+
+    def only(self, places: NDArray[np.intp]) -> "Commands":
+        """The rows at the given places, in that order."""
+        return Commands(
+            self.course_rad,
+            self.airspeed_mps,
+            self.altitude_m,
+            self.ground_of[places],
+            self.height_of[places],
         )
 
     def after(self, first: Guidance) -> "Commands":
@@ -121,6 +149,12 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @classmethod
+    def none(cls) -> "Tracks":
+        """No traffic."""
+        nothing = np.zeros(0)
+        return cls((), np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, np.zeros(0, dtype=bool), nothing)
+
     def subset(self, index: NDArray[np.intp]) -> "Tracks":
         """The tracks at the given places, in that order."""
         return Tracks(
@@ -148,6 +182,33 @@ class Separation:
     nearness: Array
 
 
+def times_until(time_s: float) -> Array:
+    """The times of the prediction until the first that is not before `time_s`, two at least, (T,)."""
+    return _TIMES_S[: max(int(np.searchsorted(_TIMES_S, time_s)) + 1, 2)]
+
+
+def turn_around_s(own: OwnState, envelope: Envelope) -> float:
+    """How long it takes to fly back on the opposite course at the present airspeed [s].
+
+    Against wind from the side the nose turns by more than half a circle, by twice the largest crab angle.
+    """
+    wind = min(math.hypot(own.wind_mps[0], own.wind_mps[1]) / own.airspeed_mps, 1.0)
+    turn_rad = math.pi + 2.0 * math.asin(wind)
+    return envelope.response_s + turn_rad / envelope.turn_rate_radps(own.airspeed_mps)
+
+
+def to_goal(position_m: Sequence[float], course_rad: float, goal: Goal) -> tuple[float, float]:
+    """Course and height that lead to a goal from a north-east-down position on a present course [rad, m]."""
+    north_m, east_m, down_m = (float(x) for x in position_m)
+    altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
+    if goal.position_m is None:
+        return course_rad if goal.course_rad is None else goal.course_rad, altitude_m
+    north, east = goal.position_m[0] - north_m, goal.position_m[1] - east_m
+    if math.hypot(north, east) > 1.0:  # on top of the goal its bearing means nothing
+        course_rad = math.atan2(east, north)
+    return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
+
+
 def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
     """Fly all rows ahead, at the times of the prediction."""
     return Paths(
@@ -159,21 +220,27 @@ def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
 
 
 def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Envelope) -> Array:
-    """Ground paths by eq. 2, shape (H, T, 2): turn at the bank limit, speed up or slow down, hold."""
-    turn_rad = wrap_pi(target_rad - own.course_rad)[:, None]
+    """Ground paths by eq. 2, shape (H, T, 2): turn at the bank limit, speed up or slow down, hold.
+
+    The nose turns the way round that is short for the course, as autopilots fly it.
+    """
     turning_s = np.maximum(_MIDDLES_S - envelope.response_s, 0.0)
     # Who speeds up in a turn turns slower: the rate of the greater speed is within the limits at both.
     rate_radps = envelope.turn_rates_radps(np.maximum(target_mps, own.airspeed_mps))[:, None]
-    turned_rad = np.minimum(rate_radps * turning_s, np.abs(turn_rad))
-    course_rad = own.course_rad + np.sign(turn_rad) * turned_rad
+    most_rad = rate_radps * turning_s
     gained_mps = envelope.max_acceleration_mps2 * _MIDDLES_S
     airspeed_mps = own.airspeed_mps + _within(target_mps[:, None] - own.airspeed_mps, -gained_mps, gained_mps)
-    north, east = np.cos(course_rad), np.sin(course_rad)
-    step_m = _STEPS_S * _over_ground_mps(north, east, airspeed_mps, own.wind_mps)
+    turn_rad = wrap_pi(target_rad - own.course_rad)[:, None]
+    crab_rad = own.crab_rad
+    if own.wind_mps.any():
+        turn_rad = turn_rad + crab_rad - _crab_rad(target_rad[:, None], airspeed_mps, own.wind_mps)
+    heading_rad = own.course_rad - crab_rad + _within(turn_rad, -most_rad, most_rad)
+    through_m = _STEPS_S * airspeed_mps
     path = np.empty((len(target_rad), len(_TIMES_S), 2))
     path[:, 0] = own.position_m[:2]
-    path[:, 1:, 0] = own.position_m[0] + np.cumsum(step_m * north, axis=1)
-    path[:, 1:, 1] = own.position_m[1] + np.cumsum(step_m * east, axis=1)
+    for axis, direction in enumerate((np.cos(heading_rad), np.sin(heading_rad))):
+        carried_m = own.position_m[axis] + own.wind_mps[axis] * _TIMES_S[1:]
+        path[:, 1:, axis] = carried_m + np.cumsum(through_m * direction, axis=1)
     return path
 
 
@@ -183,18 +250,28 @@ def _within(values: Array, low: Array, high: Array) -> Array:
     return clipped
 
 
-def ground_speed_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> float:
-    """Speed over ground on a course held against the wind; never below 1 m/s."""
-    north, east = np.array(math.cos(course_rad)), np.array(math.sin(course_rad))
-    return float(_over_ground_mps(north, east, np.array(airspeed_mps), wind_mps))
+def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> Array:
+    """Velocity over ground, north and east, of holding a course in the wind, (2,).
+
+    Where the wind is too strong for the course the nose points as far into it as helps, and the aircraft goes
+    where it is blown.
+    """
+    crab_rad = float(_crab_rad(np.array(course_rad), np.array(airspeed_mps), wind_mps))
+    return _over_ground_mps(course_rad - crab_rad, airspeed_mps, wind_mps)
 
 
-def _over_ground_mps(north: Array, east: Array, airspeed_mps: Array, wind_mps: Array) -> Array:
-    """The wind triangle for unit vectors of the course."""
-    along = wind_mps[0] * north + wind_mps[1] * east
-    across = wind_mps[1] * north - wind_mps[0] * east
-    speed: Array = np.maximum(along + np.sqrt(np.maximum(airspeed_mps**2 - across**2, 0.0)), 1.0)
-    return speed
+def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> Array:
+    north, east = math.cos(heading_rad), math.sin(heading_rad)
+    return np.array([airspeed_mps * north + wind_mps[0], airspeed_mps * east + wind_mps[1]])
+
+
+def _crab_rad(course_rad: Array, airspeed_mps: Array, wind_mps: Array) -> Array:
+    """How far left of a course the nose must point to hold it: the wind triangle."""
+    across_mps = wind_mps[1] * np.cos(course_rad) - wind_mps[0] * np.sin(course_rad)
+    crab: Array = np.arcsin(
+        _within(across_mps / np.maximum(airspeed_mps, 1e-3), np.array(-1.0), np.array(1.0))
+    )
+    return crab
 
 
 def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:

@@ -8,29 +8,30 @@ from the mission, changing one's mind and passing on the wrong side. The cheapes
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import product
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge
+from numpy.typing import NDArray
 
+from companion.avoidance.control import Control
 from companion.avoidance.envelope import Envelope, Pace
+from companion.avoidance.fence import Breach, Fence
 from companion.avoidance.geometry import Array, wrap_pi
-from companion.avoidance.prediction import Commands, OwnState, Tracks, fly_ahead, separation
+from companion.avoidance.prediction import (
+    HORIZON_S,
+    Commands,
+    OwnState,
+    Paths,
+    Tracks,
+    fly_ahead,
+    separation,
+)
+from companion.avoidance.refusals import Refusals
 from companion.model import Guidance
-
-
-class Control(StrEnum):
-    """The three controls (paper §3.2)."""
-
-    HEADING = "heading"
-    SPEED = "speed"
-    HEIGHT = "height"
-
-
-ALL_CONTROLS = frozenset(Control)
 
 
 class Course(StrEnum):
@@ -105,6 +106,10 @@ GROUNDS: tuple[Ground, ...] = (
 TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height in product(GROUNDS, Height))
 
 
+# A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
+_NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
+
+
 @dataclass(frozen=True)
 class CostWeights:
     """Prices. Losing the protected volume outweighs all else together."""
@@ -123,6 +128,14 @@ class CostWeights:
     speed: Annotated[float, Ge(0)] = 0.5  # times the speed off the mission's, per 10 m/s
     switch: Annotated[float, Ge(0)] = 0.6  # flat, for anything but what is flown already
     wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
+    # Where there is a fence. Leaving it outweighs the loss of many volumes, as the autopilot then takes the
+    # aircraft away from us or ends its flight, and whoever is out there has not been asked; only a near
+    # mid-air collision outweighs the fence.
+    fence: Annotated[float, Ge(0)] = 10_000.0  # times the use of its margin, 1 from the fence itself on
+    near_miss: Annotated[float, Ge(0)] = 30_000.0  # flat, and once more times the depth, 1 at contact
+    outside: Annotated[float, Ge(0)] = 100.0  # times the mean depth outside, per 100 m: back soon is better
+    # For a way that would leave the fence later, before the threat is passed: all of it if it left at once.
+    not_to_the_end: Annotated[float, Ge(0)] = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,19 +154,36 @@ class Situation:
     weights: CostWeights
     rule_course_rad: float = 0.0  # what eq. 11 asks for, in an emergency
     rule_pace: Pace = Pace.KEEP  # what eq. 13 asks for
+    fence: Fence | None = None
+    fence_look_ahead_s: float = 0.0  # within it the fence must be kept
+    passed_s: float = HORIZON_S  # when all threats are passed
+    refusals: Refusals = field(default_factory=Refusals)
 
 
 @dataclass(frozen=True, slots=True)
 class Priced:
-    """Rows with their price, shape (K,), and how they keep clear of the nearest track, shape (K,)."""
+    """Rows with their price, shape (K,), and how they keep clear of the nearest track, shape (K,).
+
+    `contained`, (K,): which of them keep to the fence.
+    """
 
     commands: Commands
     cost: Array
     closest: Array
+    contained: NDArray[np.bool_]
 
     def best(self) -> int:
         """The cheapest row; the first of equals, so that the same inputs give the same row."""
         return int(np.argmin(self.cost))
+
+
+def mission_within_limits(situation: Situation) -> Guidance:
+    """What the mission asks for, as far as it can be flown."""
+    return Guidance(
+        situation.mission.course_rad,
+        speed_mps(Speed.MISSION, situation),
+        height_m(Height.MISSION, situation),
+    )
 
 
 def height_m(choice: Height, situation: Situation) -> float:
@@ -212,9 +242,15 @@ class StrategyTable:
 
 
 def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidance | None) -> Priced:
-    """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0."""
+    """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0.
+
+    Rows that ask for what the autopilot refused are left out.
+    """
+    if held is not None and not situation.refusals.allow(held):
+        held = None
     if held is not None:
         commands = commands.after(held)
+    commands = situation.refusals.without(commands, mission_within_limits(situation))
     weights = situation.weights
     paths = fly_ahead(situation.own, commands, situation.envelope)
     kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
@@ -229,11 +265,50 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
     ).sum(axis=1)
     # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
     # goal.
-    cost += weights.nearness * kept.nearness.max(axis=1)
+    cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
     cost += effort(situation, commands)
     if held is not None:
         cost[1:] += weights.switch
-    return Priced(commands, cost, kept.closest.min(axis=1))
+    closest, contained = kept.closest.min(axis=1, initial=np.inf), np.ones(len(commands), dtype=bool)
+    if situation.fence is not None:
+        breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
+        contained = breach.deepest_m <= 0.0
+        cost += _fence_price(situation, situation.fence, breach)
+        if not contained.all():
+            cost += _near_miss_price(situation, paths, tracks)
+    return Priced(commands, cost, closest, contained)
+
+
+def _fence_price(situation: Situation, fence: Fence, breach: Breach) -> Array:
+    """What the fence costs rows, shape (K,).
+
+    First comes no near mid-air collision, then the fence, then everything else: well clear is there to keep
+    surprises from becoming collisions and has room for that; a fence has none, as beyond it other people,
+    other aircraft and the autopilot's own reaction begin. Once outside, the fence is broken whatever is
+    flown: then well clear counts as ever, against coming back soon.
+    """
+    weights = situation.weights
+    use = breach.deepest_m / fence.margin_m if fence.margin_m > 0.0 else breach.deepest_m > 0.0
+    early = np.maximum(1.0 - breach.first_s / max(situation.passed_s, 1.0), 0.0)
+    cost: Array = (
+        weights.fence * np.minimum(use, 1.0)
+        + weights.outside / 100.0 * breach.mean_m
+        + weights.not_to_the_end * early
+    )
+    return cost
+
+
+def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Array:
+    """What the fence must not make rows do, shape (K,)."""
+    horizontal, vertical = situation.lost * _NEAR_MISS_HORIZONTAL, situation.lost * _NEAR_MISS_VERTICAL
+    cores = replace(
+        tracks,
+        protected_horizontal_m=horizontal * tracks.protected_horizontal_m,
+        protected_vertical_m=vertical * tracks.protected_vertical_m,
+    )
+    closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1, initial=np.inf)
+    cost: Array = situation.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
+    return cost
 
 
 def effort(situation: Situation, commands: Commands) -> Array:

@@ -24,8 +24,9 @@ from companion.avoidance.prediction import (
     OwnState,
     Tracks,
     fly_ahead,
-    ground_speed_mps,
+    ground_velocity_mps,
     separation,
+    to_goal,
 )
 from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind, Vec3
 
@@ -41,7 +42,6 @@ class Survey:
 
     tracks: Tracks
     rel_position_m: Array  # other minus own, (N, 3)
-    own_velocity_mps: Array  # own as flown now, (3,)
     own_rel_velocity_mps: Array  # own on the mission minus other, (N, 3)
     surface_m: Array  # horizontal distance to the protected volume
     closing_mps: Array
@@ -50,6 +50,7 @@ class Survey:
     inner_reach_m: Array
     emergency: NDArray[np.bool_]  # what calls for the inner layer
     conflict: NDArray[np.bool_]
+    horizon_s: float  # how far ahead flights are judged
 
     def pressing(self, most: int) -> NDArray[np.intp]:
         """Places of the tracks to price against: conflicts first, then those soonest reached."""
@@ -81,10 +82,8 @@ def take(
     the mission flown ahead, with its turns and heights, comes too near.
     """
     rel_position = tracks.position_m - state.position_m
-    speed_mps = ground_speed_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-    own_velocity = np.array(
-        [speed_mps * math.cos(mission.course_rad), speed_mps * math.sin(mission.course_rad), 0.0]
-    )
+    own_velocity = np.zeros(3)
+    own_velocity[:2] = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
     rel_velocity = tracks.velocity_mps - own_velocity
     closing = closing_speed_mps(rel_position[:, :2], rel_velocity[:, :2])
     distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
@@ -95,7 +94,6 @@ def take(
     closest = separation(ahead, tracks, horizon_s=horizon_s).closest[0]
     needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
     lost = closest < needed * (1.0 + params.release_margin if avoiding else 1.0)
-    flown = _flown_mps(state)
     reached = surface < outer_reach
     radius = tracks.protected_horizontal_m
     if params.outer_method is OuterMethod.PRICED:
@@ -103,7 +101,7 @@ def take(
         approach = -rel_velocity
         reached &= lost
     else:
-        approach = flown - tracks.velocity_mps
+        approach = flown_mps(state) - tracks.velocity_mps
     if params.outer_method is OuterMethod.FIELD:
         outer = reached
     else:
@@ -116,7 +114,6 @@ def take(
     return Survey(
         tracks=tracks,
         rel_position_m=rel_position,
-        own_velocity_mps=flown,
         own_rel_velocity_mps=-rel_velocity,
         surface_m=surface,
         closing_mps=closing,
@@ -125,17 +122,21 @@ def take(
         inner_reach_m=inner_reach,
         emergency=inner,
         conflict=conflict,
+        horizon_s=horizon_s,
     )
 
 
-def _flown_mps(state: OwnState) -> Array:
-    speed_mps = ground_speed_mps(state.course_rad, state.airspeed_mps, state.wind_mps)
-    north, east = math.cos(state.course_rad), math.sin(state.course_rad)
-    return np.array([speed_mps * north, speed_mps * east, -state.climb_mps])
+def flown_mps(state: OwnState) -> Array:
+    """Own velocity as flown now, north-east-down, (3,)."""
+    return np.array([*state.ground_mps, -state.climb_mps])
 
 
 def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, goal: Goal) -> Tracks:
-    """The tracks extrapolated to `now_s`, with the volumes to keep out of, margins included."""
+    """The tracks extrapolated to `now_s`, with the volumes to keep out of, margins included.
+
+    What is not known of a height is added to the volume's before the margin: with all of it against us the
+    bare volume is still kept.
+    """
     position = np.array([track.position_m for track in relevant], dtype=np.float64)
     velocity = np.array([track.velocity_mps for track in relevant], dtype=np.float64)
     grounded = np.array([track.kind is TrafficKind.OBSTACLE for track in relevant])
@@ -148,13 +149,14 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
         if track.protected_vertical_m is not None:
             vertical[i] = track.protected_vertical_m
     position += velocity * age_s[:, None]
+    uncertain = np.array([max(track.vertical_uncertainty_m, 0.0) for track in relevant])
     horizontal = np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin)
     return Tracks(
         tuple(track.track_id for track in relevant),
         position,
         velocity,
         horizontal,
-        np.maximum(vertical, 1.0) * (1.0 + params.vertical_margin),
+        (np.maximum(vertical, 1.0) + uncertain) * (1.0 + params.vertical_margin),
         grounded,
         _shells_m(position, horizontal, params, goal),
     )
@@ -204,6 +206,7 @@ def matters(track: Track) -> bool:
         math.isfinite(track.time_s)
         and all(abs(x) < _FURTHEST_M for x in places_and_sizes)
         and all(abs(v) < _FASTEST_MPS for v in track.velocity_mps)
+        and not math.isnan(track.vertical_uncertainty_m)
     )
     return sound and track.kind is not TrafficKind.SURFACE_VEHICLE
 
@@ -239,7 +242,9 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
         if strength > 0.6 * airspeed:
             wind = np.zeros(2)
     course = math.atan2(velocity[1], velocity[0]) if ground_speed > 1.0 else own.heading_rad
-    return OwnState(position, course, airspeed, -float(velocity[2]), wind)
+    # Against a stronger wind one course is flown with the nose either way; else it follows from the course.
+    heading = own.heading_rad if math.hypot(wind[0], wind[1]) >= airspeed else None
+    return OwnState(position, course, airspeed, -float(velocity[2]), wind, heading)
 
 
 def distance_m(state: OwnState, place_m: Vec3) -> float:
@@ -251,21 +256,14 @@ def horizon_s(state: OwnState, mission: Guidance, goal: Goal) -> float:
     """How far ahead flights are judged: to the end of the flight, where that is near."""
     if goal.position_m is None or not goal.is_end:
         return HORIZON_S
-    speed_mps = ground_speed_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-    return min(HORIZON_S, distance_m(state, goal.position_m) / speed_mps)
+    north_mps, east_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+    made_good_mps = north_mps * math.cos(mission.course_rad) + east_mps * math.sin(mission.course_rad)
+    # Blown back as fast as it flies, or faster, it never arrives.
+    return min(HORIZON_S, distance_m(state, goal.position_m) / max(float(made_good_mps), 1e-3))
 
 
 def mission_of(state: OwnState, own: Ownship, goal: Goal) -> Guidance:
     """What the goal means from here: course, airspeed and height."""
     airspeed = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
-    altitude, course = goal.altitude_m, goal.course_rad
-    if goal.position_m is not None:
-        north, east = (goal.position_m[i] - float(state.position_m[i]) for i in (0, 1))
-        # On top of the goal its bearing means nothing.
-        course = math.atan2(east, north) if math.hypot(north, east) > 1.0 else state.course_rad
-        altitude = -goal.position_m[2] if altitude is None else altitude
-    return Guidance(
-        state.course_rad if course is None else course,
-        airspeed,
-        -float(state.position_m[2]) if altitude is None else altitude,
-    )
+    course_rad, altitude_m = to_goal(state.position_m.tolist(), state.course_rad, goal)
+    return Guidance(course_rad, airspeed, altitude_m)

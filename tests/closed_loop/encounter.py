@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from companion.avoidance import AvoidanceParams, Avoider
+import numpy as np
+
+from companion.avoidance import AvoidanceParams, Avoider, Fence
 from companion.model import Decision, Goal, Layer, Ownship, Track, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 
@@ -44,9 +46,14 @@ class Aircraft:
 
 @dataclass
 class Outcome:
-    """`well_clear` is the smallest of max(horizontal / 609.6 m, vertical / 76.2 m); below 1 it was lost."""
+    """`well_clear` is the smallest of max(horizontal / 609.6 m, vertical / 76.2 m); below 1 it was lost.
+
+    `near_miss` is the same of 152.4 m and 30.5 m; `outside_m` how far it was beyond the fence itself.
+    """
 
     well_clear: float = math.inf
+    near_miss: float = math.inf
+    outside_m: float = 0.0
     engagements: int = 0
     changes: int = 0
     first_s: float | None = None
@@ -89,9 +96,13 @@ def fly(
     params: AvoidanceParams | None = None,
     seconds: float = 400.0,
     avoid: bool = True,
+    fence: Fence | None = None,
+    aircraft: Aircraft | None = None,
 ) -> Outcome:
     """Fly north to the goal among the traffic, deciding once a second on perfect tracks."""
-    aircraft, outcome, avoider = Aircraft(), Outcome(), Avoider(params or AvoidanceParams())
+    aircraft, outcome, avoider = aircraft or Aircraft(), Outcome(), Avoider(params or AvoidanceParams())
+    avoider.fence = fence
+    edge = None if fence is None else replace(fence, margin_m=0.0, vertical_margin_m=0.0)
     goal = Goal(position_m=GOAL_M, airspeed_mps=22.0)
     guidance, layer = None, Layer.CLEAR
     for step in range(int(seconds * 10)):
@@ -112,6 +123,9 @@ def fly(
             # As both autopilots resume a mission: straight to the waypoint.
             aircraft.fly(_bearing_rad(aircraft, GOAL_M), 22.0, ALTITUDE_M, 0.1)
         _measure(outcome, aircraft, states)
+        if edge is not None and step % 5 == 0:
+            outside_m = float(edge.depth_m(np.array([aircraft.position_m]))[0])
+            outcome.outside_m = max(outcome.outside_m, outside_m)
         if math.dist(aircraft.position_m, GOAL_M) < 40.0:
             outcome.arrived = True
             break
@@ -130,3 +144,5 @@ def _measure(outcome: Outcome, aircraft: Aircraft, states: list[tuple[Vec3, Vec3
         horizontal_m = math.hypot(other_north_m - north_m, other_east_m - east_m)
         ratio = max(horizontal_m / 609.6, abs(other_down_m - down_m) / 76.2)
         outcome.well_clear = min(outcome.well_clear, ratio)
+        near = max(horizontal_m / 152.4, abs(other_down_m - down_m) / 30.5)
+        outcome.near_miss = min(outcome.near_miss, near)

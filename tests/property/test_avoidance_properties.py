@@ -7,9 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
-from companion.avoidance.cone import TransitionDomain, half_angle_rad
 from companion.avoidance.geometry import position_at, signed_angle_rad, time_to_closest_s
-from companion.avoidance.potential import repulsion_magnitude
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Decision, Goal, Layer, Ownship, Track, Vec3
 from companion.units import wrap_pi
@@ -40,36 +38,6 @@ def test_angles_change_sign_with_the_side(a: float, b: float, c: float, d: float
     assert np.isclose(wrap_pi(float(angle[0] + mirrored[0])) % (2 * math.pi), 0.0, atol=1e-9) or np.isclose(
         abs(angle), math.pi
     )
-
-
-@given(st.floats(0.1, 50_000.0), st.floats(0.1, 5_000.0))
-def test_the_cone_is_that_of_the_tangent(distance_m: float, radius_m: float) -> None:
-    beta = float(half_angle_rad(np.array([distance_m]), np.array([radius_m]))[0])
-    if distance_m > radius_m:
-        assert math.isclose(math.sin(beta), radius_m / distance_m, rel_tol=1e-9)
-    else:
-        assert beta == math.pi
-
-
-@given(st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=40))
-def test_within_the_domain_it_never_chatters(alphas: list[float]) -> None:
-    """Between beta1 and beta2 the answer is the last one."""
-    beta1, delta = math.radians(10.0), math.radians(5.0)
-    domain, last = TransitionDomain(delta), False
-    for alpha in alphas:
-        now = bool(domain.update(["A"], np.array([alpha]), np.array([beta1]), np.array([True]))[0])
-        if beta1 < abs(alpha) <= beta1 + delta:
-            assert now is last
-        else:
-            assert now is (abs(alpha) <= beta1)
-        last = now
-
-
-@given(st.floats(-1e6, 1e6), st.floats(0.01, 1e5), st.floats(0.0, 1e3))
-def test_the_field_is_finite_and_never_attracts(rho: float, reach: float, gain: float) -> None:
-    force = repulsion_magnitude(np.array([rho]), reach, gain)
-    assert np.isfinite(force).all()
-    assert (force >= 0.0).all()
 
 
 def decide(own: Ownship, tracks: list[Track], goal: Goal) -> Decision:

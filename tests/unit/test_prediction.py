@@ -13,10 +13,12 @@ from companion.avoidance.prediction import (
     OwnState,
     Tracks,
     fly_ahead,
-    ground_speed_mps,
+    ground_velocity_mps,
     separation,
 )
-from companion.model import Guidance
+from companion.avoidance.survey import own_state
+from companion.model import Guidance, Ownship
+from sim.dynamics import FixedWing
 
 ENVELOPE = Envelope()
 CALM = np.zeros(2)
@@ -77,10 +79,45 @@ def test_climb_keeps_its_limit_and_stops_at_the_height() -> None:
 
 def test_wind_triangle() -> None:
     wind = np.array([0.0, 6.0])
-    assert ground_speed_mps(math.pi / 2, 20.0, wind) == pytest.approx(26.0)
-    assert ground_speed_mps(-math.pi / 2, 20.0, wind) == pytest.approx(14.0)
-    assert ground_speed_mps(0.0, 20.0, wind) == pytest.approx(math.sqrt(400.0 - 36.0))
-    assert ground_speed_mps(math.pi, 20.0, np.array([40.0, 0.0])) == 1.0, "blown backwards, but no NaN"
+    assert ground_velocity_mps(math.pi / 2, 20.0, wind) == pytest.approx([0.0, 26.0])
+    assert ground_velocity_mps(-math.pi / 2, 20.0, wind) == pytest.approx([0.0, -14.0])
+    assert ground_velocity_mps(0.0, 20.0, wind) == pytest.approx([math.sqrt(400.0 - 36.0), 0.0])
+
+
+@pytest.mark.parametrize(
+    ("course_deg", "wind", "blown"),
+    [(180.0, (40.0, 0.0), (20.0, 0.0)), (0.0, (0.0, 40.0), (0.0, 20.0)), (90.0, (-30.0, 0.0), (-10.0, 0.0))],
+)
+def test_in_a_wind_too_strong_it_goes_where_it_is_blown(
+    course_deg: float, wind: tuple[float, float], blown: tuple[float, float]
+) -> None:
+    velocity_mps = ground_velocity_mps(math.radians(course_deg), 20.0, np.array(wind))
+    assert velocity_mps == pytest.approx(blown)
+    steady = own(course_rad=math.radians(course_deg), airspeed_mps=20.0, wind_mps=np.array(wind))
+    row = fly_ahead(steady, command(course_deg, 20.0), ENVELOPE).row_m(0)
+    assert row[-1, :2] == pytest.approx(HORIZON_S * np.array(blown), abs=1e-6)
+
+
+def test_blown_backwards_the_nose_is_where_it_is() -> None:
+    """Nose north, drifting south: the course says nothing of where the aircraft can go next."""
+    state = own_state(0.0, Ownship(0.0, (0.0, 0.0, -300.0), (-10.0, 0.0, 0.0), 20.0, 0.0, (-30.0, 0.0)))
+    assert state.ground_mps == pytest.approx([-10.0, 0.0])
+    row = fly_ahead(state, command(course_deg=180.0, airspeed_mps=20.0), ENVELOPE).row_m(0)
+    assert row[1, :2] == pytest.approx([-10.0, 0.0])
+
+
+@pytest.mark.parametrize(("wind_mps", "worst_m"), [(0.0, 25.0), (8.0, 42.0), (15.0, 65.0)])
+@pytest.mark.parametrize("turn_deg", [-150.0, -60.0, -15.0, 30.0, 90.0])
+def test_turns_in_wind_are_those_of_a_point_mass(turn_deg: float, wind_mps: float, worst_m: float) -> None:
+    for from_deg in range(0, 360, 45):
+        wind = (wind_mps * math.cos(math.radians(from_deg)), wind_mps * math.sin(math.radians(from_deg)))
+        flown = FixedWing((0.0, 0.0, -300.0), wind_mps=wind)
+        flown.hold_course(math.radians(turn_deg), ENVELOPE.max_bank_rad)
+        row = fly_ahead(own(wind_mps=np.array(wind)), command(turn_deg), ENVELOPE).row_m(0)
+        for second in range(1, 12):
+            for _ in range(20):
+                flown.step(0.05)
+            assert math.dist(flown.position_m, row[second]) < worst_m
 
 
 def test_separation_is_that_of_every_row_and_track() -> None:

@@ -7,15 +7,14 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+from companion.avoidance.control import ALL_CONTROLS, Control
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array
 from companion.avoidance.inner import emergency
 from companion.avoidance.prediction import HORIZON_S, Commands, OwnState, Tracks, fly_ahead, separation
 from companion.avoidance.rules import Pace
 from companion.avoidance.strategies import (
-    ALL_CONTROLS,
     TABLE,
-    Control,
     CostWeights,
     Course,
     Height,

@@ -1,0 +1,215 @@
+"""Fences: parts of the sky to stay in or out of, and how flights ahead keep to them.
+
+In MAVLink's fence missions all exclusion zones count. Of several inclusion zones ArduPlane demands to be
+inside every one, PX4 inside at least one: `any_inclusion`.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from companion.avoidance.geometry import Array
+from companion.avoidance.prediction import Paths, times_until
+from companion.model import Vec2
+
+# Between the times of the prediction flights are sampled this finely, or as finely as the margin is wide
+# where that is more: then nothing that is wider than this can be jumped over.
+_SPACING_M = 5.0
+
+
+@dataclass(frozen=True)
+class Zone:
+    """To stay inside of (`inclusion`) or outside of: a polygon, or a circle, north and east [m].
+
+    A polygon is any simple one, also concave, turning either way, its last vertex joined to its first. With
+    limits of altitude (above the zero of the local frame) it counts between them only: an inclusion zone must
+    be kept to in height as well, an exclusion zone may be passed above or below. `ValueError` if it is
+    neither or both, not finite, or has too few vertices or no radius.
+    """
+
+    inclusion: bool
+    vertices_m: tuple[Vec2, ...] = ()
+    centre_m: Vec2 | None = None
+    radius_m: float | None = None
+    min_altitude_m: float | None = None
+    max_altitude_m: float | None = None
+
+    def __post_init__(self) -> None:
+        is_circle = self.centre_m is not None and self.radius_m is not None
+        if is_circle == bool(self.vertices_m) or (self.centre_m is None) != (self.radius_m is None):
+            raise ValueError("a zone is either a polygon or a circle")
+        numbers = [x for vertex in self.vertices_m for x in vertex] + list(self.centre_m or ())
+        numbers += [x for x in (self.radius_m, self.min_altitude_m, self.max_altitude_m) if x is not None]
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError("a zone must be finite")
+        if self.vertices_m and len(self.vertices_m) < 3:
+            raise ValueError("a polygon needs three vertices")
+        if self.radius_m is not None and self.radius_m <= 0.0:
+            raise ValueError("a circle needs a radius above zero")
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether it ends somewhere above or below."""
+        return self.min_altitude_m is not None or self.max_altitude_m is not None
+
+    def inside_m(self, place_m: Array) -> Array:
+        """How far inside its edge places lie, seen from above; negative outside. (..., 2) to (...)."""
+        if self.centre_m is not None and self.radius_m is not None:
+            inside: Array = self.radius_m - np.hypot(
+                place_m[..., 0] - self.centre_m[0], place_m[..., 1] - self.centre_m[1]
+            )
+            return inside
+        return _inside_polygon_m(place_m, self._edges)
+
+    def between_m(self, altitude_m: Array) -> Array:
+        """How far between its limits altitudes lie; negative above and below, inf where there are none."""
+        between = np.full(np.shape(altitude_m), np.inf)
+        if self.min_altitude_m is not None:
+            between = np.minimum(between, altitude_m - self.min_altitude_m)
+        if self.max_altitude_m is not None:
+            between = np.minimum(between, self.max_altitude_m - altitude_m)
+        return between
+
+    @cached_property
+    def _edges(self) -> tuple[Array, Array]:
+        start = np.array(self.vertices_m, dtype=np.float64)
+        return start, np.roll(start, -1, axis=0)
+
+
+def _inside_polygon_m(place_m: Array, edges: tuple[Array, Array]) -> Array:
+    """Distance to the nearest edge, positive inside by the even-odd rule: (..., 2) to (...)."""
+    shape = place_m.shape[:-1]
+    north, east = place_m.reshape(-1, 2).T[:, None, :]
+    start, end = edges
+    start_north, start_east = start.T[:, :, None]
+    along_north, along_east = (end - start).T[:, :, None]
+    off_north, off_east = north - start_north, east - start_east
+    length2 = np.maximum(along_north**2 + along_east**2, 1e-12)
+    share = np.minimum(np.maximum((off_north * along_north + off_east * along_east) / length2, 0.0), 1.0)
+    nearest2 = ((off_north - share * along_north) ** 2 + (off_east - share * along_east) ** 2).min(axis=0)
+    # A ray to the north crosses the edges that span its east, where they lie north of the place.
+    spans = (start_east > east) != (end[:, 1, None] > east)
+    right = off_north * along_east - off_east * along_north  # sign: on which side of the edge
+    crossings = (spans & ((right < 0.0) == (along_east > 0.0))).sum(axis=0)
+    distance = np.sqrt(nearest2)
+    inside: Array = np.where(crossings % 2 == 1, distance, -distance).reshape(shape)
+    return inside
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """How rows break the fence with its margin, shape (K,).
+
+    `deepest_m` and `mean_m`, over time, are of how far rows are on the wrong side within the look-ahead;
+    `first_s` is when that first happens, also later; inf if never.
+    """
+
+    deepest_m: Array
+    mean_m: Array
+    first_s: Array
+
+
+@dataclass(frozen=True)
+class Fence:
+    """Zones that count together, and how far from their edges to keep [m].
+
+    The margins are for what is not predicted: gusts, and how an aircraft really turns. Where two inclusion
+    zones of which one is enough (`any_inclusion`) meet, they must overlap by twice the margin to let pass.
+    """
+
+    zones: tuple[Zone, ...]
+    margin_m: float = 30.0
+    vertical_margin_m: float = 5.0
+    any_inclusion: bool = False
+
+    def __post_init__(self) -> None:
+        if not (0.0 <= self.margin_m < math.inf and 0.0 <= self.vertical_margin_m < math.inf):
+            raise ValueError("margins must be zero or more")
+
+    def depth_m(self, place_m: Array) -> Array:
+        """How far places north-east-down are on the wrong side of the fence with its margin: (N, 3) to (N,).
+
+        0 where all is well. The way back is at least as long: to the edge of one zone, sideways or in height.
+        """
+        one = np.zeros(1, dtype=np.intp)
+        path = Paths(place_m[None, :, :2], -place_m[None, :, 2], one, one)
+        depth: Array = self._depth_m(self.zones, path)[0]
+        return depth
+
+    def breach(self, paths: Paths, look_ahead_s: float, until_s: float) -> Breach:
+        """How rows break the fence within the look-ahead, and when they first do so until `until_s`."""
+        times_s, near = times_until(max(look_ahead_s, until_s)), len(times_until(look_ahead_s))
+        times_s, path = _sampled(paths, times_s, near, max(self.margin_m, _SPACING_M))
+        zones = self._reached(path)
+        if not zones:
+            none = np.zeros(len(paths.ground_of))
+            return Breach(none, none, np.full(len(none), np.inf))
+        depth = self._depth_m(zones, path)
+        ahead = int(np.searchsorted(times_s, look_ahead_s)) + 1
+        outside = depth > 0.0
+        first_s = np.where(outside.any(axis=1), times_s[np.argmax(outside, axis=1)], np.inf)
+        deepest = depth[:, :ahead].max(axis=1)
+        steps_s = np.diff(times_s[:ahead])
+        return Breach(deepest, depth[:, 1:ahead] @ steps_s / max(float(steps_s.sum()), 1e-9), first_s)
+
+    def _reached(self, path: Paths) -> tuple[Zone, ...]:
+        """The zones that can matter: no depth changes faster than the aircraft flies."""
+        here = path.ground_m[0, 0]
+        off = path.ground_m - here
+        reach_m = self.margin_m + math.sqrt(float((off[..., 0] ** 2 + off[..., 1] ** 2).max()))
+        kept, contained = [], False
+        for zone in self.zones:
+            inside_m = float(zone.inside_m(here))
+            if zone.inclusion and inside_m >= reach_m and not zone.has_heights:
+                contained = True
+            elif zone.inclusion or inside_m > -reach_m:
+                kept.append(zone)
+        if contained and self.any_inclusion:
+            kept = [zone for zone in kept if not zone.inclusion]
+        return tuple(kept)
+
+    def _depth_m(self, zones: tuple[Zone, ...], path: Paths) -> Array:
+        """Depth along rows, (K, T)."""
+        depth = np.zeros((len(path.ground_of), path.ground_m.shape[1]))
+        nearest = np.full_like(depth, np.inf)
+        for zone in zones:
+            side = -1.0 if zone.inclusion else 1.0
+            wrong = (self.margin_m + side * zone.inside_m(path.ground_m))[path.ground_of]
+            if zone.has_heights:
+                combined: Callable[[Array, Array], Array] = np.maximum if zone.inclusion else np.minimum
+                height = self.vertical_margin_m + side * zone.between_m(path.altitude_m)
+                wrong = combined(wrong, height[path.height_of])
+            if zone.inclusion and self.any_inclusion:
+                nearest = np.minimum(nearest, wrong)
+            else:
+                depth = np.maximum(depth, wrong)
+        if self.any_inclusion and any(zone.inclusion for zone in zones):
+            depth = np.maximum(depth, nearest)
+        return depth
+
+
+def _sampled(paths: Paths, times_s: Array, near: int, spacing_m: float) -> tuple[Array, Paths]:
+    """The first times of rows, the first `near` of them with more between, at most so far apart."""
+    count = len(times_s)
+    steps = np.diff(paths.ground_m[:, :near], axis=1)
+    longest_m = math.sqrt(float((steps[..., 0] ** 2 + steps[..., 1] ** 2).max()))
+    parts = max(math.ceil(longest_m / spacing_m), 1)
+    if parts == 1:
+        return times_s, Paths(
+            paths.ground_m[:, :count], paths.altitude_m[:, :count], paths.ground_of, paths.height_of
+        )
+    share = np.arange(parts) / parts
+
+    def filled(values: Array) -> Array:
+        """Axis 1 is time."""
+        start, end = values[:, : near - 1, None], values[:, 1:near, None]
+        between = start + (end - start) * share.reshape(1, 1, parts, *(1,) * (values.ndim - 2))
+        fine = between.reshape(len(values), -1, *values.shape[2:])
+        return np.concatenate([fine, values[:, near - 1 : count]], axis=1)
+
+    return filled(times_s[None, :])[0], Paths(
+        filled(paths.ground_m), filled(paths.altitude_m), paths.ground_of, paths.height_of
+    )

@@ -1,0 +1,206 @@
+"""Fences in a closed loop: the aircraft never leaves them, and keeps clear where they leave a way."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from companion.avoidance import AvoidanceParams, Avoider, Envelope, Fence, Zone
+from companion.avoidance.params import Layers
+from companion.avoidance.strategies import CostWeights
+from companion.model import Goal, Layer, Ownship, Track, Vec2
+from tests.closed_loop.encounter import ALTITUDE_M, Aircraft, fly, straight
+
+FLAT = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
+
+
+def box(north_m: Vec2, east_m: Vec2, *, inclusion: bool = True) -> Zone:
+    (south, north), (west, east) = north_m, east_m
+    return Zone(inclusion, ((south, west), (north, west), (north, east), (south, east)))
+
+
+def corridor(width_m: float) -> Fence:
+    return Fence((box((-500.0, 5500.0), (-0.5 * width_m, 0.5 * width_m)),))
+
+
+@pytest.mark.parametrize("from_deg", [0, 60, 90, 180, 270])
+@pytest.mark.parametrize("width_m", [1500.0, 2400.0])
+def test_a_corridor_wide_enough_is_never_left_and_clear(width_m: float, from_deg: float) -> None:
+    params = AvoidanceParams(envelope=FLAT)
+    outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(width_m))
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+    assert outcome.engagements == 1
+
+
+@pytest.mark.parametrize("from_deg", [0, 60, 180])
+def test_in_a_narrow_corridor_the_way_is_up(from_deg: float) -> None:
+    outcome = fly([straight(from_deg, 50.0)], fence=corridor(600.0))
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+
+
+@pytest.mark.parametrize("from_deg", [0, 180])
+@pytest.mark.parametrize("width_m", [400.0, 600.0])
+def test_where_there_is_no_room_for_well_clear_there_is_for_no_near_miss(
+    width_m: float, from_deg: float
+) -> None:
+    """Head-on or overtaken on the corridor's middle, at one height: half its width is all there is."""
+    params = AvoidanceParams(envelope=FLAT)
+    outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(width_m))
+    assert outcome.outside_m == 0.0
+    assert outcome.near_miss >= 0.99, "the volume of a near miss, but for a metre of tracking"
+    assert outcome.well_clear < 1.0
+
+
+@pytest.mark.parametrize("from_deg", [0, 90, 270])
+def test_a_near_miss_is_worse_than_leaving_the_fence(from_deg: float) -> None:
+    """Between walls 200 m apart nobody passes another at one height by 152 m."""
+    params = AvoidanceParams(envelope=FLAT)
+    outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(200.0))
+    assert outcome.near_miss >= 1.0
+    if from_deg == 0:
+        assert outcome.outside_m > 20.0
+
+
+@pytest.mark.parametrize("from_deg", [0, 60, 180, 300])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_exclusion_on_one_side_leaves_the_other(side: float, from_deg: float) -> None:
+    edges = sorted((side * 100.0, side * 3000.0))
+    fence = Fence((box((500.0, 4500.0), (edges[0], edges[1]), inclusion=False),))
+    outcome = fly([straight(from_deg, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=fence)
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+
+
+def test_a_box_with_head_on_traffic() -> None:
+    outcome = fly(
+        [straight(0.0, 60.0), straight(30.0, 45.0, meet_s=100.0)],
+        fence=Fence((box((-400.0, 5400.0), (-900.0, 900.0)),)),
+    )
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+
+
+@pytest.mark.parametrize("from_deg", range(0, 360, 72))
+def test_a_tall_zone_is_kept_out_of_where_its_height_reaches(from_deg: float) -> None:
+    """The way up is closed by a ceiling, and one side by a tower."""
+    zones = (
+        Zone(True, centre_m=(2500.0, 0.0), radius_m=3300.0, max_altitude_m=ALTITUDE_M + 20.0),
+        Zone(False, centre_m=(2000.0, 500.0), radius_m=350.0, max_altitude_m=ALTITUDE_M + 300.0),
+    )
+    params = AvoidanceParams(envelope=Envelope(min_altitude_m=ALTITUDE_M - 10.0))
+    outcome = fly([straight(from_deg, 50.0)], params=params, fence=Fence(zones))
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_whoever_comes_a_polygon_is_not_left(seed: int) -> None:
+    """Random concave fences around the way to the goal, random traffic, at one height."""
+    chance = np.random.default_rng(seed)
+    bearings = np.linspace(0.0, 2.0 * math.pi, 11, endpoint=False)
+    stretch = np.array([3300.0, 1100.0]) * chance.uniform(0.85, 1.2, (11, 1))
+    outline = np.array([2500.0, 0.0]) + stretch * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    fence = Fence((Zone(True, tuple((n, e) for n, e in outline.tolist())),))
+    traffic = [
+        straight(
+            float(chance.uniform(0.0, 360.0)),
+            float(chance.uniform(30.0, 70.0)),
+            climb_mps=float(chance.uniform(-2.0, 2.0)),
+            miss_m=float(chance.uniform(-300.0, 300.0)),
+            meet_s=float(chance.uniform(60.0, 130.0)),
+        )
+        for _ in range(2)
+    ]
+    outcome = fly(traffic, params=AvoidanceParams(envelope=FLAT), fence=fence)
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+
+
+@pytest.mark.parametrize("east_m", [-1500.0, 1100.0])
+def test_who_is_outside_already_comes_back(east_m: float) -> None:
+    """With traffic to avoid all the while; the goal is inside."""
+    aircraft = Aircraft(position_m=[0.0, east_m, -ALTITUDE_M])
+    fence = Fence((box((-2000.0, 7000.0), (-1000.0, 1000.0)),))
+    goal_course_rad = math.atan2(-east_m, 5000.0)
+    avoider = Avoider(AvoidanceParams(envelope=FLAT))
+    avoider.fence = fence
+    outside_m = []
+    for second in range(60):
+        track = Track("T", second, (6000.0 - 40.0 * second, east_m, -ALTITUDE_M), (-40.0, 0.0, 0.0))
+        goal = Goal(course_rad=goal_course_rad, airspeed_mps=22.0, altitude_m=ALTITUDE_M)
+        decision = avoider.decide(second, aircraft.ownship(second), [track], goal)
+        flown = decision.guidance
+        for _ in range(10):
+            if flown is None:
+                aircraft.fly(goal_course_rad, 22.0, ALTITUDE_M, 0.1)
+            else:
+                aircraft.fly(flown.course_rad, flown.airspeed_mps, flown.altitude_m, 0.1)
+        outside_m.append(float(fence.depth_m(np.array([aircraft.position_m]))[0]))
+    assert outside_m[-1] == 0.0
+    assert max(outside_m) <= outside_m[0] + 40.0
+
+
+def test_far_outside_well_clear_still_counts() -> None:
+    """The fence is 20 km away: whatever is flown it is broken, and no reason to fly close to anybody."""
+    far = Fence((Zone(True, centre_m=(20_000.0, 0.0), radius_m=2000.0),))
+    outcome = fly([straight(0.0, 50.0)], fence=far, seconds=150.0)
+    assert outcome.well_clear >= 1.0
+
+
+@pytest.mark.parametrize("layers", Layers)
+def test_every_layer_keeps_to_the_fence(layers: Layers) -> None:
+    params = AvoidanceParams(envelope=FLAT, layers=layers)
+    outcome = fly([straight(0.0, 50.0)], params=params, fence=corridor(2400.0))
+    assert outcome.outside_m == 0.0
+    assert outcome.near_miss > 1.0
+
+
+@pytest.mark.parametrize(("course_deg", "side"), [*itertools.product((0.0, 90.0, 200.0), (-1.0, 1.0))])
+def test_in_the_mirror_the_other_side_is_taken(course_deg: float, side: float) -> None:
+    """An exclusion beside the way decides the side of a head-on encounter, in any direction of flight."""
+    course_rad = math.radians(course_deg)
+    ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
+    right = np.array([-ahead[1], ahead[0]])
+    corners = [(100.0, 80.0), (100.0, 2500.0), (4000.0, 2500.0), (4000.0, 80.0)]
+    outline = [tuple((a * ahead + side * r * right).tolist()) for a, r in corners]
+    avoider = Avoider(AvoidanceParams(envelope=FLAT, weights=CostWeights(wrong_side=0.0)))
+    avoider.fence = Fence((Zone(False, tuple(outline)),))
+    place, velocity = 2000.0 * ahead, -50.0 * ahead
+    own = Ownship(0.0, (0.0, 0.0, -300.0), (*(22.0 * ahead).tolist(), 0.0), 22.0, course_rad)
+    track = Track("T", 0.0, (*place.tolist(), -300.0), (*velocity.tolist(), 0.0))
+    decision = avoider.decide(0.0, own, [track], Goal(course_rad=course_rad, altitude_m=300.0))
+    assert decision.layer is not Layer.CLEAR
+    assert decision.guidance is not None
+    turn_rad = math.remainder(decision.guidance.course_rad - course_rad, math.tau)
+    assert math.copysign(1.0, turn_rad) == -side
+    assert abs(turn_rad) > math.radians(5.0)
+
+
+@pytest.mark.parametrize("from_deg", [0, 60])
+def test_the_way_back_to_the_mission_goes_round_the_fence_too(from_deg: float) -> None:
+    """Two walls with a gap on the way: whoever avoids is beside it, and straight back is through a wall."""
+    walls = (
+        box((1200.0, 1500.0), (100.0, 3000.0), inclusion=False),
+        box((1200.0, 1500.0), (-3000.0, -500.0), inclusion=False),
+    )
+    outcome = fly([straight(from_deg, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=Fence(walls))
+    assert outcome.outside_m == 0.0
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+    assert outcome.engagements == 1
+
+
+def test_a_mission_beyond_the_fence_is_given_back_after_a_while() -> None:
+    """The goal lies outside: that is the mission's affair, not ours to refuse for ever."""
+    fence = Fence((box((-500.0, 4000.0), (-2500.0, 2500.0)),))
+    outcome = fly([straight(0.0, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=fence, seconds=600.0)
+    assert outcome.arrived
+    assert outcome.engagements == 1
