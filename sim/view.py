@@ -14,7 +14,6 @@ from rich.text import Text
 from companion.model import Layer, Snapshot
 from companion.units import course_deg
 from sim.demo import DemoState
-from sim.vehicle import Mode
 
 _REFRESH_PER_S = 8
 _COLOURS = {Layer.CLEAR: "green", Layer.OUTER: "yellow", Layer.INNER: "bold red"}
@@ -88,7 +87,7 @@ def _aircraft(state: DemoState) -> Table:
         "flying",
         f"course {course:03.0f}  {truth.airspeed_mps:4.1f} m/s  climb {-truth.velocity_mps[2]:+4.1f}",
     )
-    table.add_row("mode", Text(Mode(truth.mode).name, style="bold cyan"))
+    table.add_row("mode", Text(truth.mode, style="bold cyan"))
     table.add_row("companion", _companion(snapshot, state.options.scenario.home.altitude_m))
     return table
 

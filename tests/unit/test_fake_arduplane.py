@@ -247,7 +247,7 @@ def test_timesync_and_ping_are_answered() -> None:
 def test_only_its_own_addresses(target: tuple[int, int], answered: bool) -> None:
     bench = airborne()
     assert (bench.by_long(SET_MODE, 1, Mode.LOITER, target=target) == ACCEPTED) is answered
-    assert (bench.vehicle.truth.mode is Mode.LOITER) is answered
+    assert (bench.vehicle.truth.mode == "LOITER") is answered
 
 
 def test_the_answer_goes_to_the_channel_that_asked() -> None:
@@ -270,24 +270,24 @@ def test_every_mode_flies_on_without_falling(mode: Mode) -> None:
     bench.fly(60.0)
     truth = bench.vehicle.truth
     assert not truth.on_ground
-    assert truth.mode is mode
+    assert truth.mode == mode.name
     assert truth.airspeed_mps == pytest.approx(22.0, abs=6.0)
 
 
 def test_mode_by_the_old_message_and_by_command_int() -> None:
     bench = airborne()
     bench.send(mavlink.MAVLink_set_mode_message(1, 1, Mode.CIRCLE))
-    assert bench.vehicle.truth.mode == Mode.CIRCLE
+    assert bench.vehicle.truth.mode == "CIRCLE"
     assert [(a.command, a.result) for a in bench.heard("COMMAND_ACK")] == [(11, ACCEPTED)]
     assert bench.by_int(SET_MODE, 1, Mode.RTL) == ACCEPTED
-    assert bench.vehicle.truth.mode == Mode.RTL
+    assert bench.vehicle.truth.mode == "RTL"
 
 
 @pytest.mark.parametrize("params", [(0.0, 15.0), (1.0, 99.0), (1.0, math.nan), (math.nan, 15.0), (1.0, 15.5)])
 def test_modes_that_do_not_exist_are_refused(params: tuple[float, float]) -> None:
     bench = airborne()
     assert bench.by_long(SET_MODE, *params) in (DENIED, FAILED)
-    assert bench.vehicle.truth.mode == Mode.AUTO
+    assert bench.vehicle.truth.mode == "AUTO"
 
 
 def test_disarming_in_the_air_needs_force() -> None:
@@ -335,7 +335,7 @@ def test_the_mission_is_flown_to_its_end_and_then_home() -> None:
     assert aside_m < 70.0  # turning early at the corner is all
     bench.fly(200.0)
     assert bench.vehicle.truth.mission_completed
-    assert bench.vehicle.truth.mode == Mode.RTL
+    assert bench.vehicle.truth.mode == "RTL"
     assert [m.seq for m in bench.heard("MISSION_ITEM_REACHED")] == [2, 3]
     assert "Mission complete, changing mode to RTL" in bench.texts()
     bench.fly(300.0)
@@ -430,7 +430,7 @@ def test_speed_rtl_and_landing_items() -> None:
 def test_auto_without_a_mission_goes_home() -> None:
     bench = airborne()
     bench.send(mavlink.MAVLink_mission_clear_all_message(1, 1))
-    assert bench.vehicle.truth.mode == Mode.RTL
+    assert bench.vehicle.truth.mode == "RTL"
     assert "Aircraft in auto without a running mission" in bench.texts()
 
 
@@ -580,12 +580,12 @@ def test_reposition_switches_flies_there_and_circles() -> None:
     place = FRAME.to_geo(1500.0, 1500.0, 0.0)
     target = (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 250.0)
     assert bench.by_int(REPOSITION, -1, 0, 0, math.nan, frame=3, place=target) == FAILED  # without the flag
-    assert bench.vehicle.truth.mode == Mode.AUTO
+    assert bench.vehicle.truth.mode == "AUTO"
     bench.guided()
     bench.by_int(CHANGE_HEADING, 0, 270.0, 5.0)
     bench.by_long(SET_MODE, 1, Mode.AUTO)
     assert bench.by_int(REPOSITION, -1, 1, 0, math.nan, frame=3, place=target) == ACCEPTED
-    assert bench.vehicle.truth.mode == Mode.GUIDED
+    assert bench.vehicle.truth.mode == "GUIDED"
     bench.fly(150.0)
     assert math.dist(bench.vehicle.truth.position_m[:2], (1500.0, 1500.0)) == pytest.approx(60.0, abs=15.0)
     assert height_m(bench) == pytest.approx(250.0, abs=0.5)
@@ -747,9 +747,8 @@ def test_parameters_that_are_not_given_do_no_harm(command: int) -> None:
     assert math.dist(bench.vehicle.truth.position_m[:2], (0.0, 0.0)) < 2000.0
 
 
-@pytest.mark.parametrize("mission_type", [mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY])
-def test_fences_and_rally_points_are_an_empty_list(mission_type: int) -> None:
-    bench = on_ground()
+def test_rally_points_are_an_empty_list() -> None:
+    bench, mission_type = on_ground(), mavlink.MAV_MISSION_TYPE_RALLY
     bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, mission_type))
     (count,) = bench.heard("MISSION_COUNT")
     assert (count.count, count.mission_type) == (0, mission_type)
