@@ -9,6 +9,7 @@ from companion.errors import ConfigError
 from sim.files import checked_from
 from sim.scenario import (
     SCENARIO_FOLDER,
+    Autopilot,
     Scenario,
     build_world,
     load_scenario,
@@ -39,12 +40,15 @@ SMALL = {
 }
 
 
-def nmacs(name: str) -> int:
+AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
+
+
+def nmacs(name: str, autopilot: Autopilot) -> int:
     """How many intruders come to an NMAC when nobody avoids."""
     scenario = load_scenario(name)
-    world = build_world(scenario, START_S)
+    world = build_world(scenario, START_S, autopilot=autopilot)
     met = set()
-    for truth in undisturbed(scenario, START_S):
+    for truth in undisturbed(scenario, START_S, autopilot=autopilot):
         for intruder in world.intruders:
             other_m, _ = intruder.state_at(truth.time_s)
             horizontal_m = math.dist(truth.position_m[:2], other_m[:2])
@@ -57,9 +61,10 @@ def test_the_promised_scenarios_are_there() -> None:
     assert set(scenario_names()) >= {*CONFLICTS, "clear"}
 
 
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize(("name", "count"), CONFLICTS.items())
-def test_without_avoidance_every_conflict_is_an_nmac(name: str, count: int) -> None:
-    assert nmacs(name) == count
+def test_without_avoidance_every_conflict_is_an_nmac(name: str, count: int, autopilot: Autopilot) -> None:
+    assert nmacs(name, autopilot) == count
 
 
 def test_clear_traffic_stays_well_clear() -> None:
@@ -75,10 +80,11 @@ def test_clear_traffic_stays_well_clear() -> None:
             )
 
 
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("name", [*CONFLICTS, "clear"])
-def test_the_mission_is_completed_in_time(name: str) -> None:
+def test_the_mission_is_completed_in_time(name: str, autopilot: Autopilot) -> None:
     scenario = load_scenario(name)
-    truths = undisturbed(scenario, START_S, period_s=1.0)
+    truths = undisturbed(scenario, START_S, period_s=1.0, autopilot=autopilot)
     done_s = next(t.time_s - START_S for t in truths if t.mission_completed)
     assert done_s > max(c.meet_at_s for c in scenario.intruders) + 60.0
     assert done_s < scenario.duration_s - 100.0  # time left for avoiding
