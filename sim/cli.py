@@ -40,6 +40,7 @@ class Autopilot(StrEnum):
     """Which autopilot's manners the fake vehicle has."""
 
     ARDUPILOT = "ardupilot"
+    PX4 = "px4"
 
 
 class Direction(StrEnum):
@@ -69,7 +70,7 @@ SpeedupOption = Annotated[float, typer.Option(min=0.1, max=100.0, help="How much
 @app.command(epilog="Example: companion-sim demo --scenario head-on --speedup 4")
 def demo(
     scenario: ScenarioOption = DEFAULT_SCENARIO,
-    autopilot: AutopilotOption = Autopilot.ARDUPILOT,  # noqa: ARG001 - there is one so far
+    autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 8.0,
     no_avoidance: Annotated[
         bool, typer.Option("--no-avoidance", help="Leave the companion out: what would have happened.")
@@ -91,7 +92,11 @@ def demo(
     if report is not None:
         writable(report)
     options = DemoOptions(
-        scenario=load_scenario(scenario), speedup=speedup, avoidance=not no_avoidance, record=record
+        scenario=load_scenario(scenario),
+        speedup=speedup,
+        avoidance=not no_avoidance,
+        record=record,
+        autopilot=autopilot.value,
     )
     console = Console(highlight=False)
     with DemoView(console) as view:
@@ -140,7 +145,7 @@ def vehicle(
         ),
     ],
     scenario: ScenarioOption = DEFAULT_SCENARIO,
-    autopilot: AutopilotOption = Autopilot.ARDUPILOT,  # noqa: ARG001 - there is one so far
+    autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 1.0,
 ) -> None:
     """Run the fake vehicle on its own, its traffic included, until Ctrl-C."""
@@ -151,10 +156,12 @@ def vehicle(
     except LinkError as error:
         raise ConfigError(f"--link {error}") from error
     start_s = float(int(time.time()))
-    world = build_world(chosen, start_s)
+    world = build_world(chosen, start_s, autopilot=autopilot.value)
     clock = ScaledClock(speedup, start_s=start_s)
     server = VehicleServer(world.vehicle, links, clock, receiver=world.receiver)
-    logging.getLogger("sim").info("ArduPlane, system 1, on %s: %s", ", ".join(link), chosen.description)
+    logging.getLogger("sim").info(
+        "%s, system 1, on %s: %s", world.vehicle.name, ", ".join(link), chosen.description
+    )
     asyncio.run(_serve(server))
 
 

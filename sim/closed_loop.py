@@ -12,8 +12,8 @@ from companion.mavlink.framing import FrameSplitter, decode
 from companion.mavlink.translate import frame_to_fact
 from companion.model import Layer
 from sim.metrics import FlightScore, score_of
-from sim.scenario import Scenario, World, build_world
-from sim.vehicle import Mode, Truth
+from sim.scenario import Autopilot, Scenario, World, build_world
+from sim.vehicle import Truth
 
 _STEP_US = 50_000
 COMPANION_CHANNEL, RECEIVER_CHANNEL = 0, 1
@@ -27,6 +27,7 @@ class Flight:
     truth: Truth
     engagements: int = 0
     resumed: bool = False
+    uncontrolled: bool = False
     completed_s: float | None = None
     layers: list[tuple[float, Layer]] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
@@ -50,15 +51,16 @@ class ClosedLoop:
         *,
         start_us: int = 1_700_000_000_000_000,
         seed: int = 0,
+        autopilot: Autopilot = "ardupilot",
     ) -> None:
         self.start_us = start_us
         self.scenario = scenario
         self.engine = engine
-        self.world: World = build_world(scenario, start_us / 1e6, seed=seed)
+        self.world: World = build_world(scenario, start_us / 1e6, seed=seed, autopilot=autopilot)
         for channel in (COMPANION_CHANNEL, RECEIVER_CHANNEL):
             self.world.vehicle.add_channel(channel)
         self.flight = Flight(score_of(scenario, self.world), self.world.vehicle.truth)
-        self._encoder = Encoder()
+        self._encoder, self._boots = Encoder(), self.world.vehicle.boots
         self._up, self._down = FrameSplitter(), FrameSplitter()
         self._stepper = None if engine is None else Stepper(engine, self._perform)
         self._now_us = start_us
@@ -89,18 +91,21 @@ class ClosedLoop:
             self._stepper.advance(self._now_us)
         truth = world.vehicle.truth
         flight.score.update(now_s, truth.position_m)
-        mode = Mode(truth.mode).name
-        if not flight.modes or flight.modes[-1][1] != mode:
-            flight.modes.append((now_s - self.start_us / 1e6, mode))
-            flight.engagements += mode == "GUIDED"
-            flight.resumed |= mode == "AUTO" and flight.engagements > 0
+        if not flight.modes or flight.modes[-1][1] != truth.mode:
+            flight.modes.append((now_s - self.start_us / 1e6, truth.mode))
+            flight.engagements += truth.companion_flies
+            flight.resumed |= truth.on_mission and flight.engagements > 0
+        flight.uncontrolled |= truth.uncontrolled
         if truth.mission_completed and flight.completed_s is None:
             flight.completed_s = now_s - self.start_us / 1e6
         flight.truth = truth
 
     def _hear(self, message: Message) -> None:
         assert self._stepper is not None
-        raw = self._encoder.encode(message, self.world.vehicle.system_id, self.world.vehicle.component_id)
+        vehicle = self.world.vehicle
+        if vehicle.boots != self._boots:  # sequence numbers start over
+            self._encoder, self._boots = Encoder(), vehicle.boots
+        raw = self._encoder.encode(message, vehicle.system_id, vehicle.component_id)
         for frame in self._up.feed_datagram(raw):
             fact = frame_to_fact(frame, self._now_us / 1e6)
             if fact is not None:
@@ -123,7 +128,7 @@ class ClosedLoop:
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         kind = effect.message.get_type()
-        self.flight.setpoints_sent += kind == "SET_POSITION_TARGET_GLOBAL_INT"
+        self.flight.setpoints_sent += kind.startswith("SET_POSITION_TARGET_")
         if kind == "STATUSTEXT":
             self.flight.texts.append(str(effect.message.text))
         for frame in self._down.feed_datagram(raw):
@@ -132,6 +137,8 @@ class ClosedLoop:
                 self.world.vehicle.receive(message, time_us / 1e6, COMPANION_CHANNEL)
 
 
-def fly(scenario: Scenario, engine: Engine | None, **options: int) -> Flight:
+def fly(
+    scenario: Scenario, engine: Engine | None, *, seed: int = 0, autopilot: Autopilot = "ardupilot"
+) -> Flight:
     """Fly a scenario to its end."""
-    return ClosedLoop(scenario, engine, **options).run()
+    return ClosedLoop(scenario, engine, seed=seed, autopilot=autopilot).run()

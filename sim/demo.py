@@ -19,10 +19,10 @@ from companion.recorder import Recorder
 from companion.runtime import Runtime
 from sim.clock import ScaledClock
 from sim.metrics import FlightScore, score_of
-from sim.scenario import Scenario, World, build_world
+from sim.scenario import Autopilot, Scenario, World, build_world
 from sim.server import VehicleServer
 from sim.traffic import ADSB_RECEIVER
-from sim.vehicle import Mode, Truth
+from sim.vehicle import Truth
 
 _RECEIVER_PERIOD_S = 0.05
 
@@ -37,6 +37,7 @@ class DemoOptions:
     record: Path | None = None
     engine: EngineConfig = field(default_factory=EngineConfig)
     seed: int = 0
+    autopilot: Autopilot = "ardupilot"
 
 
 @dataclass
@@ -53,6 +54,7 @@ class DemoState:
     started_s: float = field(default_factory=time.perf_counter)
     engaged: bool = False
     resumed: bool = False
+    uncontrolled: bool = False
     ended: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
@@ -71,8 +73,8 @@ class DemoState:
 
     @property
     def passed(self) -> bool:
-        """No near mid-air collision, and the mission finished."""
-        return self.truth.mission_completed and not self.nmac
+        """No near mid-air collision, never out of control, and the mission finished."""
+        return self.truth.mission_completed and not self.nmac and not self.uncontrolled
 
     def observe(self, truth: Truth) -> None:
         """The vehicle moved."""
@@ -80,8 +82,9 @@ class DemoState:
         if truth.mission_completed or self.elapsed_s >= self.options.scenario.duration_s:
             self.ended.set()
         self.score.update(truth.time_s, truth.position_m)
-        self.engaged |= truth.mode is Mode.GUIDED
-        self.resumed |= self.engaged and truth.mode is Mode.AUTO
+        self.engaged |= truth.companion_flies
+        self.resumed |= self.engaged and truth.on_mission
+        self.uncontrolled |= truth.uncontrolled
         if self.runtime is not None and self.runtime.engine.supervisor.flying:
             threats = self.runtime.engine.decision.threats
             self.score.acted(truth.time_s, [threat.track_id for threat in threats])
@@ -98,6 +101,8 @@ class DemoState:
             "max_deviation_m": round(self.score.max_deviation_m, 1),
             "latency_ms": {"p50": _quantile(latencies_ms, 0.5), "p99": _quantile(latencies_ms, 0.99)},
             "avoidance": self.options.avoidance,
+            "autopilot": self.options.autopilot,
+            "uncontrolled": self.uncontrolled,
             "simulated_s": round(self.elapsed_s, 1),
             "wall_s": round(time.perf_counter() - self.started_s, 1),
             "speedup": self.options.speedup,
@@ -116,7 +121,7 @@ def _quantile(ordered: list[float], share: float) -> float | None:
 async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] = lambda _: None) -> DemoState:
     """Fly the scenario until its mission is completed or its time is up, and return what came of it."""
     start_s = float(int(time.time()))
-    world = build_world(options.scenario, start_s, seed=options.seed)
+    world = build_world(options.scenario, start_s, seed=options.seed, autopilot=options.autopilot)
     score = score_of(options.scenario, world)
     clock = ScaledClock(options.speedup, start_s=start_s)
     to_companion, to_receiver = _free_ports(2)

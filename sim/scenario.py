@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le, Len, Lt
 from pydantic import ConfigDict
@@ -15,10 +15,23 @@ from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Vec2
 from sim.files import read_checked
 from sim.traffic import ALL_VALID, AdsbReceiver, Intruder, ReceiverModel
-from sim.vehicle import FakeArduPlane, MissionItem, Mode, Truth, takeoff_item, waypoint_item
+from sim.vehicle import (
+    FakeArduPlane,
+    FakePx4,
+    FakeVehicle,
+    MissionItem,
+    Truth,
+    takeoff_item,
+    waypoint_item,
+)
 
 SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
 DEFAULT_SCENARIO = "two-intruders"
+
+Autopilot = Literal["ardupilot", "px4"]
+
+# The same aircraft under either autopilot: PX4 is given the speeds that ArduPlane's defaults have.
+_PX4_PARAMETERS = {"FW_AIRSPD_TRIM": 22.0, "FW_AIRSPD_MAX": 30.0}
 
 _STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -164,7 +177,7 @@ class World:
 
     start_s: float
     frame: LocalFrame
-    vehicle: FakeArduPlane
+    vehicle: FakeVehicle
     intruders: tuple[Intruder, ...]
     receiver: AdsbReceiver
 
@@ -185,32 +198,36 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
     return read_checked(path, Scenario)
 
 
-def make_vehicle(scenario: Scenario, start_s: float) -> FakeArduPlane:
-    """The scenario's vehicle in AUTO and armed: about to take off, or in the air on the way."""
-    wind_mps: Vec2 = (scenario.wind.north_mps, scenario.wind.east_mps)
+def make_vehicle(scenario: Scenario, start_s: float, autopilot: Autopilot = "ardupilot") -> FakeVehicle:
+    """The scenario's vehicle on its mission and armed: about to take off, or in the air on the way."""
     start = scenario.start
     heading_rad = math.radians(start.heading_deg)
+    kind = FakePx4 if autopilot == "px4" else FakeArduPlane
+    options: dict[str, Any] = {
+        "mission": scenario.items,
+        "wind_mps": (scenario.wind.north_mps, scenario.wind.east_mps),
+        "parameters": _PX4_PARAMETERS if autopilot == "px4" else {},
+    }
     if start.where == "air":
-        return FakeArduPlane.airborne(
+        return kind.airborne(
             scenario.home_place,
             start_s,
-            mission=scenario.items,
             position=scenario.place(start.north_m, start.east_m, start.height_m),
             course_rad=heading_rad,
-            sequence=2,
-            wind_mps=wind_mps,
+            sequence=kind.first_item + 1,
+            **options,
         )
-    vehicle = FakeArduPlane(
-        scenario.home_place, start_s, mission=scenario.items, heading_rad=heading_rad, wind_mps=wind_mps
-    )
-    vehicle.set_mode(Mode.AUTO)
+    vehicle = kind(scenario.home_place, start_s, heading_rad=heading_rad, **options)
+    vehicle.start_mission()
     vehicle.arm()
     return vehicle
 
 
-def build_world(scenario: Scenario, start_s: float, *, seed: int = 0) -> World:
+def build_world(
+    scenario: Scenario, start_s: float, *, seed: int = 0, autopilot: Autopilot = "ardupilot"
+) -> World:
     """The vehicle and its traffic. The intruders are aimed at where the undisturbed vehicle will be."""
-    scout = make_vehicle(scenario, start_s)
+    scout = make_vehicle(scenario, start_s, autopilot)
     aimed: dict[str, Intruder] = {}
     for conflict in sorted(scenario.intruders, key=lambda c: c.meet_at_s):
         scout.step(start_s + conflict.meet_at_s)
@@ -219,7 +236,8 @@ def build_world(scenario: Scenario, start_s: float, *, seed: int = 0) -> World:
     receiver = AdsbReceiver(
         intruders, scenario.frame, start_s, model=_receiver_model(scenario.receiver), seed=seed
     )
-    return World(start_s, scenario.frame, make_vehicle(scenario, start_s), intruders, receiver)
+    vehicle = make_vehicle(scenario, start_s, autopilot)
+    return World(start_s, scenario.frame, vehicle, intruders, receiver)
 
 
 def aim(conflict: Conflict, truth: Truth) -> Intruder:
@@ -269,9 +287,11 @@ def _receiver_model(receiver: Receiver) -> ReceiverModel:
     )
 
 
-def undisturbed(scenario: Scenario, start_s: float = 0.0, period_s: float = 0.1) -> Sequence[Truth]:
+def undisturbed(
+    scenario: Scenario, start_s: float = 0.0, period_s: float = 0.1, autopilot: Autopilot = "ardupilot"
+) -> Sequence[Truth]:
     """What the vehicle does when nothing disturbs it, for the whole of the scenario."""
-    vehicle = make_vehicle(scenario, start_s)
+    vehicle = make_vehicle(scenario, start_s, autopilot)
     truths = [vehicle.truth]
     for number in range(1, int(scenario.duration_s / period_s) + 1):
         vehicle.step(start_s + number * period_s)

@@ -9,7 +9,7 @@ from companion.mavlink.dialect import Encoder
 from companion.mavlink.framing import Frame, decode
 from sim.clock import ScaledClock
 from sim.traffic import AdsbReceiver
-from sim.vehicle import FakeArduPlane, Outgoing, Truth
+from sim.vehicle import FakeVehicle, Outgoing, Truth
 from sim.vehicle.flight import STEP_S
 
 # How far the shared clock may get ahead of the vehicle [simulated seconds]. It bounds the work of
@@ -27,7 +27,7 @@ class VehicleServer:
 
     def __init__(
         self,
-        vehicle: FakeArduPlane,
+        vehicle: FakeVehicle,
         links: Sequence[Link],
         clock: ScaledClock,
         *,
@@ -42,6 +42,7 @@ class VehicleServer:
         self._receiver = receiver
         self._observe = observe
         self._encoders = [Encoder() for _ in self._links]
+        self._boots = vehicle.boots
         self._closed = False
         for channel in range(len(self._links)):
             vehicle.add_channel(channel, stream_rate_hz=stream_rate_hz)
@@ -98,6 +99,9 @@ class VehicleServer:
 
     def _send(self, outgoing: Sequence[Outgoing]) -> None:
         vehicle = self._vehicle
+        if vehicle.boots != self._boots:
+            self._boots = vehicle.boots
+            self._encoders = [Encoder() for _ in self._links]
         for channel, message in outgoing:
             if 0 <= channel < len(self._links):
                 data = self._encoders[channel].encode(message, vehicle.system_id, vehicle.component_id)

@@ -14,7 +14,6 @@ from rich.text import Text
 from companion.model import Layer, Snapshot
 from companion.units import course_deg
 from sim.demo import DemoState
-from sim.vehicle import Mode
 
 _REFRESH_PER_S = 8
 _COLOURS = {Layer.CLEAR: "green", Layer.OUTER: "yellow", Layer.INNER: "bold red"}
@@ -88,7 +87,10 @@ def _aircraft(state: DemoState) -> Table:
         "flying",
         f"course {course:03.0f}  {truth.airspeed_mps:4.1f} m/s  climb {-truth.velocity_mps[2]:+4.1f}",
     )
-    table.add_row("mode", Text(Mode(truth.mode).name, style="bold cyan"))
+    mode = Text(truth.mode, style="bold cyan")
+    if truth.uncontrolled:
+        mode.append(" UNCONTROLLED", style="bold red")
+    table.add_row("mode", mode)
     table.add_row("companion", _companion(snapshot, state.options.scenario.home.altitude_m))
     return table
 
@@ -166,6 +168,8 @@ def print_result(console: Console, state: DemoState) -> None:
         f"Mission {done} after {_clock(state.elapsed_s).strip()}, largest deviation "
         f"{state.score.max_deviation_m:.0f} m sideways, {report['setpoints_sent']} setpoints sent."
     )
+    if state.uncontrolled:
+        console.print("[bold red]The autopilot's controller was poisoned: it flew on uncontrolled.[/]")
     if state.clock.slipped_s > 1.0:
         console.print(
             f"[yellow]This machine was too slow for the speed-up: the clock stood still for "

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-INFO, WARNING = 6, 4  # MAV_SEVERITY
+INFO, WARNING, CRITICAL = 6, 4, 2  # MAV_SEVERITY
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,4 +20,14 @@ class ItemReached:
     sequence: int
 
 
-Event = Text | ItemReached
+@dataclass(frozen=True, slots=True)
+class FenceChanged:
+    """A fence has been broken, or is kept again (FENCE_STATUS)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """Another mode is flown (a HEARTBEAT soon, where the autopilot sends one)."""
+
+
+Event = Text | ItemReached | FenceChanged | ModeChanged

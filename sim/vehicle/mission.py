@@ -1,4 +1,4 @@
-"""A mission as ArduPilot keeps it: item 0 is home, flying begins with item 1."""
+"""A mission: ArduPilot keeps home as item 0 and flies from item 1 on, PX4 flies from item 0 on."""
 
 import math
 from collections.abc import Sequence
@@ -53,6 +53,10 @@ class MissionItem:
         """Height above mean sea level."""
         return self.altitude_m + (0.0 if self.frame in ABSOLUTE_FRAMES else home_altitude_m)
 
+    def place_or_zero(self) -> GeoPoint:
+        """Its latitude and longitude as they are, its height as its frame counts it."""
+        return GeoPoint(self.lat_e7 / 1e7, self.lon_e7 / 1e7, self.altitude_m)
+
     def place(self, here: GeoPoint, home_altitude_m: float) -> GeoPoint:
         """Where it is; latitude and longitude 0 mean "here", as ArduPilot takes them."""
         altitude_m = self.altitude_amsl_m(home_altitude_m)
@@ -92,32 +96,34 @@ def takeoff_item(height_m: float, *, pitch_deg: float = 15.0) -> MissionItem:
 class Mission:
     """The items, which one is being flown, and whether the last waypoint has been reached."""
 
-    def __init__(self, home: GeoPoint, items: Sequence[MissionItem] = ()) -> None:
-        """`items` without home, which becomes item 0."""
+    def __init__(self, home: GeoPoint, items: Sequence[MissionItem] = (), *, has_home: bool = True) -> None:
+        """`items` without home, which becomes item 0 where the autopilot keeps it (`has_home`)."""
         self._home = home_item(home)
-        self.items: list[MissionItem] = [self._home, *items] if items else []
+        self._has_home = has_home
+        self.first = 1 if has_home else 0
+        self.items: list[MissionItem] = [*([self._home] if has_home else []), *items] if items else []
         self.current = 0
         self.completed = False
 
     @property
     def total(self) -> int:
         """How many items there are besides home: MISSION_CURRENT.total."""
-        return max(len(self.items) - 1, 0)
+        return max(len(self.items) - self.first, 0)
 
     @property
     def active(self) -> MissionItem | None:
         """The item being flown; None before the start, after the end and without a mission."""
-        return self.items[self.current] if 0 < self.current < len(self.items) else None
+        return self.items[self.current] if self.first <= self.current < len(self.items) else None
 
     def replace(self, items: Sequence[MissionItem]) -> None:
-        """Take a new list, item 0 included and overwritten by home; flying starts over."""
-        self.items = [self._home, *items[1:]] if items else []
+        """Take a new list as uploaded (a home in it is overwritten by ours); flying starts over."""
+        self.items = [self._home, *items[1:]] if items and self._has_home else list(items)
         self.current = 0
         self.completed = False
 
     def item_at(self, sequence: int) -> MissionItem | None:
-        """The item with that number; an empty mission still has home."""
-        if sequence == 0:
+        """The item with that number; where home is kept, an empty mission still has it."""
+        if sequence == 0 and self._has_home:
             return self._home
         return self.items[sequence] if 0 <= sequence < len(self.items) else None
 
@@ -137,6 +143,11 @@ class Mission:
             i.command in (NAV_WAYPOINT, NAV_LAND) for i in following
         )
         return following[0] if following else None
+
+    def rewind(self) -> None:
+        """Start over with the first item."""
+        self.current = self.first - 1
+        self.advance()
 
     def next_navigation(self) -> MissionItem | None:
         """The item to fly to after the active one, for turning early."""

@@ -1,11 +1,13 @@
-"""The parameters of the fake ArduPlane: real names and types; those of the envelope are really used."""
+"""The parameters of a fake autopilot: real names and types; those of the envelope are really used."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 # MAV_PARAM_TYPE
-_INT8, _INT16, _INT32, _REAL32 = 2, 4, 6, 9
+INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
+
+Row = tuple[str, float, int]  # name, default, type
 
 
 @dataclass(slots=True)
@@ -18,52 +20,26 @@ class Parameter:
     index: int
 
 
-# name, default, type
-_TABLE: tuple[tuple[str, float, int], ...] = (
-    ("ADSB_ICAO_ID", 0, _INT32),
-    ("ADSB_LIST_MAX", 25, _INT16),
-    ("ADSB_LIST_RADIUS", 10_000, _INT16),
-    ("ADSB_TYPE", 1, _INT8),
-    ("AIRSPEED_CRUISE", 22, _REAL32),
-    ("AIRSPEED_MAX", 30, _INT16),
-    ("AIRSPEED_MIN", 10, _INT16),
-    ("AVD_ENABLE", 0, _INT8),
-    ("AVD_F_ACTION", 1, _INT8),
-    ("FENCE_ENABLE", 0, _REAL32),
-    ("FS_GCS_ENABL", 0, _INT8),
-    ("FS_LONG_TIMEOUT", 5, _REAL32),
-    ("MIS_TOTAL", 0, _INT16),
-    ("ROLL_LIMIT_DEG", 45, _REAL32),
-    ("RTL_ALTITUDE", 100, _REAL32),
-    ("RTL_AUTOLAND", 0, _INT8),
-    ("SERIAL0_PROTOCOL", 2, _INT8),
-    ("STAT_RUNTIME", 0, _INT32),
-    ("SYSID_THISMAV", 1, _INT16),
-    ("TECS_CLMB_MAX", 5, _REAL32),
-    ("TECS_SINK_MAX", 5, _REAL32),
-    ("TKOFF_ALT", 50, _REAL32),
-    ("WP_LOITER_RAD", 60, _INT16),
-    ("WP_RADIUS", 90, _INT16),
-)
-# What the vehicle itself counts: a PARAM_SET on these is answered with the value as it was.
-_READ_ONLY = frozenset({"MIS_TOTAL", "STAT_RUNTIME", "SYSID_THISMAV"})
-
-
 class Parameters:
     """The values by name, in the order in which PARAM_REQUEST_LIST tells them."""
 
-    def __init__(self) -> None:
+    def __init__(self, table: Sequence[Row], read_only: Collection[str] = ()) -> None:
+        """`read_only`: what the vehicle itself counts, and answers to PARAM_SET with the value as it was."""
         self._by_name = {
             name: Parameter(name, float(value), kind, index)
-            for index, (name, value, kind) in enumerate(_TABLE)
+            for index, (name, value, kind) in enumerate(table)
         }
         self._order = list(self._by_name)
+        self._read_only = frozenset(read_only)
 
     def __len__(self) -> int:
         return len(self._order)
 
     def __iter__(self) -> Iterator[Parameter]:
         return iter(self._by_name.values())
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._by_name
 
     def __getitem__(self, name: str) -> float:
         """The value; KeyError for a name that does not exist."""
@@ -83,8 +59,8 @@ class Parameters:
         Values that are no numbers are refused, integers are rounded as the autopilot does.
         """
         parameter = self.find(name)
-        if parameter is not None and math.isfinite(value) and name not in _READ_ONLY:
-            parameter.value = float(value if parameter.type == _REAL32 else round(value))
+        if parameter is not None and math.isfinite(value) and name not in self._read_only:
+            parameter.value = float(value if parameter.type == REAL32 else round(value))
         return parameter
 
     def record(self, name: str, value: float) -> Parameter:

@@ -1,38 +1,62 @@
-"""The messages that the fake ArduPlane tells about itself, with the real one's conventions of fields."""
+"""The messages that a fake autopilot tells about itself, as far as both fill their fields alike."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.units import course_deg, wrap_pi
 from sim.vehicle.battery import Battery
 from sim.vehicle.flight import Flight
-from sim.vehicle.modes import Mode, base_mode
 
-_TYPE_FIXED_WING = 1
-_AUTOPILOT_ARDUPILOT = 3
-_STANDBY, _ACTIVE = 3, 4
+FIXED_WING = 1  # MAV_TYPE
+_STANDBY, _ACTIVE, _CRITICAL = 3, 4, 5
 _ON_GROUND, _IN_AIR, _TAKING_OFF, _LANDING = 1, 2, 3, 4
 _NO_MISSION, _NOT_STARTED, _MISSION_ACTIVE, _MISSION_PAUSED, _MISSION_COMPLETE = 1, 2, 3, 4, 5
 _MISSION_MODE_ACTIVE, _MISSION_MODE_SUSPENDED = 1, 2
-_POSITION_ONLY = 65016  # POSITION_TARGET_GLOBAL_INT.type_mask of the real one
-_SENSORS = 325188671
-_SENSORS_HEALTHY = 322042943
 _UINT16_MAX = 65535
 _TEMPERATURE_UNKNOWN = 32767
-_CAPABILITIES = (
-    2 | 4 | 8 | 256 | 4096 | 8192
-)  # float parameters, int missions, COMMAND_INT, targets, MAVLink 2
-_VERSION_4_7_0_DEV = 4 << 24 | 7 << 16
+_FENCE_BOUNDARY = 3
+_RSSI_UNKNOWN = 255
+
+Builder = Callable[[float], Message]
 
 
-class Telemetry:
+class Telemetry(ABC):
     """Makes messages about one flight; counts its battery down."""
 
-    def __init__(self, flight: Flight, boot_s: float) -> None:
+    # SYS_STATUS: which sensors there are, and which are well
+    sensors = 0
+    sensors_healthy = 0
+
+    def __init__(self, flight: Flight, boot_s: float, geoid_height_m: float = 0.0) -> None:
+        """`geoid_height_m`: of mean sea level above the ellipsoid, where the vehicle flies."""
         self._flight = flight
         self._boot_s = boot_s
+        self._geoid_height_m = geoid_height_m
         self._battery = Battery()
+        self._builders = self._all_builders()
+
+    @abstractmethod
+    def heartbeat(self, time_s: float) -> Message:
+        """HEARTBEAT."""
+
+    @abstractmethod
+    def position_target_global_int(self, time_s: float) -> Message:
+        """POSITION_TARGET_GLOBAL_INT: what is being flown to."""
+
+    @abstractmethod
+    def autopilot_version(self, time_s: float) -> Message:
+        """AUTOPILOT_VERSION."""
+
+    @property
+    def built(self) -> frozenset[int]:
+        """The messages that `build` makes, by number."""
+        return frozenset(self._builders)
+
+    def reboot(self, now_s: float) -> None:
+        """Boot time starts over."""
+        self._boot_s = now_s
 
     def consume(self, seconds: float) -> None:
         """Draw from the battery."""
@@ -41,24 +65,19 @@ class Telemetry:
 
     def build(self, message_id: int, time_s: float) -> Message | None:
         """The message with that number as of now, None when it is not ours to tell."""
-        builder = _BUILDERS.get(message_id)
-        return builder(self, time_s) if builder is not None else None
+        builder = self._builders.get(message_id)
+        return builder(time_s) if builder is not None else None
 
     def boot_ms(self, time_s: float) -> int:
         """Milliseconds since boot, as `time_boot_ms` carries them."""
         return round((time_s - self._boot_s) * 1000.0) & 0xFFFF_FFFF
 
-    def heartbeat(self, _time_s: float) -> Message:
-        """HEARTBEAT."""
-        flight = self._flight
-        return mavlink.MAVLink_heartbeat_message(
-            type=_TYPE_FIXED_WING,
-            autopilot=_AUTOPILOT_ARDUPILOT,
-            base_mode=base_mode(flight.mode, armed=flight.armed),
-            custom_mode=int(flight.mode),
-            system_status=_STANDBY if flight.on_ground else _ACTIVE,
-            mavlink_version=3,
-        )
+    @property
+    def system_status(self) -> int:
+        """HEARTBEAT.system_status (MAV_STATE)."""
+        if self._flight.in_trouble:
+            return _CRITICAL
+        return _STANDBY if self._flight.on_ground else _ACTIVE
 
     def global_position_int(self, time_s: float) -> Message:
         """GLOBAL_POSITION_INT: `vz` positive down, `hdg` where the nose points."""
@@ -98,7 +117,7 @@ class Telemetry:
         return mavlink.MAVLink_attitude_message(
             time_boot_ms=self.boot_ms(time_s),
             roll=aircraft.bank_rad,
-            pitch=self._pitch_rad(),
+            pitch=self.pitch_rad(),
             yaw=wrap_pi(aircraft.heading_rad),
             rollspeed=0.0,
             pitchspeed=0.0,
@@ -112,7 +131,7 @@ class Telemetry:
             airspeed=flight.aircraft.airspeed_mps,
             groundspeed=flight.ground_speed_mps,
             heading=int(course_deg(flight.aircraft.heading_rad)),
-            throttle=self._throttle_percent(),
+            throttle=self.throttle_percent(),
             alt=flight.aircraft.altitude_m,
             climb=flight.aircraft.climb_mps,
         )
@@ -120,9 +139,9 @@ class Telemetry:
     def sys_status(self, _time_s: float) -> Message:
         """SYS_STATUS."""
         return mavlink.MAVLink_sys_status_message(
-            onboard_control_sensors_present=_SENSORS,
-            onboard_control_sensors_enabled=_SENSORS,
-            onboard_control_sensors_health=_SENSORS_HEALTHY,
+            onboard_control_sensors_present=self.sensors,
+            onboard_control_sensors_enabled=self.sensors,
+            onboard_control_sensors_health=self.sensors_healthy,
             load=0,
             voltage_battery=self._battery.voltage_mv,
             current_battery=self._battery.current_ca,
@@ -166,7 +185,7 @@ class Telemetry:
             vel=min(round(flight.ground_speed_mps * 100.0), _UINT16_MAX),
             cog=_centidegrees(flight.aircraft.course_rad),
             satellites_visible=10,
-            alt_ellipsoid=round(place.altitude_m * 1000.0),
+            alt_ellipsoid=round((place.altitude_m + self._geoid_height_m) * 1000.0),
             h_acc=300,
             v_acc=300,
         )
@@ -175,15 +194,6 @@ class Telemetry:
         """SYSTEM_TIME."""
         return mavlink.MAVLink_system_time_message(
             time_unix_usec=round(time_s * 1e6), time_boot_ms=self.boot_ms(time_s)
-        )
-
-    def wind(self, _time_s: float) -> Message:
-        """WIND: `direction` is where it comes from."""
-        north_mps, east_mps = self._flight.aircraft.wind_mps
-        return mavlink.MAVLink_wind_message(
-            direction=math.degrees(math.atan2(-east_mps, -north_mps)),
-            speed=math.hypot(north_mps, east_mps),
-            speed_z=0.0,
         )
 
     def home_position(self, time_s: float) -> Message:
@@ -211,55 +221,15 @@ class Telemetry:
             state = _NO_MISSION
         elif mission.completed and mission.active is None:
             state = _MISSION_COMPLETE
-        elif mission.current == 0:
+        elif mission.current < mission.first:
             state = _NOT_STARTED
         else:
-            state = _MISSION_ACTIVE if flight.mode is Mode.AUTO else _MISSION_PAUSED
+            state = _MISSION_ACTIVE if flight.on_mission else _MISSION_PAUSED
         return mavlink.MAVLink_mission_current_message(
             seq=min(mission.current, mission.total),
             total=mission.total,
             mission_state=state,
-            mission_mode=_MISSION_MODE_ACTIVE if flight.mode is Mode.AUTO else _MISSION_MODE_SUSPENDED,
-        )
-
-    def nav_controller_output(self, _time_s: float) -> Message:
-        """NAV_CONTROLLER_OUTPUT."""
-        flight = self._flight
-        aircraft = flight.aircraft
-        north_m = east_m = 0.0
-        if flight.target is not None:
-            target_m = flight.frame.to_ned_m(flight.target)
-            north_m, east_m = target_m[0] - aircraft.north_m, target_m[1] - aircraft.east_m
-        bearing_deg = round(math.degrees(math.atan2(east_m, north_m)))
-        return mavlink.MAVLink_nav_controller_output_message(
-            nav_roll=math.degrees(aircraft.bank_rad),
-            nav_pitch=math.degrees(self._pitch_rad()),
-            nav_bearing=round(math.degrees(wrap_pi(aircraft.course_rad))),
-            target_bearing=bearing_deg,
-            wp_dist=min(round(math.hypot(north_m, east_m)), _UINT16_MAX),
-            alt_error=flight.wanted_altitude_m - aircraft.altitude_m,
-            aspd_error=aircraft.airspeed_command_mps - aircraft.airspeed_mps,
-            xtrack_error=0.0,
-        )
-
-    def position_target_global_int(self, time_s: float) -> Message:
-        """POSITION_TARGET_GLOBAL_INT: the place being flown to, height above mean sea level."""
-        target = self._flight.target or self._flight.place
-        return mavlink.MAVLink_position_target_global_int_message(
-            time_boot_ms=self.boot_ms(time_s),
-            coordinate_frame=0,
-            type_mask=_POSITION_ONLY,
-            lat_int=round(target.lat_deg * 1e7),
-            lon_int=round(target.lon_deg * 1e7),
-            alt=self._flight.wanted_altitude_m,
-            vx=0.0,
-            vy=0.0,
-            vz=0.0,
-            afx=0.0,
-            afy=0.0,
-            afz=0.0,
-            yaw=0.0,
-            yaw_rate=0.0,
+            mission_mode=_MISSION_MODE_ACTIVE if flight.on_mission else _MISSION_MODE_SUSPENDED,
         )
 
     def extended_sys_state(self, _time_s: float) -> Message:
@@ -283,27 +253,34 @@ class Telemetry:
             temperature=2500,
         )
 
-    def autopilot_version(self, _time_s: float) -> Message:
-        """AUTOPILOT_VERSION: says 4.7.0-dev, which it imitates."""
-        return mavlink.MAVLink_autopilot_version_message(
-            capabilities=_CAPABILITIES,
-            flight_sw_version=_VERSION_4_7_0_DEV,
-            middleware_sw_version=0,
-            os_sw_version=0,
-            board_version=0,
-            flight_custom_version=[0] * 8,
-            middleware_custom_version=[0] * 8,
-            os_custom_version=[0] * 8,
-            vendor_id=0,
-            product_id=0,
-            uid=1,
+    def rc_channels(self, time_s: float) -> Message:
+        """RC_CHANNELS: the pilot's sticks."""
+        pulses_us = self._flight.sticks.pulses_us
+        named = {f"chan{number}_raw": pulse_us for number, pulse_us in enumerate(pulses_us, 1)}
+        return mavlink.MAVLink_rc_channels_message(
+            time_boot_ms=self.boot_ms(time_s),
+            chancount=sum(pulse_us != _UINT16_MAX for pulse_us in pulses_us),
+            rssi=_RSSI_UNKNOWN,
+            **named,
         )
 
-    def _pitch_rad(self) -> float:
+    def fence_status(self, time_s: float) -> Message:
+        """FENCE_STATUS."""
+        flight = self._flight
+        return mavlink.MAVLink_fence_status_message(
+            breach_status=int(flight.fence_broken),
+            breach_count=flight.fence_breaches,
+            breach_type=_FENCE_BOUNDARY if flight.fence_broken else 0,
+            breach_time=self.boot_ms(time_s),
+        )
+
+    def pitch_rad(self) -> float:
+        """How steeply the aircraft goes through the air, positive up."""
         aircraft = self._flight.aircraft
         return math.asin(min(max(aircraft.climb_mps / max(aircraft.airspeed_mps, 1.0), -1.0), 1.0))
 
-    def _throttle_percent(self) -> int:
+    def throttle_percent(self) -> int:
+        """How far the motor is opened."""
         flight = self._flight
         if not flight.armed or (flight.on_ground and not flight.taking_off):
             return 0
@@ -311,29 +288,26 @@ class Telemetry:
             return 100
         return round(min(max(48.0 + 3.0 * flight.aircraft.climb_mps, 0.0), 100.0))
 
+    def _all_builders(self) -> dict[int, Builder]:
+        return {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
+            mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self.gps_raw_int,
+            mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: self.scaled_pressure,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: self.attitude,
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self.local_position_ned,
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self.global_position_int,
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: self.mission_current,
+            mavlink.MAVLINK_MSG_ID_VFR_HUD: self.vfr_hud,
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self.rc_channels,
+            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: self.position_target_global_int,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery_status,
+            mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
+        }
+
 
 def _centidegrees(angle_rad: float) -> int:
     return round(course_deg(angle_rad) * 100.0) % 36_000
-
-
-_BUILDERS: dict[int, Callable[[Telemetry, float], Message]] = {
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT: Telemetry.heartbeat,
-    mavlink.MAVLINK_MSG_ID_SYS_STATUS: Telemetry.sys_status,
-    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: Telemetry.system_time,
-    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: Telemetry.gps_raw_int,
-    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: Telemetry.scaled_pressure,
-    mavlink.MAVLINK_MSG_ID_ATTITUDE: Telemetry.attitude,
-    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Telemetry.local_position_ned,
-    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: Telemetry.global_position_int,
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: Telemetry.mission_current,
-    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: Telemetry.nav_controller_output,
-    mavlink.MAVLINK_MSG_ID_VFR_HUD: Telemetry.vfr_hud,
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: Telemetry.position_target_global_int,
-    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Telemetry.battery_status,
-    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Telemetry.autopilot_version,
-    mavlink.MAVLINK_MSG_ID_WIND: Telemetry.wind,
-    mavlink.MAVLINK_MSG_ID_HOME_POSITION: Telemetry.home_position,
-    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Telemetry.extended_sys_state,
-}
-
-BUILT = frozenset(_BUILDERS)

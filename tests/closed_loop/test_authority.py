@@ -45,7 +45,7 @@ class Watched(ClosedLoop):
         raise AssertionError(f"never came to {states}, stayed in {self.engine.supervisor.state}")
 
     def mode(self) -> Mode:
-        return Mode(self.world.vehicle.truth.mode)
+        return Mode[self.world.vehicle.truth.mode]
 
     def stop(self) -> list[Effect]:
         assert self.engine is not None

@@ -9,13 +9,13 @@ from companion.errors import ConfigError
 from sim.files import checked_from
 from sim.scenario import (
     SCENARIO_FOLDER,
+    Autopilot,
     Scenario,
     build_world,
     load_scenario,
     scenario_names,
     undisturbed,
 )
-from sim.vehicle import Mode
 
 START_S = 1_800_000_000.0
 NMAC_HORIZONTAL_M, NMAC_VERTICAL_M = 152.4, 30.48
@@ -40,12 +40,15 @@ SMALL = {
 }
 
 
-def nmacs(name: str) -> int:
+AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
+
+
+def nmacs(name: str, autopilot: Autopilot) -> int:
     """How many intruders come to an NMAC when nobody avoids."""
     scenario = load_scenario(name)
-    world = build_world(scenario, START_S)
+    world = build_world(scenario, START_S, autopilot=autopilot)
     met = set()
-    for truth in undisturbed(scenario, START_S):
+    for truth in undisturbed(scenario, START_S, autopilot=autopilot):
         for intruder in world.intruders:
             other_m, _ = intruder.state_at(truth.time_s)
             horizontal_m = math.dist(truth.position_m[:2], other_m[:2])
@@ -58,9 +61,10 @@ def test_the_promised_scenarios_are_there() -> None:
     assert set(scenario_names()) >= {*CONFLICTS, "clear"}
 
 
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize(("name", "count"), CONFLICTS.items())
-def test_without_avoidance_every_conflict_is_an_nmac(name: str, count: int) -> None:
-    assert nmacs(name) == count
+def test_without_avoidance_every_conflict_is_an_nmac(name: str, count: int, autopilot: Autopilot) -> None:
+    assert nmacs(name, autopilot) == count
 
 
 def test_clear_traffic_stays_well_clear() -> None:
@@ -76,16 +80,17 @@ def test_clear_traffic_stays_well_clear() -> None:
             )
 
 
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
 @pytest.mark.parametrize("name", [*CONFLICTS, "clear"])
-def test_the_mission_is_completed_in_time(name: str) -> None:
+def test_the_mission_is_completed_in_time(name: str, autopilot: Autopilot) -> None:
     scenario = load_scenario(name)
-    truths = undisturbed(scenario, START_S, period_s=1.0)
+    truths = undisturbed(scenario, START_S, period_s=1.0, autopilot=autopilot)
     done_s = next(t.time_s - START_S for t in truths if t.mission_completed)
     assert done_s > max(c.meet_at_s for c in scenario.intruders) + 60.0
     assert done_s < scenario.duration_s - 100.0  # time left for avoiding
     assert truths[0].on_ground == (name == "two-intruders")
     assert truths[0].armed
-    assert truths[0].mode is Mode.AUTO
+    assert truths[0].on_mission
 
 
 def test_the_miss_is_as_described() -> None:

@@ -2,25 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 from sim.dynamics import FixedWing
 from sim.vehicle.mission import ABSOLUTE_FRAMES, GLOBAL_FRAMES
 from sim.vehicle.navigation import circle
-
-
-class Result(IntEnum):
-    """MAV_RESULT: the answers that the fake gives."""
-
-    ACCEPTED = 0
-    DENIED = 2
-    UNSUPPORTED = 3
-    FAILED = 4
-    COMMAND_LONG_ONLY = 7
-    COMMAND_INT_ONLY = 8
-
+from sim.vehicle.result import Result
 
 _COURSE_OVER_GROUND, _HEADING, _HEADING_DEFAULT = 0.0, 1.0, 2.0
 _AIRSPEED = 0.0

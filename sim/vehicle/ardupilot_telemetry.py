@@ -1,0 +1,117 @@
+"""What the fake ArduPlane tells about itself, with the real one's conventions of fields."""
+
+import math
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.units import wrap_pi
+from sim.vehicle.ardupilot_flight import ArduPlaneFlight
+from sim.vehicle.ardupilot_modes import base_mode
+from sim.vehicle.ardupilot_parameters import Firmware
+from sim.vehicle.telemetry import FIXED_WING, Builder, Telemetry
+
+_AUTOPILOT_ARDUPILOT = 3
+_POSITION_ONLY = 65016  # POSITION_TARGET_GLOBAL_INT.type_mask of the real one
+_UINT16_MAX = 65535
+# Float parameters, int missions, COMMAND_INT, targets, MAVLink 2, fences
+_CAPABILITIES = 2 | 4 | 8 | 256 | 4096 | 8192 | 16384
+_VERSIONS: dict[Firmware, int] = {"4.7": 4 << 24 | 7 << 16, "4.3": 4 << 24 | 3 << 16 | 255}
+
+
+class ArduPlaneTelemetry(Telemetry):
+    """Messages about a fake ArduPlane."""
+
+    sensors = 325188671
+    sensors_healthy = 322042943
+
+    def __init__(
+        self, flight: ArduPlaneFlight, boot_s: float, firmware: Firmware, geoid_height_m: float
+    ) -> None:
+        """`firmware` is the version that AUTOPILOT_VERSION tells."""
+        super().__init__(flight, boot_s, geoid_height_m)
+        self._flight: ArduPlaneFlight = flight
+        self._firmware: Firmware = firmware
+
+    def heartbeat(self, _time_s: float) -> Message:
+        """HEARTBEAT."""
+        flight = self._flight
+        return mavlink.MAVLink_heartbeat_message(
+            type=FIXED_WING,
+            autopilot=_AUTOPILOT_ARDUPILOT,
+            base_mode=base_mode(flight.mode, armed=flight.armed),
+            custom_mode=int(flight.mode),
+            system_status=self.system_status,
+            mavlink_version=3,
+        )
+
+    def wind(self, _time_s: float) -> Message:
+        """WIND: `direction` is where it comes from."""
+        north_mps, east_mps = self._flight.aircraft.wind_mps
+        return mavlink.MAVLink_wind_message(
+            direction=math.degrees(math.atan2(-east_mps, -north_mps)),
+            speed=math.hypot(north_mps, east_mps),
+            speed_z=0.0,
+        )
+
+    def nav_controller_output(self, _time_s: float) -> Message:
+        """NAV_CONTROLLER_OUTPUT."""
+        flight = self._flight
+        aircraft = flight.aircraft
+        north_m = east_m = 0.0
+        if flight.target is not None:
+            target_m = flight.frame.to_ned_m(flight.target)
+            north_m, east_m = target_m[0] - aircraft.north_m, target_m[1] - aircraft.east_m
+        bearing_deg = round(math.degrees(math.atan2(east_m, north_m)))
+        return mavlink.MAVLink_nav_controller_output_message(
+            nav_roll=math.degrees(aircraft.bank_rad),
+            nav_pitch=math.degrees(self.pitch_rad()),
+            nav_bearing=round(math.degrees(wrap_pi(aircraft.course_rad))),
+            target_bearing=bearing_deg,
+            wp_dist=min(round(math.hypot(north_m, east_m)), _UINT16_MAX),
+            alt_error=flight.wanted_altitude_m - aircraft.altitude_m,
+            aspd_error=aircraft.airspeed_command_mps - aircraft.airspeed_mps,
+            xtrack_error=0.0,
+        )
+
+    def position_target_global_int(self, time_s: float) -> Message:
+        """POSITION_TARGET_GLOBAL_INT: the place being flown to, height above mean sea level."""
+        target = self._flight.target or self._flight.place
+        return mavlink.MAVLink_position_target_global_int_message(
+            time_boot_ms=self.boot_ms(time_s),
+            coordinate_frame=0,
+            type_mask=_POSITION_ONLY,
+            lat_int=round(target.lat_deg * 1e7),
+            lon_int=round(target.lon_deg * 1e7),
+            alt=self._flight.wanted_altitude_m,
+            vx=0.0,
+            vy=0.0,
+            vz=0.0,
+            afx=0.0,
+            afy=0.0,
+            afz=0.0,
+            yaw=0.0,
+            yaw_rate=0.0,
+        )
+
+    def autopilot_version(self, _time_s: float) -> Message:
+        """AUTOPILOT_VERSION: the version that it imitates."""
+        return mavlink.MAVLink_autopilot_version_message(
+            capabilities=_CAPABILITIES,
+            flight_sw_version=_VERSIONS[self._firmware],
+            middleware_sw_version=0,
+            os_sw_version=0,
+            board_version=0,
+            flight_custom_version=[0] * 8,
+            middleware_custom_version=[0] * 8,
+            os_custom_version=[0] * 8,
+            vendor_id=0,
+            product_id=0,
+            uid=1,
+        )
+
+    def _all_builders(self) -> dict[int, Builder]:
+        return {
+            **super()._all_builders(),
+            mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: self.nav_controller_output,
+            mavlink.MAVLINK_MSG_ID_WIND: self.wind,
+            mavlink.MAVLINK_MSG_ID_FENCE_STATUS: self.fence_status,
+        }

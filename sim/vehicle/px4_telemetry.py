@@ -1,0 +1,142 @@
+"""What the fake PX4 tells about itself, with the real one's conventions of fields."""
+
+import math
+
+from companion.mavlink.dialect import Message, mavlink
+from sim.vehicle.px4_flight import Px4Flight
+from sim.vehicle.px4_modes import base_mode
+from sim.vehicle.telemetry import FIXED_WING, Builder, Telemetry
+
+_AUTOPILOT_PX4 = 12
+_VERSION_1_15_0 = 1 << 24 | 15 << 16 | 255
+# Int missions, COMMAND_INT, parameters bytewise, local and global targets, MAVLink 2, fences
+_CAPABILITIES = 4 | 8 | 16 | 128 | 256 | 8192 | 16384
+_POSITION_ONLY = 3576
+_RATES_IGNORED = 7
+
+DEFAULT_STREAM = (
+    mavlink.MAVLINK_MSG_ID_ATTITUDE,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD,
+    mavlink.MAVLINK_MSG_ID_WIND_COV,
+)
+
+
+class Px4Telemetry(Telemetry):
+    """Messages about a fake PX4."""
+
+    sensors = 0x0120_001F
+    sensors_healthy = 0x0120_001F
+
+    def __init__(self, flight: Px4Flight, boot_s: float, geoid_height_m: float) -> None:
+        super().__init__(flight, boot_s, geoid_height_m)
+        self._flight: Px4Flight = flight
+
+    def heartbeat(self, _time_s: float) -> Message:
+        """HEARTBEAT."""
+        flight = self._flight
+        return mavlink.MAVLink_heartbeat_message(
+            type=FIXED_WING,
+            autopilot=_AUTOPILOT_PX4,
+            base_mode=base_mode(flight.mode, armed=flight.armed),
+            custom_mode=int(flight.mode),
+            system_status=self.system_status,
+            mavlink_version=3,
+        )
+
+    def attitude_target(self, time_s: float) -> Message:
+        """ATTITUDE_TARGET: NaN when the controller has gone wrong, which nothing else shows."""
+        flight = self._flight
+        attitude = _quaternion(flight.aircraft.bank_rad, self.pitch_rad(), flight.aircraft.heading_rad)
+        return mavlink.MAVLink_attitude_target_message(
+            time_boot_ms=self.boot_ms(time_s),
+            type_mask=_RATES_IGNORED,
+            q=[math.nan] * 4 if flight.offboard.poisoned else attitude,
+            body_roll_rate=0.0,
+            body_pitch_rate=0.0,
+            body_yaw_rate=0.0,
+            thrust=self.throttle_percent() / 100.0,
+        )
+
+    def wind_cov(self, time_s: float) -> Message:
+        """WIND_COV: `wind_x`, `wind_y` are where the air goes."""
+        north_mps, east_mps = self._flight.aircraft.wind_mps
+        return mavlink.MAVLink_wind_cov_message(
+            time_usec=self.boot_ms(time_s) * 1000,
+            wind_x=north_mps,
+            wind_y=east_mps,
+            wind_z=0.0,
+            var_horiz=0.25,
+            var_vert=0.25,
+            wind_alt=self._flight.aircraft.altitude_m,
+            horiz_accuracy=math.nan,
+            vert_accuracy=math.nan,
+        )
+
+    def position_target_global_int(self, time_s: float) -> Message:
+        """POSITION_TARGET_GLOBAL_INT: the place being flown to, height above mean sea level."""
+        target = self._flight.target or self._flight.place
+        return mavlink.MAVLink_position_target_global_int_message(
+            time_boot_ms=self.boot_ms(time_s),
+            coordinate_frame=mavlink.MAV_FRAME_GLOBAL_INT,
+            type_mask=_POSITION_ONLY,
+            lat_int=round(target.lat_deg * 1e7),
+            lon_int=round(target.lon_deg * 1e7),
+            alt=target.altitude_m,
+            vx=math.nan,
+            vy=math.nan,
+            vz=math.nan,
+            afx=math.nan,
+            afy=math.nan,
+            afz=math.nan,
+            yaw=math.nan,
+            yaw_rate=math.nan,
+        )
+
+    def autopilot_version(self, _time_s: float) -> Message:
+        """AUTOPILOT_VERSION: 1.15.0."""
+        return mavlink.MAVLink_autopilot_version_message(
+            capabilities=_CAPABILITIES,
+            flight_sw_version=_VERSION_1_15_0,
+            middleware_sw_version=_VERSION_1_15_0,
+            os_sw_version=0,
+            board_version=0,
+            flight_custom_version=[0] * 8,
+            middleware_custom_version=[0] * 8,
+            os_custom_version=[0] * 8,
+            vendor_id=0,
+            product_id=0,
+            uid=1,
+        )
+
+    def _all_builders(self) -> dict[int, Builder]:
+        return {
+            **super()._all_builders(),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: self.attitude_target,
+            mavlink.MAVLINK_MSG_ID_WIND_COV: self.wind_cov,
+        }
+
+
+def _quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]:
+    """w, x, y, z of the rotation yaw, then pitch, then roll."""
+    cr, sr = math.cos(roll_rad / 2.0), math.sin(roll_rad / 2.0)
+    cp, sp = math.cos(pitch_rad / 2.0), math.sin(pitch_rad / 2.0)
+    cy, sy = math.cos(yaw_rad / 2.0), math.sin(yaw_rad / 2.0)
+    return [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
