@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from companion.autopilots.commands import CommandDesk
 from companion.autopilots.limits import ParameterTable
-from companion.avoidance.strategies import Control
+from companion.avoidance.control import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender

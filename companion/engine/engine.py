@@ -13,6 +13,7 @@ from annotated_types import Ge, Gt, Le
 from companion.autopilots import NAMES
 from companion.autopilots.adapter import Adapter
 from companion.avoidance import AvoidanceParams, Avoider
+from companion.avoidance.fence import Fence, Zone
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.authority import Authority
@@ -26,7 +27,7 @@ from companion.engine.rates import RateKeeper
 from companion.engine.readiness import Readiness
 from companion.engine.record import decision_line
 from companion.geodesy import LocalFrame
-from companion.geofence import FenceZone
+from companion.geofence import FenceZone, LocalFence
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AttitudeTarget,
@@ -58,6 +59,8 @@ from companion.traffic import Tracker, TrafficParams
 _HEARTBEAT_INTERVAL_S = 1.0
 _ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 _KEEP_INTERVAL_S = 1.0
+# Position, wind and the autopilot's own following of a course are good to this.
+_FENCE_MARGIN_M = 30.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
 _FRAME_REACH_M = 5_000.0
 
@@ -132,6 +135,7 @@ class Engine:
         self._heartbeat_s = -math.inf
         self._boot_time_s = -math.inf
         self._prompted = False
+        self._local_fence: LocalFence | None = None
         self._answers: list[Message] = []
         self._borrowed: dict[str, float] = {}
         self._kept_s: float | None = None
@@ -339,6 +343,11 @@ class Engine:
         heights = self.onboard.heights(self._rules.min_height_m, self._params.max_height_m, now_s)
         terrain_m = self.aircraft.terrain.altitude_m(now_s)
         self._avoider.envelope = limit_heights(self.onboard.envelope, heights, home_m, terrain_m)
+        assert self._frame is not None
+        local = self.onboard.local_fence(self._frame, home_m, now_s)
+        if local is not self._local_fence:
+            self._local_fence = local
+            self._avoider.fence = _fence_of(local)
 
     # --- commanding
 
@@ -446,3 +455,11 @@ class Engine:
     def _advice(self) -> list[str]:
         adapter = self.aircraft.adapter
         return [] if adapter is None else adapter.advice(self.onboard.parameters)
+
+
+def _fence_of(local: LocalFence) -> Fence | None:
+    """The fence as the avoidance takes it, never closer to its edge than the aircraft can be held."""
+    if not local.zones:
+        return None
+    zones = tuple(Zone(*zone) for zone in local.zones)
+    return Fence(zones, max(local.margin_m, _FENCE_MARGIN_M), any_inclusion=local.any_inclusion)

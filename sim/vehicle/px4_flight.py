@@ -18,7 +18,7 @@ from sim.vehicle.px4_setpoint import Kind, Setpoint
 
 # With these and the dead time of `px4_offboard`, turns at 14 m/s come within 5 degrees of 30, 90, 180 in 1.9,
 # 3.2 and 5.0 s; measured were 1.9, 3.4 and 4.7, and no point mass turns the second 90 degrees that fast at
-# a bank of 50. A climb of 30 m takes the 20 s that were measured by FW_T_CLMB_R_SET 3 and FW_T_ALT_TC 5.
+# a bank of 50. A climb of 30 m takes the 20 s that were measured by FW_T_CLMB_R_SP 3 and FW_T_ALT_TC 5.
 AIRFRAME = Airframe(
     bank_limit_rad=math.radians(50.0),
     roll_rate_limit_rps=math.radians(90.0),
