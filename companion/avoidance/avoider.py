@@ -239,12 +239,7 @@ class Avoider:
         return self._keeps_fence(self._within_limits(mission), state, ahead_s)
 
     def _avoid(
-        self,
-        state: OwnState,
-        mission: Guidance,
-        survey: Survey,
-        relevant: list[Track],
-        goal: Goal,
+        self, state: OwnState, mission: Guidance, survey: Survey, relevant: list[Track], goal: Goal
     ) -> Decision:
         if self._held is not None:
             self._held = self._within_limits(self._held)

@@ -18,6 +18,7 @@ from companion.model import Vec2
 # Between the times of the prediction flights are sampled this finely, or as finely as the margin is wide
 # where that is more: then nothing that is wider than this can be jumped over.
 _SPACING_M = 5.0
+_Float = np.float32
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Zone:
                 place_m[..., 0] - self.centre_m[0], place_m[..., 1] - self.centre_m[1]
             )
             return inside
-        return _inside_polygon_m(place_m, self._edges)
+        return _inside_polygon_m(place_m, self._outline_m)
 
     def between_m(self, altitude_m: Array) -> Array:
         """How far between its limits altitudes lie; negative above and below, inf where there are none."""
@@ -73,29 +74,45 @@ class Zone:
             between = np.minimum(between, self.max_altitude_m - altitude_m)
         return between
 
+    def is_within(self, reach_m: float, place_m: Array) -> bool:
+        """Whether any of it may be so near to a place, (2,): the circle around it is."""
+        centre_m, radius_m = self._circle
+        return math.dist(centre_m, place_m.tolist()) < radius_m + reach_m
+
     @cached_property
-    def _edges(self) -> tuple[Array, Array]:
-        start = np.array(self.vertices_m, dtype=np.float64)
-        return start, np.roll(start, -1, axis=0)
+    def _circle(self) -> tuple[Vec2, float]:
+        if self.centre_m is not None and self.radius_m is not None:
+            return self.centre_m, self.radius_m
+        middle = self._outline_m.mean(axis=0)
+        away = self._outline_m - middle
+        return (float(middle[0]), float(middle[1])), float(np.hypot(away[:, 0], away[:, 1]).max())
+
+    @cached_property
+    def _outline_m(self) -> Array:
+        return np.array(self.vertices_m, dtype=np.float64)
 
 
-def _inside_polygon_m(place_m: Array, edges: tuple[Array, Array]) -> Array:
+def _inside_polygon_m(place_m: Array, vertices_m: Array) -> Array:
     """Distance to the nearest edge, positive inside by the even-odd rule: (..., 2) to (...)."""
     shape = place_m.shape[:-1]
-    north, east = place_m.reshape(-1, 2).T[:, None, :]
-    start, end = edges
-    start_north, start_east = start.T[:, :, None]
-    along_north, along_east = (end - start).T[:, :, None]
-    off_north, off_east = north - start_north, east - start_east
-    length2 = np.maximum(along_north**2 + along_east**2, 1e-12)
-    share = np.minimum(np.maximum((off_north * along_north + off_east * along_east) / length2, 0.0), 1.0)
-    nearest2 = ((off_north - share * along_north) ** 2 + (off_east - share * along_east) ** 2).min(axis=0)
+    flat_m = place_m.reshape(-1, 2)
+    # Single precision, for half the time, is good for millimetres when counted from near by.
+    here_m = flat_m[0] if len(flat_m) else np.zeros(2)
+    north, east = (flat_m - here_m).T[:, None, :].astype(_Float)
+    starts = (vertices_m - here_m).astype(_Float)
+    along_north, along_east = (np.roll(starts, -1, axis=0) - starts).T[:, :, None]
+    off_north, off_east = north - starts[:, 0, None], east - starts[:, 1, None]
+    length2 = np.maximum(along_north**2 + along_east**2, _Float(1e-6))
+    share = (off_north * along_north + off_east * along_east) / length2
+    share = np.minimum(np.maximum(share, _Float(0.0)), _Float(1.0))
+    to_north, to_east = off_north - share * along_north, off_east - share * along_east
+    distance = np.sqrt((to_north * to_north + to_east * to_east).min(axis=0))
     # A ray to the north crosses the edges that span its east, where they lie north of the place.
-    spans = (start_east > east) != (end[:, 1, None] > east)
-    right = off_north * along_east - off_east * along_north  # sign: on which side of the edge
-    crossings = (spans & ((right < 0.0) == (along_east > 0.0))).sum(axis=0)
-    distance = np.sqrt(nearest2)
-    inside: Array = np.where(crossings % 2 == 1, distance, -distance).reshape(shape)
+    above = off_east >= 0.0
+    spans = above != np.roll(above, -1, axis=0)
+    south = (off_north * along_east < off_east * along_north) == (along_east > 0.0)
+    crossings = np.count_nonzero(spans & south, axis=0)
+    inside: Array = np.where(crossings % 2 == 1, distance, -distance).astype(np.float64).reshape(shape)
     return inside
 
 
@@ -104,7 +121,7 @@ class Breach:
     """How rows break the fence with its margin, shape (K,).
 
     `deepest_m` and `mean_m`, over time, are of how far rows are on the wrong side within the look-ahead;
-    `first_s` is when that first happens, also later; inf if never.
+    `first_s` is when that first happens, also later, told then to some seconds; inf if never.
     """
 
     deepest_m: Array
@@ -141,12 +158,11 @@ class Fence:
 
     def breach(self, paths: Paths, look_ahead_s: float, until_s: float) -> Breach:
         """How rows break the fence within the look-ahead, and when they first do so until `until_s`."""
-        times_s, near = times_until(max(look_ahead_s, until_s)), len(times_until(look_ahead_s))
-        times_s, path = _sampled(paths, times_s, near, max(self.margin_m, _SPACING_M))
-        zones = self._reached(path)
+        zones = self._reached(paths, max(look_ahead_s, until_s))
         if not zones:
             none = np.zeros(len(paths.ground_of))
             return Breach(none, none, np.full(len(none), np.inf))
+        times_s, path = _sampled(paths, look_ahead_s, until_s, max(self.margin_m, _SPACING_M))
         depth = self._depth_m(zones, path)
         ahead = int(np.searchsorted(times_s, look_ahead_s)) + 1
         outside = depth > 0.0
@@ -155,18 +171,20 @@ class Fence:
         steps_s = np.diff(times_s[:ahead])
         return Breach(deepest, depth[:, 1:ahead] @ steps_s / max(float(steps_s.sum()), 1e-9), first_s)
 
-    def _reached(self, path: Paths) -> tuple[Zone, ...]:
+    def _reached(self, paths: Paths, until_s: float) -> tuple[Zone, ...]:
         """The zones that can matter: no depth changes faster than the aircraft flies."""
-        here = path.ground_m[0, 0]
-        off = path.ground_m - here
-        reach_m = self.margin_m + math.sqrt(float((off[..., 0] ** 2 + off[..., 1] ** 2).max()))
+        here = paths.ground_m[0, 0]
+        furthest_m = float(np.abs(paths.ground_m[:, : len(times_until(until_s))] - here).max())
+        reach_m = self.margin_m + math.sqrt(2.0) * furthest_m
         kept, contained = [], False
         for zone in self.zones:
-            inside_m = float(zone.inside_m(here))
-            if zone.inclusion and inside_m >= reach_m and not zone.has_heights:
-                contained = True
-            elif zone.inclusion or inside_m > -reach_m:
+            if not zone.inclusion:
+                if zone.is_within(reach_m, here):
+                    kept.append(zone)
+            elif zone.has_heights or float(zone.inside_m(here)) < reach_m:
                 kept.append(zone)
+            else:
+                contained = True
         if contained and self.any_inclusion:
             kept = [zone for zone in kept if not zone.inclusion]
         return tuple(kept)
@@ -191,25 +209,24 @@ class Fence:
         return depth
 
 
-def _sampled(paths: Paths, times_s: Array, near: int, spacing_m: float) -> tuple[Array, Paths]:
-    """The first times of rows, the first `near` of them with more between, at most so far apart."""
-    count = len(times_s)
+def _sampled(paths: Paths, look_ahead_s: float, until_s: float, spacing_m: float) -> tuple[Array, Paths]:
+    """Rows with places at most so far apart within the look-ahead, and every other one thereafter."""
+    times_s, near = times_until(max(look_ahead_s, until_s)), len(times_until(look_ahead_s))
     steps = np.diff(paths.ground_m[:, :near], axis=1)
-    longest_m = math.sqrt(float((steps[..., 0] ** 2 + steps[..., 1] ** 2).max()))
-    parts = max(math.ceil(longest_m / spacing_m), 1)
-    if parts == 1:
-        return times_s, Paths(
-            paths.ground_m[:, :count], paths.altitude_m[:, :count], paths.ground_of, paths.height_of
-        )
-    share = np.arange(parts) / parts
+    step_m = np.sqrt((steps * steps).sum(axis=2).max(axis=0))
+    parts = np.maximum(np.ceil(step_m / spacing_m), 1.0).astype(int).tolist()
+    fine = [np.arange(part) / part + place for place, part in enumerate(parts)]
+    at = np.concatenate([*fine, np.arange(near - 1, len(times_s), 2)])
+    place = np.minimum(at.astype(int), len(times_s) - 2)
+    share = at - place
 
-    def filled(values: Array) -> Array:
-        """Axis 1 is time."""
-        start, end = values[:, : near - 1, None], values[:, 1:near, None]
-        between = start + (end - start) * share.reshape(1, 1, parts, *(1,) * (values.ndim - 2))
-        fine = between.reshape(len(values), -1, *values.shape[2:])
-        return np.concatenate([fine, values[:, near - 1 : count]], axis=1)
+    def sampled(values: Array, share: Array) -> Array:
+        between: Array = values[:, place] + (values[:, place + 1] - values[:, place]) * share
+        return between
 
-    return filled(times_s[None, :])[0], Paths(
-        filled(paths.ground_m), filled(paths.altitude_m), paths.ground_of, paths.height_of
+    return sampled(times_s[None, :], share)[0], Paths(
+        sampled(paths.ground_m, share[:, None]),
+        sampled(paths.altitude_m, share),
+        paths.ground_of,
+        paths.height_of,
     )

@@ -123,7 +123,7 @@ def fly(
             # As both autopilots resume a mission: straight to the waypoint.
             aircraft.fly(_bearing_rad(aircraft, GOAL_M), 22.0, ALTITUDE_M, 0.1)
         _measure(outcome, aircraft, states)
-        if edge is not None and step % 5 == 0:
+        if edge is not None and step % 10 == 0:
             outside_m = float(edge.depth_m(np.array([aircraft.position_m]))[0])
             outcome.outside_m = max(outcome.outside_m, outside_m)
         if math.dist(aircraft.position_m, GOAL_M) < 40.0:

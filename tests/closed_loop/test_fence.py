@@ -9,7 +9,8 @@ import pytest
 from companion.avoidance import AvoidanceParams, Avoider, Envelope, Fence, Zone
 from companion.avoidance.params import Layers
 from companion.avoidance.strategies import CostWeights
-from companion.model import Goal, Layer, Ownship, Track, Vec2
+from companion.model import Goal, Guidance, Layer, Ownship, Track, Vec2
+from sim.dynamics import FixedWing
 from tests.closed_loop.encounter import ALTITUDE_M, Aircraft, fly, straight
 
 FLAT = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
@@ -24,7 +25,7 @@ def corridor(width_m: float) -> Fence:
     return Fence((box((-500.0, 5500.0), (-0.5 * width_m, 0.5 * width_m)),))
 
 
-@pytest.mark.parametrize("from_deg", [0, 60, 90, 180, 270])
+@pytest.mark.parametrize("from_deg", [0, 60, 90, 180])
 @pytest.mark.parametrize("width_m", [1500.0, 2400.0])
 def test_a_corridor_wide_enough_is_never_left_and_clear(width_m: float, from_deg: float) -> None:
     params = AvoidanceParams(envelope=FLAT)
@@ -35,7 +36,7 @@ def test_a_corridor_wide_enough_is_never_left_and_clear(width_m: float, from_deg
     assert outcome.engagements == 1
 
 
-@pytest.mark.parametrize("from_deg", [0, 60, 180])
+@pytest.mark.parametrize("from_deg", [0, 180])
 def test_in_a_narrow_corridor_the_way_is_up(from_deg: float) -> None:
     outcome = fly([straight(from_deg, 50.0)], fence=corridor(600.0))
     assert outcome.outside_m == 0.0
@@ -56,7 +57,7 @@ def test_where_there_is_no_room_for_well_clear_there_is_for_no_near_miss(
     assert outcome.well_clear < 1.0
 
 
-@pytest.mark.parametrize("from_deg", [0, 90, 270])
+@pytest.mark.parametrize("from_deg", [0, 90])
 def test_a_near_miss_is_worse_than_leaving_the_fence(from_deg: float) -> None:
     """Between walls 200 m apart nobody passes another at one height by 152 m."""
     params = AvoidanceParams(envelope=FLAT)
@@ -66,7 +67,7 @@ def test_a_near_miss_is_worse_than_leaving_the_fence(from_deg: float) -> None:
         assert outcome.outside_m > 20.0
 
 
-@pytest.mark.parametrize("from_deg", [0, 60, 180, 300])
+@pytest.mark.parametrize("from_deg", [0, 300])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_an_exclusion_on_one_side_leaves_the_other(side: float, from_deg: float) -> None:
     edges = sorted((side * 100.0, side * 3000.0))
@@ -87,7 +88,7 @@ def test_a_box_with_head_on_traffic() -> None:
     assert outcome.arrived
 
 
-@pytest.mark.parametrize("from_deg", range(0, 360, 72))
+@pytest.mark.parametrize("from_deg", [0, 72, 216])
 def test_a_tall_zone_is_kept_out_of_where_its_height_reaches(from_deg: float) -> None:
     """The way up is closed by a ceiling, and one side by a tower."""
     zones = (
@@ -100,7 +101,7 @@ def test_a_tall_zone_is_kept_out_of_where_its_height_reaches(from_deg: float) ->
     assert outcome.well_clear >= 1.0
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_whoever_comes_a_polygon_is_not_left(seed: int) -> None:
     """Random concave fences around the way to the goal, random traffic, at one height."""
     chance = np.random.default_rng(seed)
@@ -204,3 +205,34 @@ def test_a_mission_beyond_the_fence_is_given_back_after_a_while() -> None:
     outcome = fly([straight(0.0, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=fence, seconds=600.0)
     assert outcome.arrived
     assert outcome.engagements == 1
+
+
+@pytest.mark.parametrize("wind", [(0.0, 13.0), (-13.0, 0.0), (13.0, 0.0), (9.0, -9.0)])
+@pytest.mark.parametrize("from_deg", [0, 180])
+def test_wind_does_not_blow_it_out_of_the_fence(wind: Vec2, from_deg: float) -> None:
+    """Flown by a fixed wing with its lags, at one height; the wind is known."""
+    fence = corridor(1800.0)
+    edge = Fence(fence.zones, margin_m=0.0)
+    aircraft = FixedWing((0.0, 0.0, -ALTITUDE_M), wind_mps=wind)
+    ground_mps = aircraft.ground_speed_mps
+    intruder = straight(from_deg, 50.0, own_mps=ground_mps)
+    avoider = Avoider(AvoidanceParams(envelope=FLAT))
+    goal = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=ALTITUDE_M)
+    avoider.fence = fence
+    closest, flown_s = math.inf, 0
+    for second in range(round(min(5200.0 / ground_mps, 180.0))):
+        at, velocity, heading_rad = aircraft.position_m, aircraft.velocity_mps, aircraft.heading_rad
+        own = Ownship(second, at, velocity, aircraft.airspeed_mps, heading_rad, wind)
+        guidance = avoider.decide(second, own, [Track("T", second, *intruder(second))], goal).guidance
+        # Without guidance back to its line, as missions fly.
+        wanted = guidance or Guidance(math.atan2(-at[1], 1500.0), 22.0, ALTITUDE_M)
+        flown_s += guidance is not None
+        aircraft.hold_course(wanted.course_rad, math.radians(30.0))
+        aircraft.hold_airspeed(wanted.airspeed_mps)
+        aircraft.hold_altitude(wanted.altitude_m)
+        for _ in range(10):
+            aircraft.step(0.1)
+        closest = min(closest, math.dist(aircraft.position_m[:2], intruder(second + 1.0)[0][:2]))
+        assert edge.depth_m(np.array([aircraft.position_m]))[0] == 0.0
+    assert flown_s > 10
+    assert closest > 609.6

@@ -6,9 +6,10 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from companion.avoidance import Fence, Zone
+from companion.avoidance import Envelope, Fence, Zone
 from companion.avoidance.geometry import Array
-from companion.model import Vec2
+from companion.avoidance.prediction import Commands, OwnState, fly_ahead, times_until
+from companion.model import Guidance, Vec2
 
 places = st.tuples(st.floats(-1500.0, 1500.0), st.floats(-1500.0, 1500.0))
 
@@ -148,3 +149,32 @@ def test_a_wider_margin_is_never_less_strict(
     at = np.array([[*place, -altitude_m]])
     bare, wide = Fence(tuple(some), 0.0, 0.0), Fence(tuple(some), margin_m, margin_m)
     assert wide.depth_m(at)[0] >= bare.depth_m(at)[0]
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(
+    st.lists(zones, min_size=1, max_size=4),
+    st.floats(-math.pi, math.pi),
+    st.booleans(),
+    st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)),
+)
+def test_no_zone_that_a_row_meets_is_left_out(
+    some: list[Zone], course_rad: float, any_inclusion: bool, wind: Vec2
+) -> None:
+    """What is too far away to matter is not looked at; what was looked at says the same one by one."""
+    own = OwnState(np.array([30.0, -20.0, -300.0]), course_rad, 22.0, 0.0, np.array(wind))
+    ways = [
+        Guidance(course_rad + turn, 22.0, height)
+        for turn in (-2.0, -0.3, 0.0, 1.1)
+        for height in (200.0, 350.0)
+    ]
+    paths = fly_ahead(own, Commands.of(ways), Envelope())
+    fence = Fence(tuple(some), any_inclusion=any_inclusion)
+    breach = fence.breach(paths, 16.0, 60.0)
+    times_s = times_until(60.0)
+    for row in range(len(ways)):
+        depth_m = fence.depth_m(paths.row_m(row)[: len(times_s)])
+        assert breach.deepest_m[row] >= depth_m[times_s <= 16.0].max() - 0.05
+        assert (breach.deepest_m[row] > 0.0) <= (breach.first_s[row] <= 18.0)
+        if depth_m.max() > 150.0:
+            assert math.isfinite(breach.first_s[row])

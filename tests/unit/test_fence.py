@@ -173,13 +173,13 @@ def test_rows_are_judged_as_brute_force_judges_them() -> None:
         assert breach.deepest_m[row] == pytest.approx(depth[near].max(), abs=10.0)
         assert breach.mean_m[row] == pytest.approx(depth[near].mean(), abs=5.0)
         first_s = fine_s[np.argmax(depth > 0.0)] if depth.any() else math.inf
-        assert breach.first_s[row] == pytest.approx(first_s, abs=1.1 if first_s < 15.0 else 2.1)
+        assert breach.first_s[row] == pytest.approx(first_s, abs=1.1 if first_s < 15.0 else 4.1)
 
 
 def test_what_comes_after_the_look_ahead_is_told_but_is_no_breach() -> None:
     breach = Fence((box((-500.0, 500.0), (-500.0, 500.0)),)).breach(ahead([0.0]), 12.0, 90.0)
     assert not breach.deepest_m.any()
-    assert breach.first_s[0] == pytest.approx(470.0 / 22.0, abs=2.0)
+    assert breach.first_s[0] == pytest.approx(470.0 / 22.0, abs=4.0)
 
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (8.0, 0.0), (0.0, -12.0), (-15.0, 5.0)])
