@@ -13,7 +13,6 @@ from companion.mavlink.facts import (
     LandedState,
     NavigationTarget,
     OwnPosition,
-    PressureAltitude,
     Sender,
 )
 from companion.model import Goal, Ownship, Vec2, Vec3
@@ -57,8 +56,6 @@ class Aircraft:
         self.position_s = -math.inf
         self.others: set[int] = set()
         self.fixed_wing = False
-        # What to add to a height in the standard atmosphere to have it above mean sea level, here and now.
-        self.pressure_offset_m: float | None = None
         self._airspeed_mps: float | None = None
         self._landed_state: int | None = None
         self._target: NavigationTarget | None = None
@@ -92,8 +89,6 @@ class Aircraft:
                 self._estimate_wind(fact, now_s)
             case AirData():
                 self._airspeed_mps = fact.airspeed_mps
-            case PressureAltitude() if self.position is not None:
-                self.pressure_offset_m = self.position.altitude_m - fact.altitude_m
             case LandedState():
                 self._landed_state = fact.landed_state
             case NavigationTarget():

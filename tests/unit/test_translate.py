@@ -24,7 +24,7 @@ from companion.mavlink.facts import (
 )
 from companion.mavlink.framing import FrameSplitter, decode
 from companion.mavlink.translate import WANTED, frame_to_fact, to_fact
-from companion.model import AltitudeReference, TrafficKind, TrafficReport
+from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
 
 NAN, INF = math.nan, math.inf
 RECEIVED_S = 1000.0
@@ -63,6 +63,8 @@ def adsb(**changes: Any) -> TrafficReport:
 
 def test_a_full_traffic_report() -> None:
     assert adsb() == TrafficReport(
+        source=TrafficSource.ADSB,
+        key="ABCDEF",
         icao=0xABCDEF,
         time_s=RECEIVED_S - 2,
         lat_deg=47.1234567,
