@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion import __version__
-from companion.config import Config, describe, load_config
+from companion.config import Config, describe, load_config, load_obstacles
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
 from companion.links import open_link
@@ -23,6 +23,7 @@ from companion.model import Layer
 from companion.recorder import Recorder
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
+from companion.traffic.obstacles import Obstacle
 
 app = typer.Typer(
     help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
@@ -42,17 +43,17 @@ def run(config_file: ConfigFile) -> None:
     """Fly: listen to the autopilot, avoid traffic, give the aircraft back. Ends on Ctrl-C or SIGTERM."""
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
-    asyncio.run(_run(config))
+    asyncio.run(_run(config, load_obstacles(config)))
 
 
-async def _run(config: Config) -> None:
+async def _run(config: Config, obstacles: tuple[Obstacle, ...]) -> None:
     log = logging.getLogger("companion")
     links = [open_link(address) for address in config.links]
     for link in links:
         await link.open()
     log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder = _recorder(config, log)
-    await Runtime(Engine(config.for_engine()), links, recorder=recorder).run(on_signals=True)
+    await Runtime(Engine(config.for_engine(obstacles)), links, recorder=recorder).run(on_signals=True)
 
 
 def _recorder(config: Config, log: logging.Logger) -> Recorder | None:
@@ -73,7 +74,10 @@ def check(config_file: ConfigFile) -> None:
     """Read a configuration and show it as it would be used, every default included."""
     config = load_config(config_file)
     console = Console(highlight=False, soft_wrap=True)
+    obstacles = load_obstacles(config)
     console.print(describe(config), markup=False, end="")
+    if config.obstacle_files:
+        console.print(f"# obstacle_files: {len(obstacles)} obstacles", markup=False)
     console.print(f"{config_file}: good to fly with", markup=False, style="green")
 
 
@@ -90,7 +94,8 @@ def replay_command(
     report: ReportFile = None,
 ) -> None:
     """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
-    engine = Engine(None if config_file is None else load_config(config_file).for_engine())
+    config = None if config_file is None else load_config(config_file)
+    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)))
     console = Console(highlight=False)
     with ExitStack() as stack:
         on_decision: Callable[[str], object] = _ignore

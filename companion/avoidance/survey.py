@@ -135,7 +135,11 @@ def _flown_mps(state: OwnState) -> Array:
 
 
 def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, goal: Goal) -> Tracks:
-    """The tracks extrapolated to `now_s`, with the volumes to keep out of, margins included."""
+    """The tracks extrapolated to `now_s`, with the volumes to keep out of, margins included.
+
+    What is not known of a height is added to the volume's before the margin: with all of it against us the
+    bare volume is still kept.
+    """
     position = np.array([track.position_m for track in relevant], dtype=np.float64)
     velocity = np.array([track.velocity_mps for track in relevant], dtype=np.float64)
     grounded = np.array([track.kind is TrafficKind.OBSTACLE for track in relevant])
@@ -148,13 +152,14 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
         if track.protected_vertical_m is not None:
             vertical[i] = track.protected_vertical_m
     position += velocity * age_s[:, None]
+    uncertain = np.array([max(track.vertical_uncertainty_m, 0.0) for track in relevant])
     horizontal = np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin)
     return Tracks(
         tuple(track.track_id for track in relevant),
         position,
         velocity,
         horizontal,
-        np.maximum(vertical, 1.0) * (1.0 + params.vertical_margin),
+        (np.maximum(vertical, 1.0) + uncertain) * (1.0 + params.vertical_margin),
         grounded,
         _shells_m(position, horizontal, params, goal),
     )
@@ -204,6 +209,7 @@ def matters(track: Track) -> bool:
         math.isfinite(track.time_s)
         and all(abs(x) < _FURTHEST_M for x in places_and_sizes)
         and all(abs(v) < _FASTEST_MPS for v in track.velocity_mps)
+        and not math.isnan(track.vertical_uncertainty_m)
     )
     return sound and track.kind is not TrafficKind.SURFACE_VEHICLE
 

@@ -14,6 +14,7 @@ from companion.engine import EngineConfig, EngineParams
 from companion.errors import LinkError
 from companion.supervisor import SupervisorParams
 from companion.traffic import TrafficParams
+from companion.traffic.obstacles import Obstacle, ObstacleParams
 
 
 def _is_address(text: str) -> str:
@@ -52,6 +53,9 @@ class Config:
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
+    # What stands on the ground, in YAML or GeoJSON; paths count from the folder of the configuration.
+    obstacle_files: tuple[Path, ...] = ()
+    obstacles: ObstacleParams = field(default_factory=ObstacleParams)
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
 
     def __post_init__(self) -> None:
@@ -59,12 +63,14 @@ class Config:
             if name not in MODE_NAMES:
                 raise ValueError(f"supervisor.take_over_from: no autopilot has a mode {name!r}")
 
-    def for_engine(self) -> EngineConfig:
-        """The part that the engine is built from."""
+    def for_engine(self, known_obstacles: tuple[Obstacle, ...] = ()) -> EngineConfig:
+        """The part that the engine is built from, with what the obstacle files say."""
         return EngineConfig(
             autopilot=self.autopilot,
             engine=self.engine,
             supervisor=self.supervisor,
             traffic=self.traffic,
+            obstacles=self.obstacles,
+            known_obstacles=known_obstacles,
             avoidance=self.avoidance,
         )

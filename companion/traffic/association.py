@@ -6,7 +6,7 @@ clearly apart over several. In between nothing changes.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import TrafficKind, TrafficSource
@@ -73,7 +73,7 @@ class Association:
         pairs = self._pairs.setdefault(target.key, {})
         self._judge_merged(pairs, target, targets, datums)
         taken = {targets[key].source for key, pair in pairs.items() if pair.merged}
-        alike = self._nearest_alike(target, targets.values(), rank, datums)
+        alike = self._nearest_alike(target, targets, rank, datums)
         for key, pair in list(pairs.items()):
             if not pair.merged and (key not in targets or alike.get(targets[key].source) != key):
                 del pairs[key]
@@ -111,14 +111,17 @@ class Association:
             self._regroup()
 
     def _nearest_alike(
-        self, target: Target, others: Iterable[Target], rank: int, datums: Datums
+        self, target: Target, targets: Mapping[str, Target], rank: int, datums: Datums
     ) -> dict[TrafficSource, str]:
-        """Of each source that ranks before, the one most like the target, where one is within the gate."""
+        """Of each source that ranks before, the one most like the target, where one is within the gate.
+
+        Who is one with another of the target's source already is not looked at: the nearest that is left.
+        """
         assert target.motion is not None
         lat_deg, lon_deg, measured_s = target.motion.lat_deg, target.motion.lon_deg, target.measured_s
         near_lon_deg = _NEAR_DEG / max(math.cos(math.radians(lat_deg)), 1e-3)
         nearest: dict[TrafficSource, tuple[float, str]] = {}
-        for other in others:
+        for other in targets.values():
             motion = other.motion
             if motion is None or abs(motion.lat_deg - lat_deg) > _NEAR_DEG or _RANK[other.source] >= rank:
                 continue
@@ -127,7 +130,8 @@ class Association:
             if measured_s - other.measured_s > _FRESH_S or other.kind not in _FLYING:
                 continue
             apart = gap(target, other, self._params, datums)
-            if apart <= min(1.0, nearest.get(other.source, (1.0, ""))[0]):
+            closest = nearest.get(other.source, (1.0, ""))[0]
+            if apart <= closest and not self._is_one_with(other.key, target, targets):
                 nearest[other.source] = apart, other.key
         return {source: key for source, (_, key) in nearest.items()}
 
@@ -145,6 +149,11 @@ class Association:
             pair.merged = True
             pair.starts_over()
             self._regroup()
+
+    def _is_one_with(self, key: str, target: Target, targets: Mapping[str, Target]) -> bool:
+        """Whether a group has somebody of the target's source already, other than the target itself."""
+        group = self.groups.get(key, ())
+        return any(targets[k].source is target.source and k != target.key for k in group)
 
     def _regroup(self) -> None:
         """The groups are what the merged pairs connect."""
