@@ -7,6 +7,7 @@ clearly apart over several. In between nothing changes.
 
 import math
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import TrafficKind, TrafficSource
@@ -16,6 +17,7 @@ from companion.traffic.target import Motion, Target
 
 # A report sets off the comparison with those whose source ranks before its own.
 _RANK = {TrafficSource.ADSB: 0, TrafficSource.UTM: 1, TrafficSource.SYSTEM: 2}
+_BEFORE = {source: {other for other in _RANK if _RANK[other] < _RANK[source]} for source in _RANK}
 # Nobody further away than this in latitude, and as far in longitude, is compared: 2 km, beyond every gate.
 _NEAR_DEG = 0.02
 # Positions older than this are flown on too far to compare.
@@ -67,19 +69,21 @@ class Association:
 
     def heard(self, target: Target, targets: Mapping[str, Target], datums: Datums) -> None:
         """A new measurement of `target`: compare it with all whose source ranks before its own."""
-        rank = _RANK[target.source]
-        if rank == 0 or target.motion is None or target.kind not in _FLYING:
+        if target.kind not in _FLYING:
+            self.forget(target.key)
+            return
+        before = _BEFORE[target.source]
+        if not before:
             return
         pairs = self._pairs.setdefault(target.key, {})
         self._judge_merged(pairs, target, targets, datums)
         taken = {targets[key].source for key, pair in pairs.items() if pair.merged}
-        alike = self._nearest_alike(target, targets, rank, datums)
+        alike = self._nearest_alike(target, targets, before - taken, datums)
         for key, pair in list(pairs.items()):
             if not pair.merged and (key not in targets or alike.get(targets[key].source) != key):
                 del pairs[key]
-        for source, key in alike.items():
-            if source not in taken:
-                self._count_alike(target, key, targets)
+        for key in alike.values():
+            self._count_alike(target, key, targets)
 
     def forget(self, key: str) -> None:
         """This one is not heard any more."""
@@ -98,7 +102,10 @@ class Association:
             other = targets.get(key)
             if not pair.merged or other is None or target.measured_s - other.measured_s > _FRESH_S:
                 continue
-            if gap(target, other, params, datums) <= params.split_factor:
+            apart = gap(target, other, params, datums)
+            if apart is None:
+                continue
+            if apart <= params.split_factor:
                 pair.starts_over()
             elif (
                 pair.counts(target.measured_s) >= params.split_reports
@@ -111,19 +118,24 @@ class Association:
             self._regroup()
 
     def _nearest_alike(
-        self, target: Target, targets: Mapping[str, Target], rank: int, datums: Datums
+        self,
+        target: Target,
+        targets: Mapping[str, Target],
+        sources: AbstractSet[TrafficSource],
+        datums: Datums,
     ) -> dict[TrafficSource, str]:
-        """Of each source that ranks before, the one most like the target, where one is within the gate.
+        """Of each of the sources, the one most like the target, where one is within the gate.
 
         Who is one with another of the target's source already is not looked at: the nearest that is left.
         """
-        assert target.motion is not None
+        if target.motion is None or not sources:
+            return {}
         lat_deg, lon_deg, measured_s = target.motion.lat_deg, target.motion.lon_deg, target.measured_s
         near_lon_deg = _NEAR_DEG / max(math.cos(math.radians(lat_deg)), 1e-3)
         nearest: dict[TrafficSource, tuple[float, str]] = {}
         for other in targets.values():
             motion = other.motion
-            if motion is None or abs(motion.lat_deg - lat_deg) > _NEAR_DEG or _RANK[other.source] >= rank:
+            if motion is None or abs(motion.lat_deg - lat_deg) > _NEAR_DEG or other.source not in sources:
                 continue
             if abs((motion.lon_deg - lon_deg + 180.0) % 360.0 - 180.0) > near_lon_deg:
                 continue
@@ -131,7 +143,7 @@ class Association:
                 continue
             apart = gap(target, other, self._params, datums)
             closest = nearest.get(other.source, (1.0, ""))[0]
-            if apart <= closest and not self._is_one_with(other.key, target, targets):
+            if apart is not None and apart <= closest and not self._is_one_with(other.key, target, targets):
                 nearest[other.source] = apart, other.key
         return {source: key for source, (_, key) in nearest.items()}
 
@@ -171,15 +183,15 @@ def _naming(key: str) -> tuple[bool, str]:
     return "-" in key, key
 
 
-def gap(one: Target, other: Target, params: AssociationParams, datums: Datums) -> float:
-    """How unlike two are, in parts of the gate: 1 on its edge, inf where it cannot be said."""
+def gap(one: Target, other: Target, params: AssociationParams, datums: Datums) -> float | None:
+    """How unlike two are, in parts of the gate: 1 on its edge; `None` where it cannot be said."""
     a, b = one.motion, other.motion
     if a is None or b is None:
-        return math.inf
+        return None
     now_s = max(a.place_s, b.place_s)
     height_a, height_b = compare(a.heights, datums, now_s), compare(b.heights, datums, now_s)
     if height_a is None or height_b is None:
-        return math.inf
+        return None
     open_m = height_a.uncertainty_m + height_b.uncertainty_m
     return max(
         _horizontal_gap(a, b, params, now_s),

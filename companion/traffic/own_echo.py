@@ -9,6 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 from companion.geodesy import GeoPoint, LocalFrame
+from companion.model import TrafficKind
 from companion.traffic.gates import EchoParams
 from companion.traffic.heights import Datums, compare
 from companion.traffic.target import Target
@@ -60,7 +61,10 @@ class OwnEcho:
             self._trail.popleft()
 
     def judge(self, target: Target, datums: Datums) -> bool:
-        """A new measurement of `target`: is it an echo?"""
+        """A new measurement of `target`: is it an echo? What stands on the ground is none."""
+        if target.kind is TrafficKind.OBSTACLE:
+            self.forget(target.key)
+            return False
         key, apart = target.key, self._gap(target, datums)
         if apart is None:
             return key in self.own
