@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion import __version__
-from companion.config import Config, describe, load_config
+from companion.config import Config, describe, load_config, load_obstacles
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
 from companion.keeper import Keeper
@@ -27,6 +27,7 @@ from companion.recorder import Recorder
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
 from companion.supervisor import printed
+from companion.traffic.obstacles import Obstacle
 from companion.watchdog import Watchdog
 
 app = typer.Typer(
@@ -51,16 +52,16 @@ def run(config_file: ConfigFile) -> None:
     """
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
-    asyncio.run(_run(config))
+    asyncio.run(_run(config, load_obstacles(config)))
 
 
-async def _run(config: Config) -> None:
+async def _run(config: Config, obstacles: tuple[Obstacle, ...]) -> None:
     log = logging.getLogger("companion")
     links = [open_link(address) for address in config.links]
     await open_at_start(links)
     log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder = _recorder(config, log)
-    engine, watchdog = Engine(config.for_engine()), Watchdog(os.environ)
+    engine, watchdog = Engine(config.for_engine(obstacles)), Watchdog(os.environ)
     keeper = Keeper(config.state_file)
     runtime = Runtime(engine, links, recorder=recorder, watchdog=watchdog, keeper=keeper)
     await runtime.run(on_signals=True)
@@ -103,7 +104,10 @@ def check(
     elif link:
         _check_link(console, config, seconds)
     else:
+        obstacles = load_obstacles(config)
         console.print(describe(config), markup=False, end="")
+        if config.obstacle_files:
+            console.print(f"# obstacle_files: {len(obstacles)} obstacles", markup=False)
         console.print(f"{config_file}: good to fly with", markup=False, style="green")
 
 
@@ -136,7 +140,8 @@ def replay_command(
     report: ReportFile = None,
 ) -> None:
     """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
-    engine = Engine(None if config_file is None else load_config(config_file).for_engine())
+    config = None if config_file is None else load_config(config_file)
+    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)))
     console = Console(highlight=False)
     with ExitStack() as stack:
         on_decision: Callable[[str], object] = _ignore

@@ -28,15 +28,40 @@ class TrafficKind(StrEnum):
 class AltitudeReference(StrEnum):
     """What a reported height is measured against."""
 
-    BAROMETRIC = "barometric"
-    GEOMETRIC = "geometric"
+    BAROMETRIC = "barometric"  # 1013.25 hPa in the standard atmosphere, as transponders report it
+    GEOMETRIC = "geometric"  # the ellipsoid of WGS 84, as satellites give it
+    SEA_LEVEL = "sea level"  # mean sea level, as autopilots estimate it
+
+
+class TrafficSource(StrEnum):
+    """By what an aircraft makes itself known."""
+
+    ADSB = "ADS-B"
+    UTM = "UTM"
+    SYSTEM = "MAVLink system"
+
+
+def adsb_key(icao: int) -> str:
+    """The key of an ICAO address."""
+    return f"{icao:06X}"
+
+
+def uas_key(uas_id: str) -> str:
+    """The key of a UAS id in hexadecimal; the zero bytes that fill it up do not count."""
+    return f"UTM-{bytes.fromhex(uas_id).rstrip(bytes(1)).hex().upper()}"
 
 
 @dataclass(frozen=True, slots=True)
 class TrafficReport:
-    """One report of one other aircraft, valid at `time_s`; what the sender did not vouch for is `None`."""
+    """One report of one other aircraft, valid at `time_s`; what the sender did not vouch for is `None`.
 
-    icao: int
+    `key` names the aircraft among all that are heard, of whatever source, and its track after it: the six
+    digits of an ICAO address, or the source's own name with a prefix. The sigmas are standard deviations that
+    the sender states. `airborne`: not known to stand on the ground.
+    """
+
+    source: TrafficSource
+    key: str
     time_s: float
     lat_deg: float | None = None
     lon_deg: float | None = None
@@ -49,6 +74,10 @@ class TrafficReport:
     squawk: int | None = None
     kind: TrafficKind = TrafficKind.AIRCRAFT
     simulated: bool = False
+    icao: int | None = None
+    airborne: bool = True
+    position_sigma_m: float | None = None
+    altitude_sigma_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

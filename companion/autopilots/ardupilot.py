@@ -100,6 +100,7 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
         mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0.2,

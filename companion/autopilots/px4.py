@@ -66,6 +66,7 @@ class Px4FixedWing(Adapter):
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
         mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0.5,
         mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: 0.2,

@@ -2,6 +2,7 @@
 
 from companion.config.description import describe
 from companion.config.loader import load_config
+from companion.config.obstacle_files import load_obstacles
 from companion.config.schema import Config, RecordingParams
 
-__all__ = ["Config", "RecordingParams", "describe", "load_config"]
+__all__ = ["Config", "RecordingParams", "describe", "load_config", "load_obstacles"]

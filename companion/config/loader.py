@@ -4,8 +4,9 @@ import difflib
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -43,12 +44,22 @@ _LIMITS = ("gt", "ge", "lt", "le", "multiple_of")
 _LONGEST_REASON = 200
 
 FieldPath = tuple[str | int, ...]
+T = TypeVar("T")
 
 
 def load_config(path: str | Path) -> Config:
     """The configuration in a file, complete and valid. `ConfigError` if it is not."""
     path = Path(path)
-    return _Loading(str(path)).config(load_document(path))
+    config = read_checked(load_document(path), str(path), Config)
+    # Files named in a file are found beside it, wherever the service is started.
+    return replace(
+        config, obstacle_files=tuple((path.parent / file).absolute() for file in config.obstacle_files)
+    )
+
+
+def read_checked(document: Table, name: str, kind: type[T]) -> T:
+    """A document as the dataclass that it should be; `name` stands for the file in a `ConfigError`."""
+    return _Loading(name).read(document, kind)
 
 
 class _Loading:
@@ -58,12 +69,12 @@ class _Loading:
         self._name = name
         self._places: dict[FieldPath, tuple[int, str, Node]] = {}
 
-    def config(self, document: Table) -> Config:
-        values = self._value(document, Config, (), "", document.line, angle=False)
+    def read(self, document: Table, kind: type[T]) -> T:
+        values = self._value(document, kind, (), "", document.line, angle=False)
         try:
             # JSON, because there alone "strict" means what a file needs: lists for tuples, text for
             # enumerations, 3 for 3.0, but no 3.0 for 3, no "3", and no 1 for true.
-            return TypeAdapter(Config).validate_json(json.dumps(values), strict=True)
+            return TypeAdapter(kind).validate_json(json.dumps(values), strict=True)
         except ValidationError as error:
             raise self._explained(error.errors()) from error
 

@@ -15,6 +15,7 @@ from companion.errors import LinkError
 from companion.geofence import FenceZone
 from companion.supervisor import SupervisorParams
 from companion.traffic import TrafficParams
+from companion.traffic.obstacles import Obstacle, ObstacleParams
 
 
 def _is_address(text: str) -> str:
@@ -56,6 +57,9 @@ class Config:
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
+    # What stands on the ground, in YAML or GeoJSON; paths count from the folder of the configuration.
+    obstacle_files: tuple[Path, ...] = ()
+    obstacles: ObstacleParams = field(default_factory=ObstacleParams)
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
     # What the autopilot's parameters do not say, or say too generously.
     aircraft: AircraftLimits = field(default_factory=AircraftLimits)
@@ -67,13 +71,15 @@ class Config:
             if name not in MODE_NAMES:
                 raise ValueError(f"supervisor.take_over_from: no autopilot has a mode {name!r}")
 
-    def for_engine(self) -> EngineConfig:
-        """The part that the engine is built from."""
+    def for_engine(self, known_obstacles: tuple[Obstacle, ...] = ()) -> EngineConfig:
+        """The part that the engine is built from, with what the obstacle files say."""
         return EngineConfig(
             autopilot=self.autopilot,
             engine=self.engine,
             supervisor=self.supervisor,
             traffic=self.traffic,
+            obstacles=self.obstacles,
+            known_obstacles=known_obstacles,
             avoidance=self.avoidance,
             aircraft=self.aircraft,
             fences=self.fences,

@@ -20,7 +20,6 @@ from companion.mavlink.facts import (
     MissionProgress,
     NavigationTarget,
     OwnPosition,
-    PressureAltitude,
     RcChannels,
     Sender,
     SystemTime,
@@ -90,8 +89,6 @@ class Aircraft:
         self.sticks = Sticks(stick_us)
         # Setpoints of ours are flown: where the autopilot says that it flies to is nobody's wish but ours.
         self.ours = False
-        # What to add to a height in the standard atmosphere to have it above mean sea level, here and now.
-        self.pressure_offset_m: float | None = None
         self._airspeed_mps: float | None = None
         self._landed_state: int | None = None
         self._target: NavigationTarget | None = None
@@ -131,8 +128,6 @@ class Aircraft:
                 self._wind.observe(fact, self._airspeed_mps, now_s)
             case AirData():
                 self._airspeed_mps = fact.airspeed_mps
-            case PressureAltitude() if self.position is not None:
-                self.pressure_offset_m = self.position.altitude_m - fact.altitude_m
             case LandedState():
                 self._landed_state = fact.landed_state
             case Wind():

@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from companion.autopilots import NAMES
-from companion.autopilots.adapter import Adapter
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.fence import Fence, Zone
 from companion.engine.aircraft import Aircraft
@@ -26,6 +25,7 @@ from companion.engine.operator import Operator
 from companion.engine.rates import RateKeeper
 from companion.engine.readiness import Readiness
 from companion.engine.record import decision_line
+from companion.engine.surroundings import Surroundings
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone, LocalFence
 from companion.mavlink.dialect import Message, mavlink
@@ -36,25 +36,16 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     OwnPosition,
-    OwnTransponder,
     Parameter,
     ParameterRequest,
     ParameterSet,
     Sender,
     Traffic,
 )
-from companion.model import (
-    AltitudeReference,
-    Decision,
-    Goal,
-    Layer,
-    Ownship,
-    Snapshot,
-    Track,
-    TrafficReport,
-)
+from companion.model import Decision, Goal, Layer, Ownship, Snapshot, Track
 from companion.supervisor import WATCHING, Role, State, Supervisor, SupervisorParams
 from companion.traffic import Tracker, TrafficParams
+from companion.traffic.obstacles import Obstacle, ObstacleParams
 
 _HEARTBEAT_INTERVAL_S = 1.0
 _ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
@@ -90,6 +81,8 @@ class EngineConfig:
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
+    obstacles: ObstacleParams = field(default_factory=ObstacleParams)
+    known_obstacles: tuple[Obstacle, ...] = ()
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
     aircraft: AircraftLimits = field(default_factory=AircraftLimits)
     fences: tuple[FenceZone, ...] = ()
@@ -111,7 +104,7 @@ class Engine:
         )
         self.operator = Operator(Role[config.supervisor.role.upper()], lambda: self.sender)
         self._role_told = Role.FLY  # what everybody expects
-        self.tracker = Tracker(config.traffic)
+        self._surroundings = Surroundings(config.traffic, config.known_obstacles, config.obstacles)
         self._announcer = Announcer(lambda: self.sender)
         self.readiness = Readiness(
             self.aircraft,
@@ -150,6 +143,11 @@ class Engine:
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
         return Sender(system_id, self._params.component_id)
+
+    @property
+    def tracker(self) -> Tracker:
+        """Who is out there."""
+        return self._surroundings.tracker
 
     @property
     def supervisor(self) -> Supervisor:
@@ -193,15 +191,18 @@ class Engine:
             self._answers += self.operator.receive(fact)
             return bool(self._answers)
         if isinstance(fact, Traffic):
-            return self._receive_traffic(fact, now_s)
+            if fact.sender == self.aircraft.sender:
+                self._rates.observe(fact, now_s)
+            return self._hear(fact, now_s)
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
         if self.aircraft.adapter is not None:
             self.onboard.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
-            return False
+            return self._is_of_another_system(fact) and self._hear(fact, now_s)
         self._rates.observe(fact, now_s)
+        self._surroundings.observe_own(fact, now_s)
         match fact:
             case Heartbeat():
                 if back:
@@ -213,12 +214,8 @@ class Engine:
                 self._boot_time_s = fact.boot_time_s
             case CommandResult():
                 return self._receive_answer(fact, now_s)
-            case Parameter():
-                self._receive_parameter(fact, now_s)
-            case AttitudeTarget():
+            case Parameter() | AttitudeTarget():
                 self._tell_adapter(fact, now_s)
-            case OwnTransponder():
-                self.tracker.learn_own(fact.icao)
             case _:
                 pass
         return False
@@ -304,7 +301,7 @@ class Engine:
         if self._frame is None:
             return
         self._own = self.aircraft.ownship(self._frame)
-        self._tracks = self.tracker.tracks(now_s, self._frame)
+        self._tracks = self._surroundings.tracks(now_s, self._frame, self.aircraft.home_altitude_m())
         if self._goal is None or self.supervisor.state in WATCHING:
             self._goal = self.aircraft.goal(self._frame, now_s)
             if self.aircraft.mission_outdated(now_s):
@@ -389,33 +386,24 @@ class Engine:
         self._rates.restart()
         self.onboard.restart()
 
-    def _receive_traffic(self, fact: Traffic, now_s: float) -> bool:
-        if fact.sender == self.aircraft.sender:
-            self._rates.observe(fact, now_s)
-        if not self.tracker.receive(self._above_sea_level(fact.report), now_s):
+    def _is_of_another_system(self, fact: Fact) -> bool:
+        """Another one than ours; before ours is known, nobody is another."""
+        own = self.aircraft.sender
+        return own is not None and fact.sender.system_id not in (own.system_id, self.sender.system_id)
+
+    def _hear(self, fact: Fact, now_s: float) -> bool:
+        """News of others; true when a threat is among them."""
+        track_id = self._surroundings.hear(fact, now_s)
+        if track_id is None:
             return False
-        track_id = f"{fact.report.icao:06X}"
         self._prompted = any(threat.track_id == track_id for threat in self._decision.threats)
         return self._prompted
-
-    def _above_sea_level(self, report: TrafficReport) -> TrafficReport:
-        """A transponder's height compared by pressure, barometer against barometer."""
-        offset_m = self.aircraft.pressure_offset_m
-        barometric = report.altitude_reference is AltitudeReference.BAROMETRIC
-        if not barometric or offset_m is None or report.altitude_m is None:
-            return report
-        return replace(report, altitude_m=report.altitude_m + offset_m)
 
     def _receive_answer(self, fact: CommandResult, now_s: float) -> bool:
         if fact.target is not None and fact.target != self.sender:
             return False
         self._authority.answered(fact, now_s)
         return False
-
-    def _receive_parameter(self, fact: Parameter, now_s: float) -> None:
-        if fact.name == Adapter.own_icao_parameter and fact.value >= 1.0:
-            self.tracker.learn_own(int(fact.value))
-        self._tell_adapter(fact, now_s)
 
     def _tell_adapter(self, fact: Fact, now_s: float) -> None:
         if self.aircraft.adapter is not None:

@@ -7,12 +7,14 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
     Fact,
+    GeoidSeparation,
     Heartbeat,
     LandedState,
     MissionProgress,
     NavigationTarget,
     OwnPosition,
     Parameter,
+    PressureAltitude,
     Traffic,
 )
 
@@ -21,6 +23,8 @@ _MEASURED: dict[type, int] = {
     OwnPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
     AirData: mavlink.MAVLINK_MSG_ID_VFR_HUD,
     LandedState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    PressureAltitude: mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,
+    GeoidSeparation: mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
     NavigationTarget: mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
     MissionProgress: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
 }

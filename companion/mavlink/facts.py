@@ -32,7 +32,7 @@ class Heartbeat:
 
 @dataclass(frozen=True, slots=True)
 class OwnPosition:
-    """GLOBAL_POSITION_INT of an autopilot."""
+    """GLOBAL_POSITION_INT: where a system says that it is itself; ours and others' alike."""
 
     sender: Sender
     boot_time_s: float
@@ -58,6 +58,14 @@ class PressureAltitude:
 
     sender: Sender
     altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class GeoidSeparation:
+    """GPS_RAW_INT: height above the ellipsoid less height above mean sea level, here."""
+
+    sender: Sender
+    separation_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +290,7 @@ class OwnTransponder:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """ADSB_VEHICLE. `report.time_s` is the time of reception less `tslc`."""
+    """ADSB_VEHICLE or UTM_GLOBAL_POSITION. `report.time_s` is the time of reception less the known age."""
 
     sender: Sender
     report: TrafficReport
@@ -293,6 +301,7 @@ Fact = (
     | OwnPosition
     | AirData
     | PressureAltitude
+    | GeoidSeparation
     | Wind
     | LandedState
     | NavigationTarget

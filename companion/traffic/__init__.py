@@ -1,7 +1,9 @@
 """Traffic: from reports of other aircraft to their tracks."""
 
+from companion.traffic.heights import Datum, HeightParams, OwnHeights
+from companion.traffic.own_echo import OwnMotion
 from companion.traffic.params import TrafficParams
 from companion.traffic.target import Dropped
 from companion.traffic.tracker import Tracker
 
-__all__ = ["Dropped", "Tracker", "TrafficParams"]
+__all__ = ["Datum", "Dropped", "HeightParams", "OwnHeights", "OwnMotion", "Tracker", "TrafficParams"]

@@ -1,11 +1,14 @@
 """Parameters of traffic tracking."""
 
+import re
 from dataclasses import dataclass, field
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
 from companion.model import TrafficKind
+from companion.traffic.gates import AssociationParams, EchoParams
+from companion.traffic.heights import HeightParams
 from companion.traffic.track_filter import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]
@@ -30,7 +33,12 @@ class TrafficParams:
     max_tracks: Annotated[int, Ge(1)] = 2000
     # Our own transponder's addresses, which come back as traffic. More are learnt from the autopilot.
     own_icao: frozenset[Icao] = frozenset()
+    # The same for unmanned traffic management: the id in hexadecimal, as UTM_GLOBAL_POSITION carries it.
+    own_uas_id: str | None = None
     estimate: EstimateParams = field(default_factory=EstimateParams)
+    heights: HeightParams = field(default_factory=HeightParams)
+    association: AssociationParams = field(default_factory=AssociationParams)
+    own_echo: EchoParams = field(default_factory=EchoParams)
 
     def stale_after_s(self, kind: TrafficKind) -> float:
         """For how long a track of this kind lives without a new measurement [s]."""
@@ -39,3 +47,5 @@ class TrafficParams:
     def __post_init__(self) -> None:
         if self.repeat_window_s >= self.stale_s:
             raise ValueError("repeat_window_s must be less than stale_s, or hovering traffic disappears")
+        if self.own_uas_id is not None and not re.fullmatch("([0-9A-Fa-f]{2}){1,18}", self.own_uas_id):
+            raise ValueError("own_uas_id must be up to 18 bytes in hexadecimal")

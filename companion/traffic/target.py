@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
 from companion.traffic.guarded import Guarded
+from companion.traffic.heights import Height
 from companion.traffic.params import TrafficParams
 from companion.traffic.repeats import RepeatMemory, content_of
 from companion.traffic.track_filter import HorizontalEstimate, HorizontalFix, VerticalEstimate, VerticalFix
@@ -16,7 +17,8 @@ class Dropped(StrEnum):
     """Why a report, or a part of it, was not used."""
 
     NO_ADDRESS = "no address"
-    OWN = "own transponder"
+    OWN = "ourselves"
+    ON_GROUND = "on the ground"
     BAD_NUMBER = "bad number"
     NO_POSITION = "no position"
     STALE = "stale"
@@ -26,13 +28,12 @@ class Dropped(StrEnum):
     # The rest of the report is used, but it gives no height, or one that is not believed.
     NO_ALTITUDE = "no altitude"
     ALTITUDE_JUMPED = "altitude jumped"
-    OTHER_REFERENCE = "other altitude reference"
 
 
 class Motion(NamedTuple):
-    """All that flying a target on to now needs: velocities [m/s], `climb_mps` positive up.
+    """All that flying a target on to now needs: velocities [m/s], and its height in each reference it gave.
 
-    The height holds until `height_until_s`, minus infinity while there is none.
+    `sigma_m` is what the sender states of its position's accuracy.
     """
 
     lat_deg: float
@@ -40,34 +41,38 @@ class Motion(NamedTuple):
     place_s: float
     north_mps: float
     east_mps: float
-    altitude_m: float
-    height_s: float
-    climb_mps: float
-    height_until_s: float
+    sigma_m: float | None
+    heights: tuple[Height, ...]
+
+
+class _Vertical(NamedTuple):
+    estimate: Guarded[VerticalEstimate, VerticalFix]
+    sigma_m: float
 
 
 class Target:
-    """The state of one address. Times are those of the tracker's clock, which never runs backwards."""
+    """The state of one key. Times are those of the tracker's clock, which never runs backwards."""
 
     __slots__ = (
         "_dropped",
         "_horizontal",
         "_params",
-        "_reference",
         "_repeats",
-        "_vertical",
+        "_verticals",
         "callsign",
         "forget_s",
         "icao",
+        "key",
         "kind",
         "measured_s",
         "motion",
-        "track_id",
+        "source",
     )
 
-    def __init__(self, icao: int, params: TrafficParams, dropped: Counter[Dropped]) -> None:
-        self.icao = icao
-        self.track_id = f"{icao:06X}"
+    def __init__(self, report: TrafficReport, params: TrafficParams, dropped: Counter[Dropped]) -> None:
+        self.source = report.source
+        self.key = report.key
+        self.icao = report.icao
         self.callsign: str | None = None
         self.kind = TrafficKind.AIRCRAFT
         self.measured_s = -math.inf
@@ -77,8 +82,8 @@ class Target:
         self._dropped = dropped
         self._repeats = RepeatMemory(params.repeat_window_s)
         self._horizontal: Guarded[HorizontalEstimate, HorizontalFix] | None = None
-        self._vertical: Guarded[VerticalEstimate, VerticalFix] | None = None
-        self._reference = AltitudeReference.GEOMETRIC
+        # References are not mixed: two zeros would look like climbs.
+        self._verticals: dict[AltitudeReference, _Vertical] = {}
 
     def receive(self, report: TrafficReport, lat_deg: float, lon_deg: float, time_s: float) -> bool:
         """Take in a report of the given place, valid at `time_s`; True when it was a new measurement."""
@@ -91,7 +96,7 @@ class Target:
             return False
         if report.kind is not self.kind:
             # What stood still may fly from now on, or the reverse: nothing known so far applies.
-            self.kind, self._horizontal, self._vertical = report.kind, None, None
+            self.kind, self._horizontal, self._verticals = report.kind, None, {}
         fix = HorizontalFix(time_s, lat_deg, lon_deg, self._velocity_mps(report))
         if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
             self._horizontal = Guarded(HorizontalEstimate(fix, self._params.estimate))
@@ -101,34 +106,43 @@ class Target:
         self._receive_height(report, time_s)
         self.measured_s = time_s
         self.forget_s = time_s + self._params.stale_after_s(self.kind)
-        self.motion = self._motion(self._horizontal.estimate)
+        self.motion = self._motion(self._horizontal.estimate, report.position_sigma_m)
         return True
 
-    def _motion(self, here: HorizontalEstimate) -> Motion:
-        place = here.lat_deg, here.lon_deg, here.time_s, here.north_mps, here.east_mps
-        if self._vertical is None:
-            return Motion(*place, math.nan, math.nan, math.nan, -math.inf)
-        height = self._vertical.estimate
-        until_s = (
-            math.inf if self.kind is TrafficKind.OBSTACLE else height.time_s + self._params.altitude_hold_s
+    def _motion(self, here: HorizontalEstimate, sigma_m: float | None) -> Motion:
+        heights = tuple(
+            self._height(reference, vertical.estimate.estimate, vertical.sigma_m)
+            for reference, vertical in self._verticals.items()
         )
-        return Motion(*place, height.altitude_m, height.time_s, height.climb_mps, until_s)
+        return Motion(
+            here.lat_deg, here.lon_deg, here.time_s, here.north_mps, here.east_mps, sigma_m, heights
+        )
+
+    def _height(self, reference: AltitudeReference, here: VerticalEstimate, sigma_m: float) -> Height:
+        until_s = (
+            math.inf if self.kind is TrafficKind.OBSTACLE else here.time_s + self._params.altitude_hold_s
+        )
+        return Height(reference, here.altitude_m, here.time_s, here.climb_mps, until_s, sigma_m)
 
     def _receive_height(self, report: TrafficReport, time_s: float) -> None:
-        if self.motion is not None and time_s > self.motion.height_until_s:
-            self._vertical = None
+        for height in () if self.motion is None else self.motion.heights:
+            if time_s > height.until_s:
+                self._verticals.pop(height.reference, None)
         if report.altitude_m is None:
-            self._dropped[Dropped.NO_ALTITUDE] += self._vertical is None
+            self._dropped[Dropped.NO_ALTITUDE] += not self._verticals
             return
         fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report))
-        if self._vertical is None or self.kind is TrafficKind.OBSTACLE:
-            self._reference = report.altitude_reference
-            self._vertical = Guarded(VerticalEstimate(fix, self._params.estimate))
-        elif report.altitude_reference is not self._reference:
-            # Two receivers, two zeros: mixed they would look like climbs. The first stays while it lasts.
-            self._dropped[Dropped.OTHER_REFERENCE] += 1
-        elif not self._vertical.receive(fix):
+        sigma_m = report.altitude_sigma_m or 0.0
+        known = self._verticals.get(report.altitude_reference)
+        if known is None or self.kind is TrafficKind.OBSTACLE:
+            estimate: Guarded[VerticalEstimate, VerticalFix]
+            estimate = Guarded(VerticalEstimate(fix, self._params.estimate))
+        elif known.estimate.receive(fix):
+            estimate = known.estimate
+        else:
             self._dropped[Dropped.ALTITUDE_JUMPED] += 1
+            return
+        self._verticals[report.altitude_reference] = _Vertical(estimate, sigma_m)
 
     def _velocity_mps(self, report: TrafficReport) -> Vec2 | None:
         if self.kind is TrafficKind.OBSTACLE or report.ground_speed_mps == 0.0:

@@ -56,6 +56,24 @@ def test_bad_configuration_refuses_to_start(tmp_path: Path, command: str, text: 
     assert "bad.yaml:" in result.stderr
 
 
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_bad_obstacle_file_refuses_to_start(tmp_path: Path, command: str) -> None:
+    (tmp_path / "masts.yaml").write_text("obstacles:\n- {name: Mast, lat_deg: 47, lon_deg: 8}\n")
+    config = tmp_path / "c.yaml"
+    config.write_text("links: [udpin:127.0.0.1:14550]\nobstacle_files: [masts.yaml]\n")
+    assert_one_line(call(command, str(config)), 2, "masts.yaml:2: obstacles[0]: Mast: give either")
+
+
+def test_check_counts_the_obstacles(tmp_path: Path) -> None:
+    masts = "obstacles:\n" + "".join(
+        f"- {{name: Mast {i}, lat_deg: 47.{i}, lon_deg: 8, height_m: 30}}\n" for i in range(3)
+    )
+    (tmp_path / "masts.yaml").write_text(masts)
+    config = tmp_path / "c.yaml"
+    config.write_text("links: [udpin:127.0.0.1:14550]\nobstacle_files: [masts.yaml]\n")
+    assert "# obstacle_files: 3 obstacles" in call("check", str(config)).stdout
+
+
 def test_missing_files() -> None:
     assert_one_line(call("run", "nowhere.yaml"), 2, "nowhere.yaml")
     assert_one_line(call("replay", "nowhere.tlog"), 1, "nowhere.tlog")

@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.geodesy import LocalFrame
-from companion.model import AltitudeReference, Track, TrafficKind, TrafficReport
+from companion.model import AltitudeReference, Track, TrafficKind, TrafficReport, TrafficSource
 from companion.traffic import Tracker, TrafficParams
 
 PARAMS = TrafficParams(max_tracks=4, own_icao=frozenset({3}))
@@ -21,8 +22,12 @@ def maybe(plausible: st.SearchStrategy[float]) -> st.SearchStrategy[float | None
     return st.none() | plausible | numbers
 
 
+def adsb(icao: int, **fields: Any) -> TrafficReport:
+    return TrafficReport(TrafficSource.ADSB, f"{icao:06X}", icao=icao, **fields)
+
+
 reports = st.builds(
-    TrafficReport,
+    adsb,
     icao=st.integers(-1, 8),
     time_s=times_s,
     lat_deg=maybe(st.floats(-90, 90)),
@@ -102,12 +107,12 @@ def test_straight_flight_is_found_anywhere_at_any_rate(
         place = frame.to_geo(
             velocity_mps[0] * to_go_s, velocity_mps[1] * to_go_s, -1000.0 - climb_mps * now_s
         )
-        report = TrafficReport(
+        report = adsb(
             7,
-            now_s,
-            place.lat_deg,
-            place.lon_deg,
-            place.altitude_m,
+            time_s=now_s,
+            lat_deg=place.lat_deg,
+            lon_deg=place.lon_deg,
+            altitude_m=place.altitude_m,
             course_rad=course_rad if velocity_known else None,
             ground_speed_mps=speed_mps if velocity_known else None,
             climb_mps=climb_mps if velocity_known else None,

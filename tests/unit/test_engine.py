@@ -19,7 +19,7 @@ from companion.mavlink.facts import (
     Sender,
     Traffic,
 )
-from companion.model import AltitudeReference, Layer, TrafficReport
+from companion.model import AltitudeReference, Layer, TrafficReport, TrafficSource
 from companion.supervisor import Role, State, SupervisorParams
 
 AUTOPILOT, OTHER, GCS = Sender(1, 1), Sender(7, 1), Sender(255, 190)
@@ -50,8 +50,8 @@ def traffic(
 ) -> Traffic:
     north_m = 22.0 * meet_s + 60.0 * (meet_s - (time_s - T0))
     report = TrafficReport(
-        icao, time_s, -35.0 + north_m / 110_940.0, 149.0, 884.0, course_rad=math.pi, ground_speed_mps=60.0,
-        climb_mps=0.0, callsign="TEST1",
+        TrafficSource.ADSB, f"{icao:06X}", time_s, -35.0 + north_m / 110_940.0, 149.0, 884.0,
+        course_rad=math.pi, ground_speed_mps=60.0, climb_mps=0.0, callsign="TEST1", icao=icao,
     )  # fmt: skip
     return Traffic(sender, report)
 

@@ -13,8 +13,17 @@ from companion.mavlink.facts import Traffic
 from companion.mavlink.framing import decode
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import to_fact
-from companion.model import AltitudeReference, Track, TrafficKind, TrafficReport, Vec3
-from companion.traffic import Dropped, Tracker, TrafficParams
+from companion.model import (
+    AltitudeReference,
+    Track,
+    TrafficKind,
+    TrafficReport,
+    TrafficSource,
+    Vec3,
+    adsb_key,
+)
+from companion.traffic import Datum, Dropped, Tracker, TrafficParams
+from companion.traffic.heights import AS_REPORTED
 from companion.traffic.repeats import RepeatMemory
 from companion.traffic.track_filter import Spread
 
@@ -23,12 +32,17 @@ ICAO = 0x4B1234
 STANDARD_RATE_RADPS = math.radians(3.0)
 
 
+def adsb(icao: int, time_s: float, lat_deg: float, lon_deg: float, altitude_m: float) -> TrafficReport:
+    """A report of a transponder, so far without motion."""
+    return TrafficReport(TrafficSource.ADSB, adsb_key(icao), time_s, lat_deg, lon_deg, altitude_m, icao=icao)
+
+
 def report_at(
     position_m: Vec3, time_s: float, velocity_mps: Vec3 | None = None, icao: int = ICAO
 ) -> TrafficReport:
     """A perfect report of a place in FRAME; without velocity nothing about motion is known."""
     place = FRAME.to_geo(*position_m)
-    report = TrafficReport(icao, time_s, place.lat_deg, place.lon_deg, place.altitude_m)
+    report = adsb(icao, time_s, place.lat_deg, place.lon_deg, place.altitude_m)
     if velocity_mps is None:
         return report
     north_mps, east_mps, down_mps = velocity_mps
@@ -80,10 +94,10 @@ def test_a_perfect_straight_flight_is_tracked_within_centimetres_between_reports
 
 def test_a_track_carries_address_callsign_and_kind() -> None:
     tracker = Tracker()
-    tracker.receive(
-        replace(report_at(START_M, 0.0), icao=0xABC, callsign="HB-ZRH", kind=TrafficKind.UAV), 0.0
-    )
-    tracker.receive(replace(report_at(START_M, 1.0, VELOCITY_MPS), icao=0xABC, kind=TrafficKind.UAV), 1.0)
+    first = report_at(START_M, 0.0, icao=0xABC)
+    tracker.receive(replace(first, callsign="HB-ZRH", kind=TrafficKind.UAV), 0.0)
+    later = report_at(START_M, 1.0, VELOCITY_MPS, icao=0xABC)
+    tracker.receive(replace(later, kind=TrafficKind.UAV), 1.0)
     track = only(tracker.tracks(1.0, FRAME))
     assert (track.track_id, track.icao, track.callsign, track.kind) == (
         "000ABC",
@@ -121,18 +135,8 @@ def test_a_track_crosses_the_date_line() -> None:
     tracker = Tracker()
     for second in range(5):
         place = frame.to_geo(0.0, -100.0 + 60.0 * second, -300.0)
-        tracker.receive(
-            TrafficReport(
-                ICAO,
-                second,
-                place.lat_deg,
-                place.lon_deg,
-                300.0,
-                course_rad=math.pi / 2,
-                ground_speed_mps=60.0,
-            ),
-            second,
-        )
+        report = adsb(ICAO, second, place.lat_deg, place.lon_deg, 300.0)
+        tracker.receive(replace(report, course_rad=math.pi / 2, ground_speed_mps=60.0), second)
     assert only(tracker.tracks(5.0, frame)).position_m[1] == pytest.approx(200.0, abs=0.05)
 
 
@@ -217,13 +221,13 @@ def test_a_report_without_position_is_counted_and_does_not_refresh_a_track() -> 
     assert not tracker.receive(blind, 15.0)
     assert only(tracker.tracks(15.0, FRAME)).age_s == 15.0
     assert tracker.without_position(15.0) == 0
-    assert not tracker.receive(replace(blind, icao=0x777), 15.0)
+    assert not tracker.receive(replace(blind, icao=0x777, key="000777"), 15.0)
     assert tracker.without_position(15.0) == 1
     assert tracker.dropped[Dropped.NO_POSITION] == 2
     assert tracker.without_position(36.0) == 0
 
 
-def test_heights_of_two_references_are_not_mixed() -> None:
+def test_heights_of_two_references_are_kept_apart_and_the_one_that_compares_better_counts() -> None:
     tracker = Tracker(TrafficParams(altitude_hold_s=10.0))
     for second in range(10):
         report = report_at((48.0 * second, 0.0, -300.0), second)
@@ -232,11 +236,13 @@ def test_heights_of_two_references_are_not_mixed() -> None:
         )
         tracker.receive(report, second)
         tracker.receive(other, second + 0.5)
+    tracker.datums = {**AS_REPORTED, AltitudeReference.BAROMETRIC: Datum(0.0, 60.0)}
     track = only(tracker.tracks(9.5, FRAME))
-    assert (track.position_m[2], track.velocity_mps[2]) == (-300.0, 0.0)
-    assert tracker.dropped[Dropped.OTHER_REFERENCE] == 10
-    tracker.receive(replace(other, time_s=20.5, lat_deg=FRAME.lat_deg + 0.001), 20.5)
-    assert only(tracker.tracks(20.5, FRAME)).position_m[2] == -150.0
+    assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-300.0, 0.0, 0.0)
+    tracker.datums = {**AS_REPORTED, AltitudeReference.GEOMETRIC: Datum(0.0, 50.0)}
+    track = only(tracker.tracks(9.5, FRAME))
+    assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-150.0, 0.0, 0.0)
+    assert not tracker.dropped
 
 
 # --- repeats and order -----------------------------------------------------------------------------
@@ -635,7 +641,7 @@ def test_a_report_from_the_future_counts_as_from_now() -> None:
 
 def test_the_pole_is_survived() -> None:
     tracker = Tracker()
-    report = TrafficReport(ICAO, 0.0, 90.0, 0.0, 300.0, course_rad=1.0, ground_speed_mps=100.0)
+    report = replace(adsb(ICAO, 0.0, 90.0, 0.0, 300.0), course_rad=1.0, ground_speed_mps=100.0)
     for second in range(3):
         tracker.receive(replace(report, time_s=second, lon_deg=float(second)), second)
     track = only(tracker.tracks(3.0, LocalFrame(89.9, 0.0)))

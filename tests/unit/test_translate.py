@@ -11,6 +11,7 @@ from companion.mavlink.facts import (
     AirData,
     CommandResult,
     Fact,
+    GeoidSeparation,
     Heartbeat,
     LandedState,
     MissionProgress,
@@ -18,13 +19,14 @@ from companion.mavlink.facts import (
     OwnPosition,
     OwnTransponder,
     Parameter,
+    PressureAltitude,
     Sender,
     Traffic,
     Wind,
 )
 from companion.mavlink.framing import FrameSplitter, decode
 from companion.mavlink.translate import WANTED, frame_to_fact, to_fact
-from companion.model import AltitudeReference, TrafficKind, TrafficReport
+from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, uas_key
 
 NAN, INF = math.nan, math.inf
 RECEIVED_S = 1000.0
@@ -63,6 +65,8 @@ def adsb(**changes: Any) -> TrafficReport:
 
 def test_a_full_traffic_report() -> None:
     assert adsb() == TrafficReport(
+        source=TrafficSource.ADSB,
+        key="ABCDEF",
         icao=0xABCDEF,
         time_s=RECEIVED_S - 2,
         lat_deg=47.1234567,
@@ -179,6 +183,138 @@ def test_the_kind_follows_from_the_emitter(emitter: int) -> None:
 def test_no_flag_leaves_only_the_address() -> None:
     report = adsb(flags=0)
     assert (report.icao, report.lat_deg, report.altitude_m, report.course_rad) == (0xABCDEF, None, None, None)
+
+
+def utm(**changes: Any) -> TrafficReport:
+    fields: dict[str, Any] = {
+        "time": 1_700_000_000_000_000,
+        "uas_id": [0x4B, 0, 0xA1, *[0] * 15],
+        "lat": 471234567,
+        "lon": -81234567,
+        "alt": 712_500,
+        "relative_alt": 100_000,
+        "next_lat": 0,
+        "next_lon": 0,
+        "next_alt": 0,
+        "vx": -300,
+        "vy": 400,
+        "vz": 150,
+        "h_acc": 2_500,
+        "v_acc": 4_000,
+        "vel_acc": 100,
+        "update_rate": 0,
+        "flight_state": mavlink.UTM_FLIGHT_STATE_AIRBORNE,
+        "flags": 255,
+    }
+    fact = fact_of(mavlink.MAVLink_utm_global_position_message(**{**fields, **changes}))
+    assert isinstance(fact, Traffic)
+    return fact.report
+
+
+def test_a_full_report_of_traffic_management() -> None:
+    report = utm()
+    assert report == TrafficReport(
+        source=TrafficSource.UTM,
+        key="UTM-4B00A1",
+        time_s=RECEIVED_S,
+        lat_deg=47.1234567,
+        lon_deg=-8.1234567,
+        altitude_m=712.5,
+        altitude_reference=AltitudeReference.GEOMETRIC,
+        course_rad=math.atan2(4.0, -3.0),
+        ground_speed_mps=5.0,
+        climb_mps=-1.5,
+        callsign="UTM 4B00A1",
+        kind=TrafficKind.UAV,
+        position_sigma_m=2.5,
+        altitude_sigma_m=4.0,
+    )
+    assert report.key == uas_key("4b00A1") == uas_key("4B00A1" + 15 * "00")
+
+
+@pytest.mark.parametrize(
+    ("flag", "gone"),
+    [
+        (mavlink.UTM_DATA_AVAIL_FLAGS_POSITION_AVAILABLE, {"lat_deg", "lon_deg"}),
+        (mavlink.UTM_DATA_AVAIL_FLAGS_ALTITUDE_AVAILABLE, {"altitude_m"}),
+        (mavlink.UTM_DATA_AVAIL_FLAGS_HORIZONTAL_VELO_AVAILABLE, {"course_rad", "ground_speed_mps"}),
+        (mavlink.UTM_DATA_AVAIL_FLAGS_VERTICAL_VELO_AVAILABLE, {"climb_mps"}),
+        (mavlink.UTM_DATA_AVAIL_FLAGS_RELATIVE_ALTITUDE_AVAILABLE, set()),
+        (mavlink.UTM_DATA_AVAIL_FLAGS_TIME_VALID, set()),
+        (mavlink.UTM_DATA_AVAIL_FLAGS_NEXT_WAYPOINT_AVAILABLE, set()),
+    ],
+)
+def test_a_part_of_a_report_that_is_not_available_is_unknown_and_no_other(flag: int, gone: set[str]) -> None:
+    report, full = utm(flags=255 & ~flag), utm()
+    for name in TrafficReport.__slots__:
+        assert getattr(report, name) == (None if name in gone else getattr(full, name)), name
+
+
+@pytest.mark.parametrize("changes", [{"flags": 255 & ~2}, {"uas_id": [0] * 18}], ids=str)
+def test_an_aircraft_without_id_is_named_after_its_sender(changes: dict[str, Any]) -> None:
+    assert utm(**changes).key == "UTM-7.3"
+
+
+def test_an_id_may_fill_its_field() -> None:
+    assert utm(uas_id=list(range(238, 256))).key == "UTM-" + bytes(range(238, 256)).hex().upper()
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "value"),
+    [
+        ({"h_acc": 0}, "position_sigma_m", None),
+        ({"h_acc": 65_535}, "position_sigma_m", None),
+        ({"v_acc": 0}, "altitude_sigma_m", None),
+        ({"v_acc": 65_534}, "altitude_sigma_m", 65.534),
+        ({"alt": 2**31 - 1}, "altitude_m", None),
+        ({"lat": 0, "lon": 0}, "lat_deg", None),
+        ({"vx": 0, "vy": 0}, "ground_speed_mps", 0.0),
+        ({"vx": -100, "vy": -1}, "course_rad", math.atan2(-1.0, -100.0) + 2.0 * math.pi),
+        ({"flight_state": mavlink.UTM_FLIGHT_STATE_GROUND}, "airborne", False),
+        ({"flight_state": mavlink.UTM_FLIGHT_STATE_UNKNOWN}, "airborne", True),
+        ({"flight_state": mavlink.UTM_FLIGHT_STATE_EMERGENCY}, "airborne", True),
+        ({"flight_state": mavlink.UTM_FLIGHT_STATE_NOCTRL}, "airborne", True),
+    ],
+    ids=str,
+)
+def test_what_a_report_of_traffic_management_means(changes: dict[str, Any], name: str, value: object) -> None:
+    assert getattr(utm(**changes), name) == value
+
+
+def gps(**changes: Any) -> Fact | None:
+    fields: dict[str, Any] = {
+        "time_usec": 0,
+        "fix_type": 3,
+        "lat": 471234567,
+        "lon": 81234567,
+        "alt": 500_000,
+        "eph": 100,
+        "epv": 150,
+        "vel": 2_200,
+        "cog": 0,
+        "satellites_visible": 12,
+        "alt_ellipsoid": 547_600,
+    }
+    return fact_of(mavlink.MAVLink_gps_raw_int_message(**{**fields, **changes}))
+
+
+def test_the_geoid_lies_above_the_ellipsoid_by_the_difference_of_two_heights() -> None:
+    assert gps() == GeoidSeparation(SENDER, 47.6)
+    assert gps(alt_ellipsoid=394_000) == GeoidSeparation(SENDER, -106.0)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"alt_ellipsoid": 0}, {"fix_type": 2}, {"alt_ellipsoid": 700_000}, {"alt": -(2**31)}], ids=str
+)
+def test_a_separation_that_nobody_knows_is_no_fact(changes: dict[str, Any]) -> None:
+    assert gps(**changes) is None
+
+
+def test_pressure_altitude_follows_the_standard_atmosphere() -> None:
+    for press_hpa, altitude_m in ((1013.25, 0.0), (898.75, 1000.0), (1005.25, 66.8), (540.2, 5000.0)):
+        fact = fact_of(mavlink.MAVLink_scaled_pressure_message(0, press_hpa, 0.0, 0))
+        assert isinstance(fact, PressureAltitude)
+        assert fact.altitude_m == pytest.approx(altitude_m, abs=0.5)
 
 
 def own_position(**changes: Any) -> Fact | None:

@@ -1,9 +1,11 @@
-"""Numbers of parameters on the wire: ArduPilot sends them as floats, PX4 puts the bits of integers there."""
+"""What an autopilot answers: COMMAND_ACK, PARAM_VALUE."""
 
 import math
 import struct
 
-from companion.mavlink.dialect import mavlink
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import CommandResult, Fact, Parameter, Sender
+from companion.mavlink.translate.wire import Translation, printable
 
 _INTEGER_RANGES = {
     mavlink.MAV_PARAM_TYPE_UINT8: (0, 2**8 - 1),
@@ -23,6 +25,22 @@ _INTEGER_BITS = {
 }
 
 
+def _command_result(message: Message, sender: Sender, _received_s: float) -> Fact:
+    """MAVLink 1, and senders who do not fill them in, leave the target fields 0."""
+    target = None
+    if message.target_system:
+        target = Sender(message.target_system, message.target_component)
+    return CommandResult(sender, message.command, message.result, target)
+
+
+def _parameter(message: Message, sender: Sender, _received_s: float) -> Fact | None:
+    name = printable(message.param_id)
+    value = parameter_value(message.param_value, message.param_type)
+    if not name or value is None:
+        return None
+    return Parameter(sender, name, value)
+
+
 def parameter_value(wire_value: float, param_type: int) -> float | None:
     """The number that `param_value` stands for.
 
@@ -37,3 +55,9 @@ def parameter_value(wire_value: float, param_type: int) -> float | None:
         return wire_value
     bits: tuple[int] = _INTEGER_BITS[param_type].unpack(struct.pack("<f", wire_value))
     return float(bits[0])
+
+
+TRANSLATIONS: dict[int, Translation] = {
+    mavlink.MAVLINK_MSG_ID_COMMAND_ACK: _command_result,
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
+}

@@ -1,7 +1,6 @@
 """Messages about who controls what, to facts: sticks, attitude targets, times, and what others ask of us."""
 
 import math
-from collections.abc import Callable
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -15,8 +14,8 @@ from companion.mavlink.facts import (
     Sender,
     SystemTime,
 )
-from companion.mavlink.parameters import parameter_value
-from companion.mavlink.text import printable
+from companion.mavlink.translate.answers import parameter_value
+from companion.mavlink.translate.wire import Translation, printable
 
 _NO_PULSE = (0, 65_535)
 _CHANNELS = tuple(f"chan{number}_raw" for number in range(1, 19))
@@ -76,7 +75,7 @@ def _target(message: Message) -> Sender:
     return Sender(message.target_system, message.target_component)
 
 
-CONTROL: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
+TRANSLATIONS: dict[int, Translation] = {
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
     mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: _attitude_target,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: _system_time,

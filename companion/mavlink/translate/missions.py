@@ -7,7 +7,6 @@ as 0, "not given" is NaN, and terrain that the autopilot has no data for is repo
 import math
 import struct
 from collections import namedtuple
-from collections.abc import Callable
 from typing import Any
 
 from companion.mavlink.dialect import Message, mavlink
@@ -24,8 +23,8 @@ from companion.mavlink.facts import (
     Sender,
     TerrainReport,
 )
+from companion.mavlink.translate.wire import UINT16_MAX, Translation, place_deg
 
-_UINT16_MAX = 0xFFFF
 # No land is lower than the shore of the Dead Sea, none is higher than Everest.
 _LOWEST_TERRAIN_M, _HIGHEST_TERRAIN_M = -500.0, 9_000.0
 _FARTHEST_HEIGHT_M = 40_000.0
@@ -45,7 +44,7 @@ def _progress(message: Message, sender: Sender, _received_s: float) -> Fact:
     return MissionProgress(
         sender=sender,
         sequence=message.seq,
-        total=None if total in (0, _UINT16_MAX) else total,
+        total=None if total in (0, UINT16_MAX) else total,
         mission_id=getattr(message, "mission_id", 0) or None,
         fence_id=getattr(message, "fence_id", 0) or None,
     )
@@ -53,7 +52,7 @@ def _progress(message: Message, sender: Sender, _received_s: float) -> Fact:
 
 def _item(message: Message, sender: Sender, _received_s: float) -> Fact:
     above = _HEIGHTS_ABOVE.get(message.frame)
-    place = None if above is None else _place_deg(message.x, message.y)
+    place = None if above is None else place_deg(message.x, message.y)
     height_m = None if above is None else _finite(message.z)
     if height_m is not None and abs(height_m) > _FARTHEST_HEIGHT_M:
         height_m = None
@@ -93,13 +92,13 @@ def _fence_status(message: Message, sender: Sender, _received_s: float) -> Fact:
 
 
 def _home_position(message: Message, sender: Sender, _received_s: float) -> Fact | None:
-    place = _place_deg(message.latitude, message.longitude)
+    place = place_deg(message.latitude, message.longitude)
     return None if place is None else HomePosition(sender, *place, message.altitude / 1000.0)
 
 
 def _terrain_report(message: Message, sender: Sender, _received_s: float) -> Fact | None:
     """Without data for the place `spacing` is 0; `pending` blocks are still on their way."""
-    place = _place_deg(message.lat, message.lon)
+    place = place_deg(message.lat, message.lon)
     terrain_m, height_m = message.terrain_height, message.current_height
     if place is None or message.pending or not message.spacing:
         return None
@@ -116,15 +115,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _place_deg(lat_e7: int, lon_e7: int) -> tuple[float, float] | None:
-    """Latitude and longitude [deg]; `None` outside the globe, and at 0, 0, which stands for "here"."""
-    lat_deg, lon_deg = lat_e7 / 1e7, lon_e7 / 1e7
-    if abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0 or (lat_e7 == 0 and lon_e7 == 0):
-        return None
-    return lat_deg, lon_deg
-
-
-TRANSLATIONS: dict[int, Callable[[Message, Sender, float], Fact | None]] = {
+TRANSLATIONS: dict[int, Translation] = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: _progress,
     mavlink.MAVLINK_MSG_ID_MISSION_COUNT: _count,
     mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT: _item,

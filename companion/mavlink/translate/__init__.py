@@ -1,0 +1,86 @@
+"""From messages to facts: the one place that knows the wire's units, sentinels, flags and traps.
+
+Whatever a sender marked as invalid, left unset, or could not mean becomes `None`; a message that says nothing
+usable becomes no fact at all. No message that can be decoded makes this raise. One file for each noun; a new
+source of traffic is a new file and a line in `_TRANSLATIONS`.
+"""
+
+import functools
+import re
+import struct
+from collections import namedtuple
+from itertools import islice
+from typing import Any
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import Fact, Sender
+from companion.mavlink.framing import Frame
+from companion.mavlink.translate import adsb, air, answers, control, heights, missions, systems, target, utm
+from companion.mavlink.translate.wire import Translation
+
+
+def to_fact(message: Message, received_s: float) -> Fact | None:
+    """What a message said; `None` if it is none of `WANTED`, or says nothing that can be used."""
+    translate = _TRANSLATIONS.get(message.get_msgId())
+    if translate is None:
+        return None
+    return translate(message, _sender(message.get_srcSystem(), message.get_srcComponent()), received_s)
+
+
+def frame_to_fact(frame: Frame, received_s: float) -> Fact | None:
+    """The same straight from a frame, several times as fast as by way of pymavlink's message."""
+    translate = _TRANSLATIONS.get(frame.message_id)
+    if translate is None:
+        return None
+    layout, fields, arrays = _LAYOUTS[frame.message_id]
+    payload = frame.payload.ljust(layout.size, b"\0")  # MAVLink 2 cuts off the zeros at the end
+    values = layout.unpack_from(payload)
+    message = fields._make(_with_arrays(values, arrays) if arrays else values)
+    return translate(message, _sender(frame.system_id, frame.component_id), received_s)
+
+
+def _with_arrays(values: tuple[Any, ...], lengths: tuple[int, ...]) -> list[Any]:
+    """Fields in a row with those of each array put together; `lengths` has 0 for what is no array."""
+    left = iter(values)
+    return [list(islice(left, length)) if length else next(left) for length in lengths]
+
+
+@functools.lru_cache(maxsize=256)
+def _sender(system_id: int, component_id: int) -> Sender:
+    return Sender(system_id, component_id)
+
+
+_TRANSLATIONS: dict[int, Translation] = {
+    **systems.TRANSLATIONS,
+    **air.TRANSLATIONS,
+    **heights.TRANSLATIONS,
+    **target.TRANSLATIONS,
+    **missions.TRANSLATIONS,
+    **answers.TRANSLATIONS,
+    **control.TRANSLATIONS,
+    **adsb.TRANSLATIONS,
+    **utm.TRANSLATIONS,
+}
+
+
+_Layout = tuple[struct.Struct, Any, tuple[int, ...]]
+
+
+def _layout(message_id: int) -> _Layout:
+    """How to unpack a payload, into what, and the lengths of its arrays (none: empty).
+
+    An array of bytes stays one field, as a text does.
+    """
+    kind = mavlink.mavlink_map[message_id]
+    layout = struct.Struct(re.sub(r"(\d+)B", r"\1s", kind.unpacker.format))
+    bytewise = {n for n, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True) if type_ in _BYTEWISE}
+    lengths = zip(kind.ordered_fieldnames, kind.array_lengths, strict=True)
+    arrays = tuple(0 if name in bytewise else length for name, length in lengths)
+    return layout, namedtuple(kind.msgname, kind.ordered_fieldnames), arrays if any(arrays) else ()
+
+
+_BYTEWISE = frozenset({"char", "uint8_t"})
+_LAYOUTS: dict[int, _Layout] = {wanted: _layout(wanted) for wanted in _TRANSLATIONS} | missions.LAYOUTS
+
+WANTED: frozenset[int] = frozenset(_TRANSLATIONS)
+"""Ids of the messages worth decoding."""

@@ -1,0 +1,79 @@
+"""Traffic heard by an ADS-B receiver: ADSB_VEHICLE; our own transponder: UAVIONIX_ADSB_OUT_CFG."""
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import Fact, OwnTransponder, Sender, Traffic
+from companion.mavlink.translate.wire import (
+    INT16_MAX,
+    UINT16_MAX,
+    Translation,
+    altitude_m,
+    angle_rad,
+    place_deg,
+    printable,
+    speed_mps,
+)
+from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, adsb_key
+
+_KINDS = {
+    14: TrafficKind.UAV,
+    17: TrafficKind.SURFACE_VEHICLE,
+    18: TrafficKind.SURFACE_VEHICLE,
+    19: TrafficKind.OBSTACLE,
+    20: TrafficKind.OBSTACLE,  # cluster obstacle and line obstacle: in DO-260B, not in MAVLink's enumeration
+    21: TrafficKind.OBSTACLE,
+}
+
+
+def _own_transponder(message: Message, sender: Sender, _received_s: float) -> Fact | None:
+    """An address is 24 bits, and 0 is none."""
+    return OwnTransponder(sender, message.ICAO) if 0 < message.ICAO <= 0xFF_FFFF else None
+
+
+def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
+    """A field counts if its flag is set and it does not hold its "unknown" value.
+
+    `heading` is the course over ground, `ver_velocity` is positive up, `squawk` is four octal digits written
+    in decimal. Receivers without a fix set the flag all the same and send 0, 0. Geometric heights are
+    above the ellipsoid, as DO-260B has them.
+    """
+    flags = message.flags
+    place = None
+    if flags & mavlink.ADSB_FLAGS_VALID_COORDS:
+        place = place_deg(message.lat, message.lon)
+    geometric = message.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+    report = TrafficReport(
+        source=TrafficSource.ADSB,
+        key=adsb_key(message.ICAO_address),
+        icao=message.ICAO_address,
+        time_s=received_s - message.tslc,
+        lat_deg=None if place is None else place[0],
+        lon_deg=None if place is None else place[1],
+        altitude_m=altitude_m(message.altitude) if flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE else None,
+        altitude_reference=AltitudeReference.GEOMETRIC if geometric else AltitudeReference.BAROMETRIC,
+        course_rad=angle_rad(message.heading) if flags & mavlink.ADSB_FLAGS_VALID_HEADING else None,
+        ground_speed_mps=(
+            speed_mps(message.hor_velocity, UINT16_MAX) if flags & mavlink.ADSB_FLAGS_VALID_VELOCITY else None
+        ),
+        climb_mps=(
+            speed_mps(message.ver_velocity, INT16_MAX)
+            if flags & mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
+            else None
+        ),
+        callsign=printable(message.callsign) if flags & mavlink.ADSB_FLAGS_VALID_CALLSIGN else None,
+        squawk=_squawk(message.squawk) if flags & mavlink.ADSB_FLAGS_VALID_SQUAWK else None,
+        kind=_KINDS.get(message.emitter_type, TrafficKind.AIRCRAFT),
+        simulated=bool(flags & mavlink.ADSB_FLAGS_SIMULATED),
+    )
+    return Traffic(sender, report)
+
+
+def _squawk(code: int) -> int | None:
+    """A transponder code has four digits of 0 to 7; anything else was garbled on its way."""
+    digits = f"{code:04d}"
+    return code if len(digits) == 4 and max(digits) <= "7" else None
+
+
+TRANSLATIONS: dict[int, Translation] = {
+    mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: _traffic,
+    mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_CFG: _own_transponder,
+}

@@ -1,0 +1,66 @@
+"""Traffic heard by way of unmanned traffic management: UTM_GLOBAL_POSITION."""
+
+import math
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import Fact, Sender, Traffic
+from companion.mavlink.translate.wire import UINT16_MAX, Translation, altitude_m, place_deg
+from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
+from companion.units import wrap_two_pi
+
+_SHOWN_DIGITS = 6
+
+
+def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
+    """A field counts if its flag is set; `alt` is above the ellipsoid, velocities are north-east-down.
+
+    `relative_alt` is above ground that only the sender knows, so it says nothing. `time` is the sender's
+    clock, of which nobody knows how it differs from ours: the time of reception counts.
+    """
+    flags = message.flags
+    place = None
+    if flags & mavlink.UTM_DATA_AVAIL_FLAGS_POSITION_AVAILABLE:
+        place = place_deg(message.lat, message.lon)
+    speed_mps = course_rad = climb_mps = None
+    if flags & mavlink.UTM_DATA_AVAIL_FLAGS_HORIZONTAL_VELO_AVAILABLE:
+        speed_mps = math.hypot(message.vx, message.vy) / 100.0
+        course_rad = wrap_two_pi(math.atan2(message.vy, message.vx))
+    if flags & mavlink.UTM_DATA_AVAIL_FLAGS_VERTICAL_VELO_AVAILABLE:
+        climb_mps = -message.vz / 100.0
+    known_altitude = flags & mavlink.UTM_DATA_AVAIL_FLAGS_ALTITUDE_AVAILABLE
+    name = _name(message, sender)
+    report = TrafficReport(
+        source=TrafficSource.UTM,
+        key=f"UTM-{name}",
+        time_s=received_s,
+        lat_deg=None if place is None else place[0],
+        lon_deg=None if place is None else place[1],
+        altitude_m=altitude_m(message.alt) if known_altitude else None,
+        altitude_reference=AltitudeReference.GEOMETRIC,
+        course_rad=course_rad,
+        ground_speed_mps=speed_mps,
+        climb_mps=climb_mps,
+        callsign=f"UTM {name[-_SHOWN_DIGITS:]}",
+        kind=TrafficKind.UAV,
+        airborne=message.flight_state != mavlink.UTM_FLIGHT_STATE_GROUND,
+        position_sigma_m=_sigma_m(message.h_acc),
+        altitude_sigma_m=_sigma_m(message.v_acc),
+    )
+    return Traffic(sender, report)
+
+
+def _name(message: Message, sender: Sender) -> str:
+    """Its id in hexadecimal, less the zeros that fill it up; if it has none, its sender's address."""
+    if message.flags & mavlink.UTM_DATA_AVAIL_FLAGS_UAS_ID_AVAILABLE:
+        uas_id = bytes(message.uas_id).rstrip(b"\0")
+        if uas_id:
+            return uas_id.hex().upper()
+    return f"{sender.system_id}.{sender.component_id}"
+
+
+def _sigma_m(accuracy_mm: int) -> float | None:
+    """A standard deviation [m]; 0 and UINT16_MAX were never measured."""
+    return None if accuracy_mm in (0, UINT16_MAX) else accuracy_mm / 1000.0
+
+
+TRANSLATIONS: dict[int, Translation] = {mavlink.MAVLINK_MSG_ID_UTM_GLOBAL_POSITION: _traffic}
