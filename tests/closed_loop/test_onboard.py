@@ -6,6 +6,7 @@ import math
 import pytest
 
 from companion.engine import Effect, Engine, Transmit
+from companion.mavlink.dialect import mavlink
 from sim.closed_loop import ClosedLoop
 from sim.scenario import load_scenario
 
@@ -65,9 +66,9 @@ def test_no_speed_beyond_the_limits_of_the_aircraft_also_when_they_change_in_fli
     loop.commanded = []
     for second in range(62):
         if second == 50:
-            loop.world.vehicle.parameters.set("AIRSPEED_MAX", 18.0)
-            loop.world.vehicle.flight.apply_parameters()
-            loop.world.vehicle._announce(loop.world.vehicle.parameters.find("AIRSPEED_MAX"))
+            lower = mavlink.MAVLink_param_set_message(1, 1, b"AIRSPEED_MAX", 18.0, 9)
+            lower.get_header().srcSystem = 255
+            loop.world.vehicle.receive(lower, loop.world.vehicle.time_s, 1)
         loop.run(1.0)
     after = [speed for speed, fastest in loop.commanded if fastest == 18.0]
     assert after
