@@ -180,6 +180,8 @@ class Avoider:
 
     def _bounded(self, situation: Situation) -> Situation:
         """The same within the fence, and without what was refused."""
+        if self.fence is None and not self._refusals.refused:
+            return situation
         ahead_s = self._fence_look_ahead_s(situation.own)
         return replace(situation, fence=self.fence, fence_look_ahead_s=ahead_s, refusals=self._refusals)
 

@@ -51,7 +51,7 @@ class OwnState:
     def crab_rad(self) -> float:
         """How far the nose is left of the course."""
         if self.heading_rad is None:
-            return float(_crab_rad(np.array(self.course_rad), np.array(self.airspeed_mps), self.wind_mps))
+            return _steady_crab_rad(self.course_rad, self.airspeed_mps, self.wind_mps)
         return math.remainder(self.course_rad - self.heading_rad, math.tau)
 
     @property
@@ -256,13 +256,19 @@ def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array)
     Where the wind is too strong for the course the nose points as far into it as helps, and the aircraft goes
     where it is blown.
     """
-    crab_rad = float(_crab_rad(np.array(course_rad), np.array(airspeed_mps), wind_mps))
+    crab_rad = _steady_crab_rad(course_rad, airspeed_mps, wind_mps)
     return _over_ground_mps(course_rad - crab_rad, airspeed_mps, wind_mps)
 
 
 def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> Array:
     north, east = math.cos(heading_rad), math.sin(heading_rad)
     return np.array([airspeed_mps * north + wind_mps[0], airspeed_mps * east + wind_mps[1]])
+
+
+def _steady_crab_rad(course_rad: float, airspeed_mps: float, wind_mps: Array) -> float:
+    if not wind_mps.any():
+        return 0.0
+    return float(_crab_rad(np.array(course_rad), np.array(airspeed_mps), wind_mps))
 
 
 def _crab_rad(course_rad: Array, airspeed_mps: Array, wind_mps: Array) -> Array:

@@ -63,8 +63,6 @@ class Refusals:
         When there is none, all of them, with the mission's own value in the place of each refused one: what
         the mission flies is the last thing that an autopilot should refuse, and silence would fly on blindly.
         """
-        if not self.refused:
-            return commands
         kept = self._kept(commands)
         if len(kept) > 0:
             return commands.only(kept)

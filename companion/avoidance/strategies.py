@@ -177,7 +177,7 @@ class Priced:
         return int(np.argmin(self.cost))
 
 
-def mission_within_limits(situation: Situation) -> Guidance:
+def _mission_within_limits(situation: Situation) -> Guidance:
     """What the mission asks for, as far as it can be flown."""
     return Guidance(
         situation.mission.course_rad,
@@ -250,7 +250,8 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         held = None
     if held is not None:
         commands = commands.after(held)
-    commands = situation.refusals.without(commands, mission_within_limits(situation))
+    if situation.refusals.refused:
+        commands = situation.refusals.without(commands, _mission_within_limits(situation))
     weights = situation.weights
     paths = fly_ahead(situation.own, commands, situation.envelope)
     kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
