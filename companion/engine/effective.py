@@ -139,11 +139,21 @@ def _tightest(
 ) -> _Value:
     """A limit and where it was taken from; `tighter` of two is what both allow."""
     known = getattr(belief.limits, name)
-    if configured is not None and (known is None or tighter(configured, known) == configured):
+    if known is None:
+        if configured is None:
+            return _Value(getattr(assumed, name), ASSUMED)
         return _Value(configured, CONFIGURED)
-    if known is not None:
+    if configured is None:
         return _Value(known, belief.names[name])
-    return _Value(getattr(assumed, name), ASSUMED)
+    # Both are told, whichever counts.
+    if tighter(configured, known) == configured:
+        return _Value(configured, f"{CONFIGURED}; {belief.names[name]} {_shown(name, known)}")
+    return _Value(known, f"{belief.names[name]}; {CONFIGURED} {_shown(name, configured)}")
+
+
+def _shown(name: str, value: float) -> str:
+    """A limit in the unit that it is told in."""
+    return f"{math.degrees(value) if name.endswith('_rad') else value:.3g}"
 
 
 def _airspeeds(

@@ -136,7 +136,9 @@ def test_configured_limits_narrow_those_of_the_aircraft_and_replace_assumptions(
         assert taken.envelope.max_bank_rad == math.radians(20.0)
         assert taken.envelope.max_climb_mps == 2.0
         assert taken.loiter_radius_m == 90.0
-        assert sources(configured, belief)["max bank"] == "configured"
+        assert sources(configured, belief)["max bank"].startswith("configured")
+    both = sources(configured, believe(NEW, ARDUPLANE))
+    assert both["max bank"] == "configured; ROLL_LIMIT_DEG 45", "both are told"
     assert effective(ASSUMED, AircraftLimits(max_bank_rad=1.0), Belief()).envelope.max_bank_rad == 1.0
 
 
@@ -146,6 +148,7 @@ def test_configured_limits_never_exceed_those_of_the_aircraft() -> None:
     )
     belief = believe(NEW, ARDUPLANE)
     assert effective(ASSUMED, configured, belief).envelope == effective(ASSUMED, NOTHING, belief).envelope
+    assert sources(configured, belief)["max bank"] == "ROLL_LIMIT_DEG; configured 70"
 
 
 @pytest.mark.parametrize(
@@ -175,7 +178,7 @@ def test_each_limit_in_words() -> None:
         "min airspeed 14.27 m/s (AIRSPEED_MIN, banked)",
         "max airspeed 30 m/s (AIRSPEED_MAX)",
         "max bank 45 deg (ROLL_LIMIT_DEG)",
-        "max climb 2.5 m/s (configured)",
+        "max climb 2.5 m/s (configured; 0.9 TECS_CLMB_MAX 4.5)",
         "max sink 3.6 m/s (0.9 TECS_SINK_MAX)",
         "loiter radius -60 m (WP_LOITER_RAD)",
     ]
