@@ -57,8 +57,10 @@ class Adapter(ABC):
     name: ClassVar[str]
     # Messages to ask for, with the interval wanted [s].
     intervals_s: ClassVar[dict[int, float]]
-    # The command whose answers are about modes.
-    mode_command: ClassVar[int] = mavlink.MAV_CMD_DO_SET_MODE
+    # The commands whose answers are about modes.
+    mode_commands: ClassVar[frozenset[int]] = frozenset(
+        {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_REPOSITION}
+    )
     # The parameter that holds our own transponder's address: what it transmits comes back as traffic.
     own_icao_parameter: ClassVar[str] = "ADSB_ICAO_ID"
     # For so long `entering` is streamed before the guided mode is asked for, `leaving` before another one is.
@@ -99,7 +101,7 @@ class Adapter(ABC):
 
     @abstractmethod
     def set_mode(self, custom_mode: int) -> Message:
-        """The request for a mode; its command is `mode_command`."""
+        """The request for a mode; its command is one of `mode_commands`."""
 
     def give_back(self, before: Before) -> list[Message]:
         """The request for the former mode, with its target where the autopilot would not keep it."""

@@ -363,7 +363,7 @@ class Authority:
     def answered(self, fact: CommandResult, now_s: float) -> None:
         """Take note of an acknowledgement."""
         adapter = self._adapter()
-        if fact.command != adapter.mode_command:
+        if fact.command not in adapter.mode_commands:
             adapter.observe(fact, now_s)
         elif self._request is not None and fact.result == mavlink.MAV_RESULT_ACCEPTED:
             self._request.accepted(now_s)
