@@ -38,6 +38,7 @@ async def look(config: Config, links: Sequence[Link], seconds: float = DEFAULT_S
     engine_config = config.for_engine()
     advising = replace(engine_config, supervisor=replace(engine_config.supervisor, role="advise"))
     engine = Engine(advising)
+    engine.operator.at_most = Role.ADVISE
     runtime = Runtime(engine, links)
     async with asyncio.TaskGroup() as tasks:
         tasks.create_task(runtime.run(), name="preflight")

@@ -20,6 +20,7 @@ from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.recorder import Recorder
+from companion.supervisor import State
 from companion.watchdog import Watchdog
 
 _log = logging.getLogger("companion")
@@ -84,7 +85,8 @@ class Runtime:
         if self._failure is not None:
             raise self._failure
         if not self.engine.finished:
-            raise CompanionError("the autopilot did not confirm that it took the aircraft back")
+            what = "its own speed" if self.engine.supervisor.state is State.STOPPED else "the aircraft"
+            raise CompanionError(f"the autopilot did not confirm that it took {what} back")
 
     async def _run_tasks(self) -> None:
         try:

@@ -10,7 +10,16 @@ from companion.mavlink.facts import Sender
 NAMES = {"ardupilot": mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4": mavlink.MAV_AUTOPILOT_PX4}
 
 # As ground stations show them.
-MODE_NAMES = frozenset(ardupilot.MODES.values()) | px4.MODES
+MODES_OF = {"ardupilot": frozenset(ardupilot.MODES.values()), "px4": px4.MODES}
+MODE_NAMES = MODES_OF["ardupilot"] | MODES_OF["px4"]
+# Flown by hand, on the way from or to the ground, or by another who avoids or sends setpoints.
+NEVER_TAKEN = frozenset(
+    {
+        "MANUAL", "STABILIZE", "STABILIZED", "TRAINING", "ACRO", "RATTITUDE", "FBWA", "ALTCTL", "POSCTL",
+        "AUTOTUNE", "INITIALISING", "READY", "TAKEOFF", "LAND", "AUTOLAND", "LOITER_QLAND", "QSTABILIZE",
+        "QHOVER", "QLOITER", "QLAND", "QRTL", "AVOID_ADSB", "OFFBOARD",
+    }
+)  # fmt: skip
 
 _KINDS: dict[int, type[Adapter]] = {
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: ArduPlane,
@@ -24,4 +33,4 @@ def choose(autopilot: int, target: Sender) -> Adapter | None:
     return None if kind is None else kind(target)
 
 
-__all__ = ["MODE_NAMES", "NAMES", "Adapter", "ArduPlane", "Px4FixedWing", "choose"]
+__all__ = ["MODES_OF", "MODE_NAMES", "NAMES", "NEVER_TAKEN", "Adapter", "ArduPlane", "Px4FixedWing", "choose"]

@@ -158,6 +158,7 @@ class ArduPlane(Adapter):
         super().stand_back()
         self._sent.clear()
         self._refused.clear()
+        self._given_up.clear()
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """A guided command refused is tried once more with a moderate value, then given up."""

@@ -48,9 +48,12 @@ _STREAM_INTERVAL_S = 0.1
 _SETTLED_S = 0.1
 # The attitude setpoint is seen five times a second: not one message alone, which may be old.
 _POISONED_S = 0.3
+_POISON_SEEN_S = 2.0
 _RECOVERY_S = 1.6
 _SPEED_CHANGE_MPS = 0.5
 _SPEED_REPEAT_S = 1.0
+# For so long a request may be under way.
+_LATE_S = 10.0
 # Without an answer to so many requests the parameter is left alone.
 _SPEED_TRIES = 5
 
@@ -83,10 +86,13 @@ class Px4FixedWing(Adapter):
         self._streamed_s = -math.inf
         self._guided_since_s: float | None = None
         self._not_a_number_since_s: float | None = None
+        self._not_a_number_s = -math.inf  # the last time
         self._recover_until_s = -math.inf
         self._parameters: dict[str, float] = {}
         self._trim_before_mps: float | None = None  # while it is changed
         self._trim_wanted_mps: float | None = None
+        self._trim_lent_mps: float | None = None  # what was asked for last
+        self._trim_restored: tuple[float, float] | None = None  # to what [m/s], when [s]
         self._trim_asked_s = -math.inf
         self._trim_tries = 0
 
@@ -141,15 +147,20 @@ class Px4FixedWing(Adapter):
 
     def poisoned(self, now_s: float) -> bool:
         """Whether the attitude setpoint is no number: then it flies nothing but the sticks."""
-        since_s = self._not_a_number_since_s
-        return since_s is not None and now_s - since_s >= _POISONED_S
+        since_s, last_s = self._not_a_number_since_s, self._not_a_number_s
+        seen = since_s is not None and last_s - since_s >= _POISONED_S
+        return seen and now_s - last_s <= _POISON_SEEN_S
 
     def leaving(self, flown: Flown, now_s: float) -> list[Message]:
-        """Straight on at the height where it is."""
+        """Straight on at the height where it is; when it was entered late, by velocity alone at first."""
         course_rad = math.atan2(flown.velocity_mps[1], flown.velocity_mps[0])
         level = replace(flown.guidance, course_rad=course_rad, altitude_m=flown.position.altitude_m)
         self._restore_trim()
-        return self._stream(replace(flown, guidance=level), _POSITION_AND_VELOCITY, now_s)
+        if self._guided_since_s is None:
+            self._guided_since_s = now_s + self.entry_s - _SETTLED_S
+        settled = now_s - self._guided_since_s >= _SETTLED_S - 1e-3
+        mask = _POSITION_AND_VELOCITY if settled else _VELOCITY_ONLY
+        return self._stream(replace(flown, guidance=level), mask, now_s)
 
     def stand_back(self) -> None:
         """Forget what was asked; the speed is put back, whoever flies."""
@@ -160,16 +171,11 @@ class Px4FixedWing(Adapter):
         """Take note of answers, parameters, and of an attitude setpoint that is no number any more."""
         super().observe(fact, now_s)
         if isinstance(fact, AttitudeTarget):
-            if fact.finite:
-                self._not_a_number_since_s = None
-            elif self._not_a_number_since_s is None:
-                self._not_a_number_since_s = now_s
+            self._learn_attitude(fact, now_s)
         elif isinstance(fact, Parameter):
             self._parameters[fact.name] = fact.value
-            if fact.name == _TRIM and self._trim_is(self._trim_wanted_mps):
-                if self._trim_wanted_mps == self._trim_before_mps:
-                    self._trim_before_mps = None
-                self._trim_wanted_mps = None
+            if fact.name == _TRIM:
+                self._learn_trim(now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Commands and the speed that are due to be sent again."""
@@ -233,7 +239,28 @@ class Px4FixedWing(Adapter):
             self._recover_until_s = now_s + _RECOVERY_S
         return now_s < self._recover_until_s
 
+    def _learn_attitude(self, fact: AttitudeTarget, now_s: float) -> None:
+        if fact.finite:
+            self._not_a_number_since_s = None
+            return
+        self._not_a_number_s = now_s
+        if self._not_a_number_since_s is None:
+            self._not_a_number_since_s = now_s
+
     # --- speed
+
+    def _learn_trim(self, now_s: float) -> None:
+        """What was asked for is there, or there again: a datagram that came late, or twice."""
+        if self._trim_is(self._trim_wanted_mps):
+            if self._trim_before_mps is not None and self._trim_wanted_mps == self._trim_before_mps:
+                self._trim_restored = self._trim_before_mps, now_s
+                self._trim_before_mps = None
+            self._trim_wanted_mps = None
+        elif self._trim_restored is not None and self._trim_before_mps is None:
+            before_mps, restored_s = self._trim_restored
+            if self._trim_is(self._trim_lent_mps) and now_s - restored_s <= _LATE_S:
+                self._trim_before_mps = before_mps
+                self._restore_trim()
 
     def _want_trim(self, airspeed_mps: float) -> None:
         now_mps = self._parameters.get(_TRIM) if self._trim_wanted_mps is None else self._trim_wanted_mps
@@ -242,6 +269,7 @@ class Px4FixedWing(Adapter):
         if self._trim_before_mps is None:
             self._trim_before_mps = self._parameters[_TRIM]
         self._trim_wanted_mps, self._trim_tries = airspeed_mps, 0
+        self._trim_lent_mps = airspeed_mps
         self._trim_asked_s = -math.inf
 
     def _restore_trim(self) -> None:

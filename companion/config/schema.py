@@ -8,7 +8,7 @@ from annotated_types import MinLen
 from pydantic import AfterValidator
 
 from companion.address import parse_address
-from companion.autopilots import MODE_NAMES
+from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
 from companion.avoidance import AvoidanceParams
 from companion.engine import AircraftLimits, EngineConfig, EngineParams
 from companion.errors import LinkError
@@ -70,6 +70,13 @@ class Config:
         for name in self.supervisor.take_over_from:
             if name not in MODE_NAMES:
                 raise ValueError(f"supervisor.take_over_from: no autopilot has a mode {name!r}")
+            if name in NEVER_TAKEN:
+                raise ValueError(f"supervisor.take_over_from: {name} is never taken over from")
+        if self.autopilot != "auto" and not MODES_OF[self.autopilot] & {*self.supervisor.take_over_from}:
+            raise ValueError(f"supervisor.take_over_from: {self.autopilot} has none of these modes")
+        ceiling_m = self.engine.max_height_m
+        if ceiling_m is not None and ceiling_m <= self.supervisor.min_height_m:
+            raise ValueError("engine.max_height_m must be above supervisor.min_height_m")
 
     def for_engine(self, known_obstacles: tuple[Obstacle, ...] = ()) -> EngineConfig:
         """The part that the engine is built from, with what the obstacle files say."""

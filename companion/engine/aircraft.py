@@ -40,6 +40,8 @@ _MISSION_MODES = frozenset({"AUTO", "MISSION"})
 # Without heartbeats for so long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
 _BLIND_S = 5.0
+# FENCE_STATUS comes once a second.
+_FENCE_HEARD_S = 10.0
 _ELSEWHERE_M = 100.0
 # MAV_STATE of an autopilot that deals with an emergency by itself.
 _FAILSAFE = frozenset(
@@ -85,6 +87,7 @@ class Aircraft:
         self.clock_offset_s: float | None = None  # its clock less ours
         self.failsafe = False
         self.fence_breached = False
+        self._fence_s = -math.inf
         self.sequence: int | None = None  # of the mission item that is flown
         self.sticks = Sticks(stick_us)
         # Setpoints of ours are flown: where the autopilot says that it flies to is nobody's wish but ours.
@@ -133,7 +136,7 @@ class Aircraft:
             case Wind():
                 self._wind.report(fact, now_s)
             case FenceStatus():
-                self.fence_breached = fact.breached
+                self.fence_breached, self._fence_s = fact.breached, now_s
             case TerrainReport():
                 self.terrain.observe(fact, self.place(), now_s)
             case MissionProgress():
@@ -322,6 +325,8 @@ class Aircraft:
             return False
         self.armed, self.heartbeat_s = fact.armed, now_s
         self.failsafe = fact.system_status in _FAILSAFE
+        # Of a fence that is switched off nothing is heard any more.
+        self.fence_breached &= now_s - self._fence_s < _FENCE_HEARD_S
         self.enter_mode(fact.custom_mode, now_s)
         return True
 

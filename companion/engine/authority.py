@@ -37,6 +37,8 @@ _LONGEST_ENGAGING_S = 3.0
 # Without heartbeats nobody knows whose the aircraft is: one try to give it back, more when we are going.
 _BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
+# Given back to the guided mode the heartbeat tells nothing: time for the former target to be sent again.
+_RETARGET_S = 2.5
 _REFUSALS_BEFORE_FALLBACK = 3
 # The mission goes on where it was; an autopilot that starts it anew is told so within this time.
 _ITEM_CHECKED_S = 8.0
@@ -122,11 +124,12 @@ class Authority:
             return []
         if self._emergency_s is None:
             self._emergency_s = now_s
+            adapter.stand_back()
         flown = self._aircraft.flown(self._aircraft.flying_now(), max_bank_rad=0.0)
         messages = [] if flown is None else adapter.leaving(flown, now_s)
         if now_s - self._emergency_s >= adapter.exit_s:
             messages += adapter.give_back(self._before)
-        return messages
+        return [*messages, *adapter.tick(now_s)]
 
     # --- each tick
 
@@ -139,8 +142,9 @@ class Authority:
             return self._while_watching(now_s)
         if state is State.STOPPED:
             return []
-        taken = self._claims.made(self._request, self._before)
-        if taken is not None and (state, taken) in TRANSITIONS:
+        claims = self._claims.made(self._request, self._before)
+        taken = next((event for event in claims if (state, event) in TRANSITIONS), None)
+        if taken is not None:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
             told = self._announcer.tell(
@@ -154,6 +158,7 @@ class Authority:
         return self._while_releasing(now_s)
 
     def _while_watching(self, now_s: float) -> list[Effect]:
+        self._respect_choices()
         stray = self._strays.seen(self.supervisor.state, now_s, was_guided=self._was_guided)
         if stray is not None and self.supervisor.handle(stray):
             return self._take_back(stray, now_s)
@@ -178,6 +183,15 @@ class Authority:
         restored = self._check_item(now_s)
         fresh = now_s - self._aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
         return restored if clear or not fresh else [*restored, *self._take_over(now_s)]
+
+    def _respect_choices(self) -> None:
+        """Who chose another mode since decides what is flown next, and the guided mode may be his too."""
+        aircraft = self._aircraft
+        if not aircraft.guided:
+            self._was_guided = False
+        if aircraft.adapter is not None and aircraft.custom_mode != self._before.mode:
+            aircraft.adapter.desk.forget()
+            self._given_back_s = -math.inf
 
     def _take_back(self, event: Event, now_s: float) -> list[Effect]:
         """Give back what is in the guided mode with nobody flying it."""
@@ -241,16 +255,21 @@ class Authority:
 
     def _while_flying(self, now_s: float) -> list[Effect]:
         self._abandoned = 0
-        if self._aircraft.blind(now_s):
+        lost = "own position lost" if self._aircraft.blind(now_s) else None
+        if not self._aircraft.heard(now_s):
+            lost = "autopilot lost"  # and with it whose the aircraft is
+        if lost is not None:
             self.supervisor.handle(Event.CLEAR)
-            lost = self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, "Avoidance: own position lost", now_s)
-            return [*self._release(now_s), *lost]
+            told = self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {lost}", now_s)
+            return [*self._release(now_s), *told]
         refused = [
             effect
             for words in self._adapter().refusals()
             for effect in self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
         ]
-        if self._rescuing and not self._adapter().poisoned(now_s):
+        if self._adapter().poisoned(now_s):
+            self._rescuing, self._taken_s = True, now_s  # given back like this, nobody could fly it
+        elif self._rescuing:
             self._rescuing = now_s - self._taken_s < _RESCUED_AFTER_S
         if self._outlook.decision.layer is Layer.CLEAR and not self._rescuing:
             return [*refused, *self._while_clear(now_s)]
@@ -274,7 +293,8 @@ class Authority:
         if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.CONFIRMED:
             self._request = None
             self._given_back_s = now_s
-            self._strays.settled()
+            if self._was_guided:
+                self._strays.settled()
             self.supervisor.handle(Event.GIVEN_BACK)
             return []
         stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
@@ -303,8 +323,11 @@ class Authority:
         self._adapter().stand_back()
         self.supervisor.handle(event)
         self._request, self._ready_since_s = None, None
+        self._given_back_s = -math.inf
         if self._was_guided:
             self._strays.settled()
+        if event is Event.MODE_CHANGED:
+            self._was_guided = False  # also another target in the guided mode is somebody's choice
         self._against_us = event is Event.MODE_CHANGED and self._aircraft.mode in self._rules.take_over_from
         words = f"Avoidance: hands off, {event}, {self._aircraft.mode}"
         return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)
@@ -314,18 +337,22 @@ class Authority:
         adapter.stand_back()
         # Our own request for the guided mode may still be under way: then the former mode, seen too soon, is
         # what it was before that arrived.
-        settle_s = 0.0 if self._was_guided else _SETTLE_S
+        asked = self._request is None or self._request.tries > 0
+        settle_s = 0.0 if self._was_guided or not asked else _SETTLE_S
+        if self._before.mode == adapter.guided_mode:
+            settle_s = _RETARGET_S
         ending = self.supervisor.state is State.STOPPING
         aircraft = self._aircraft
         left = adapter.left_behind_mode()
         start = adapter.guided_mode if aircraft.custom_mode != left else aircraft.custom_mode
+        blind_tries = _BLIND_RELEASES_AT_END if ending else _BLIND_RELEASES
         self._request = ModeRequest(
             start,
             self._before.mode,
             now_s,
             delay_s=adapter.exit_s if aircraft.guided else 0.0,
             settle_s=settle_s,
-            blind_tries=_BLIND_RELEASES_AT_END if ending else _BLIND_RELEASES,
+            blind_tries=blind_tries if asked else 0,
         )
         return self._ask(now_s)
 
@@ -369,7 +396,8 @@ class Authority:
             self._request.accepted(now_s)
         elif self._request is not None and fact.result != mavlink.MAV_RESULT_IN_PROGRESS:
             self._request.refused(now_s)
-            if self.supervisor.state is State.ENGAGING:
+            # Of several requests that were sent, another one may still be obeyed.
+            if self.supervisor.state is State.ENGAGING and self._request.refusals >= self._request.tries:
                 self._strays.settled()
 
     def _adapter(self) -> Adapter:

@@ -21,8 +21,8 @@ class Claims:
         self._aircraft.sticks.mark()
         self._aircraft.target_while_ours = None
 
-    def made(self, request: ModeRequest | None, before: Before) -> Event | None:
-        """What says that somebody else has the aircraft now; `request` is ours that is under way."""
+    def made(self, request: ModeRequest | None, before: Before) -> list[Event]:
+        """All that says that somebody else has the aircraft now; `request` is ours that is under way."""
         aircraft = self._aircraft
         happened = {
             Event.DISARMED: not aircraft.armed,
@@ -33,8 +33,7 @@ class Claims:
             Event.MODE_CHANGED: self._overruled(request, before),
         }
         self._ignored &= {event for event, is_so in happened.items() if is_so}
-        news = (event for event, is_so in happened.items() if is_so and event not in self._ignored)
-        return next(news, None)
+        return [event for event, is_so in happened.items() if is_so and event not in self._ignored]
 
     def _overruled(self, request: ModeRequest | None, before: Before) -> bool:
         """Whether somebody else changed the mode, or, in the guided one, what it flies to."""

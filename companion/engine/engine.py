@@ -72,6 +72,10 @@ class EngineParams:
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
     max_height_m: Annotated[float, Gt(0)] | None = None
 
+    def __post_init__(self) -> None:
+        if self.position_fresh_s > self.position_stale_s:
+            raise ValueError("position_fresh_s must not exceed position_stale_s")
+
 
 @dataclass(frozen=True)
 class EngineConfig:
@@ -130,7 +134,7 @@ class Engine:
         self._prompted = False
         self._local_fence: LocalFence | None = None
         self._answers: list[Message] = []
-        self._borrowed: dict[str, float] = {}
+        self._left: Held | None = None  # by a former run; what it borrowed is put back
         self._kept_s: float | None = None
         self.ticks = 0
         self.foreign = 0  # facts of systems that are not ours
@@ -166,8 +170,9 @@ class Engine:
 
     @property
     def finished(self) -> bool:
-        """Whether the aircraft is given back after `request_stop`."""
-        return self.supervisor.state is State.STOPPED
+        """Whether the aircraft is given back after `request_stop`, and all that was borrowed of it."""
+        adapter = self.aircraft.adapter
+        return self.supervisor.state is State.STOPPED and not (adapter is not None and adapter.borrowed)
 
     def snapshot(self, now_s: float) -> Snapshot:
         """What a display shows."""
@@ -229,7 +234,7 @@ class Engine:
         held = Held.from_text(text)
         if held is None:
             return
-        self._borrowed = held.borrowed
+        self._left = held
         if not held.is_fresh(now_s):
             return
         if held.role is not None:
@@ -270,9 +275,11 @@ class Engine:
         effects: list[Effect] = []
         adapter = self.aircraft.adapter
         if adapter is not None:
-            if self._borrowed:
-                adapter.put_back(self._borrowed)
-                self._borrowed = {}
+            if self._left is not None:
+                # It may have been another aircraft's.
+                if self._left.system_id == adapter.target.system_id:
+                    adapter.put_back(self._left.borrowed)
+                self._left = None
             effects += self._announcer.transmit(adapter.tick(now_s))
             if self.aircraft.heard(now_s):
                 effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
@@ -353,8 +360,8 @@ class Engine:
         adapter, aircraft = self.aircraft.adapter, self.aircraft
         bank_rad = self._avoider.envelope.max_bank_rad
         level = aircraft.flown(aircraft.flying_now(), max_bank_rad=bank_rad)
-        if adapter is None or level is None:
-            return []
+        if adapter is None or level is None or not aircraft.heard(now_s):
+            return []  # PX4 falls out of OFFBOARD meanwhile, and a stream would make it enter anew
         state = self.supervisor.state
         if state is State.ENGAGING:
             return self._announcer.transmit(adapter.entering(level, now_s))

@@ -45,7 +45,7 @@ class Held:
                 None if left_behind is None else int(left_behind),
                 {str(name): float(value) for name, value in raw["borrowed"].items()},
             )
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             return None
 
     def is_fresh(self, now_s: float) -> bool:

@@ -46,6 +46,7 @@ class ModeRequest:
         self.wanted = wanted
         self.made_s = now_s
         self.asked_s = now_s + delay_s
+        self.tries = 0
         self.refusals = 0
         self._settle_s = settle_s
         self.sent_s = -math.inf
@@ -70,6 +71,7 @@ class ModeRequest:
             if self._blind_tries <= 0 or mode not in (self.start, self.wanted):
                 return False
             self._blind_tries -= 1
+        self.tries += 1
         self.sent_s = now_s
         self._not_before_s = now_s + _RESEND_S
         return True

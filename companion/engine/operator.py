@@ -19,6 +19,7 @@ class Operator:
 
     def __init__(self, role: Role, address: Callable[[], Sender]) -> None:
         self.role = role
+        self.at_most = Role.FLY  # whatever anybody asks for
         self._configured = role
         self._address = address
 
@@ -54,7 +55,7 @@ class Operator:
         )
 
     def _assign(self, value: float) -> bool:
-        if value not in list(Role):
+        if value not in list(Role) or value > self.at_most:
             return False
         self.role = Role(int(value))
         return True

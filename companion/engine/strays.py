@@ -44,11 +44,11 @@ class Strays:
             self._other_mode = self._aircraft.custom_mode
 
     def seen(self, state: State, now_s: float, *, was_guided: bool) -> Event | None:
-        """What is to be put right; `was_guided`: the last take-over had reached the guided mode."""
+        """What is to be put right; `was_guided`: since our last take-over it never left the guided mode."""
         aircraft = self._aircraft
         if self._held is not None:
             return self._left_behind(self._held, now_s)
-        if not aircraft.guided:
+        if not aircraft.guided or not aircraft.armed:
             self._abandoned_since_s = None
             return None
         if now_s - self._asked_s < _LATE_S:
@@ -57,7 +57,7 @@ class Strays:
         if state is not State.HANDS_OFF or not was_guided:
             return None
         # As long as the pilot flies by his sticks, or it lands, it is not abandoned.
-        busy = aircraft.sticks.moved or not aircraft.armed or aircraft.landing()
+        busy = aircraft.sticks.moved or aircraft.landing()
         if busy or self._abandoned_since_s is None:
             self._abandoned_since_s = now_s
         return Event.ABANDONED if now_s - self._abandoned_since_s >= self._rules.abandoned_s else None
@@ -75,7 +75,7 @@ class Strays:
         if now_s - self._held_since_s < _FOUND_AFTER_S:
             return None
         self._held = None
-        if aircraft.custom_mode not in (adapter.guided_mode, held.left_behind):
+        if not aircraft.armed or aircraft.custom_mode not in (adapter.guided_mode, held.left_behind):
             return None
         self.before = held.before
         return Event.POISONED if adapter.poisoned(now_s) else Event.FOUND

@@ -56,7 +56,7 @@ autopilot: px4
 recording: {enabled: false, directory: /tmp/flights 1}
 engine: {system_id: 7, component_id: 195}
 supervisor:
-  take_over_from: [AUTO]
+  take_over_from: [MISSION]
 traffic:
   stale_s: 30
   own_icao: [0x4B1234, 10]
@@ -74,7 +74,7 @@ avoidance:
     assert config.autopilot == "px4"
     assert config.recording == RecordingParams(enabled=False, directory=Path("/tmp/flights 1"))
     assert (config.engine.system_id, config.engine.component_id) == (7, 195)
-    assert config.supervisor.take_over_from == ("AUTO",)
+    assert config.supervisor.take_over_from == ("MISSION",)
     assert config.traffic.stale_s == 30.0
     assert isinstance(config.traffic.stale_s, float)
     assert config.traffic.own_icao == frozenset({0x4B1234, 10})
@@ -155,12 +155,34 @@ def test_there_are_examples() -> None:
         ("recording: {directory: 3}", "2: recording.directory: must be text (got 3)"),
         ("supervisor: {take_over_from: []}", "2: supervisor.take_over_from: must be a list of at least 1"),
         ("supervisor: {take_over_from: [1]}", "2: supervisor.take_over_from[0]: must be text (got 1)"),
+        (
+            "engine:\n  position_fresh_s: 3\n  position_stale_s: 2",
+            "2: engine: position_fresh_s must not exceed position_stale_s",
+        ),
     ],
 )
 def test_a_wrong_value_is_named_with_its_line_and_what_is_allowed(
     tmp_path: Path, text: str, message: str
 ) -> None:
     assert refusal(tmp_path, LINKS + text) == f"c.yaml:{message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("supervisor: {take_over_from: [AUTO, MANUAL]}", "MANUAL is never taken over from"),
+        ("supervisor: {take_over_from: [OFFBOARD]}", "OFFBOARD is never taken over from"),
+        ("supervisor: {take_over_from: [TAKEOFF]}", "TAKEOFF is never taken over from"),
+        ("autopilot: px4\nsupervisor: {take_over_from: [AUTO]}", "px4 has none of these modes"),
+        ("autopilot: ardupilot\nsupervisor: {take_over_from: [HOLD]}", "ardupilot has none of these modes"),
+        (
+            "engine: {max_height_m: 30}\nsupervisor: {min_height_m: 30}",
+            "engine.max_height_m must be above supervisor.min_height_m",
+        ),
+    ],
+)
+def test_what_contradicts_itself_does_not_start(tmp_path: Path, text: str, words: str) -> None:
+    assert words in refusal(tmp_path, LINKS + text)
 
 
 @pytest.mark.parametrize("system_id", ["0", "255", "robot"])

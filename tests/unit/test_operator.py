@@ -77,3 +77,11 @@ def test_the_parameter_is_set_and_every_set_is_answered(operator: Operator) -> N
 )
 def test_reading(operator: Operator, request_: Fact, answered: bool) -> None:
     assert len(operator.receive(request_)) == answered
+
+
+def test_who_only_looks_is_not_made_to_fly(operator: Operator) -> None:
+    operator.role = operator.at_most = Role.ADVISE
+    (answer,) = operator.receive(command(2.0))
+    assert answer.result == mavlink.MAV_RESULT_DENIED
+    operator.receive(ParameterSet(GCS, OURS, PARAMETER, 2.0))
+    assert operator.role is Role.ADVISE

@@ -177,3 +177,18 @@ def test_answers_about_commands_reach_the_desk(adapter: Px4FixedWing) -> None:
     adapter.desk.ask(adapter.select_item(3), 1.0)
     adapter.observe(CommandResult(TARGET, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0, None), 1.1)
     assert adapter.tick(5.0) == []
+
+
+def test_a_speed_that_comes_again_after_it_was_put_back_is_put_back_again(adapter: Px4FixedWing) -> None:
+    masks(adapter, 10.0, 1.0)
+    (asked,) = [m for m in adapter.tick(11.0) if m.get_type() == "PARAM_SET"]
+    assert asked.param_value == 18.0
+    adapter.stand_back()
+    assert [m.param_value for m in adapter.tick(11.1)] == [15.0]
+    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 11.2)
+    assert adapter.borrowed == {}
+    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 12.0)  # a datagram that came twice
+    assert [m.param_value for m in adapter.tick(12.1)] == [15.0]
+    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 12.2)
+    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 40.0)  # that is somebody's wish
+    assert adapter.tick(40.1) == []

@@ -1,0 +1,135 @@
+"""The engine among hostile facts: it never raises, and commands no aircraft that is not its to command."""
+
+import random
+from collections import Counter
+
+import pytest
+
+from companion.engine import Effect, Engine, EngineConfig, EngineParams, Transmit
+from companion.mavlink.dialect import Encoder, Message, mavlink
+from companion.mavlink.facts import ParameterSet
+from companion.supervisor import FLYING, WATCHING, Role, State
+from tests.property.junk_facts import GCS, T0, US, Junk
+from tests.property.moody_aeroplane import ARDUPILOT, PX4, QUESTIONS, Aeroplane
+
+GUIDING = {
+    mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+    mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
+    mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+}
+MODES = {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_REPOSITION}
+ASKING = {State.ENGAGING, State.RELEASING, State.STOPPING}
+# What may be sent at any time: it asks, answers or tells, and changes nothing.
+HARMLESS = {
+    "HEARTBEAT", "STATUSTEXT", "COLLISION", "COMMAND_ACK", "PARAM_VALUE", "PARAM_REQUEST_READ",
+    "MISSION_REQUEST_LIST", "MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK",
+}  # fmt: skip
+
+
+def sent_by(effects: list[Effect]) -> list[Message]:
+    return [effect.message for effect in effects if isinstance(effect, Transmit)]
+
+
+def acts(message: Message) -> bool:
+    """Whether a message changes what the aircraft does."""
+    kind = message.get_type()
+    return kind not in HARMLESS and getattr(message, "command", None) not in QUESTIONS
+
+
+class Referee:
+    """Watches every tick."""
+
+    def __init__(self, engine: Engine, aeroplane: Aeroplane) -> None:
+        self.engine = engine
+        self.aeroplane = aeroplane
+        self.states: Counter[State] = Counter()
+        self.beats_s: list[float] = []
+        self.allowed_take_over = True
+
+    def tick(self, now_s: float) -> list[Message]:
+        engine = self.engine
+        before = engine.supervisor.state
+        ready = not engine.readiness.hindrances(now_s)
+        messages = sent_by(engine.tick(now_s))
+        after = engine.supervisor.state
+        self.states[after] += 1
+        self.beats_s += [now_s for message in messages if message.get_type() == "HEARTBEAT"]
+        for message in messages:
+            if acts(message):
+                self._judge(message, after)
+        assert after not in FLYING | {State.ENGAGING} or engine.operator.role is Role.FLY
+        if before in WATCHING and after is State.ENGAGING:
+            assert ready
+        if before is State.HANDS_OFF:
+            assert after in (State.HANDS_OFF, State.MONITOR, State.ENGAGING, State.RELEASING)
+        if not engine.aircraft.armed or engine.aircraft.failsafe or engine.aircraft.landing():
+            assert after not in FLYING | {State.ENGAGING}, "somebody else has it within the tick"
+        return messages
+
+    def _judge(self, message: Message, state: State) -> None:
+        kind, command = message.get_type(), getattr(message, "command", None)
+        aircraft = self.engine.aircraft
+        if kind == "SET_POSITION_TARGET_GLOBAL_INT":
+            entering = state is State.ENGAGING and self.aeroplane.autopilot == PX4
+            leaving = state in (State.RELEASING, State.STOPPING) and aircraft.guided
+            assert state in FLYING or entering or leaving
+        elif command in GUIDING:
+            assert state in FLYING
+        elif command in MODES:
+            assert state in ASKING
+        elif kind == "PARAM_SET":
+            assert message.param_id == "FW_AIRSPD_TRIM"
+            # Given back, its own speed is put back; another one is asked for while flying only.
+            assert state in FLYING or message.param_value == pytest.approx(20.0)
+        else:
+            assert command == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
+            assert state is State.MONITOR
+        if not aircraft.armed:
+            assert kind == "PARAM_SET", "nothing on the ground"
+
+
+def new_engine(autopilot: int) -> Engine:
+    name = "px4" if autopilot == PX4 else "ardupilot"
+    return Engine(EngineConfig(autopilot=name, engine=EngineParams(autopilot_system_id=1)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+@pytest.mark.parametrize("seed", range(2))
+def test_an_aircraft_with_a_will_of_its_own_is_never_commanded_against_it(autopilot: int, seed: int) -> None:
+    chance = random.Random(1000 * autopilot + seed)
+    engine, aeroplane = new_engine(autopilot), Aeroplane(chance, autopilot)
+    referee = Referee(engine, aeroplane)
+    for tick in range(1500):
+        now_s = T0 + tick / 10
+        aeroplane.live(now_s)
+        for fact in aeroplane.says(now_s, tick):
+            if engine.receive(fact, now_s):
+                for message in referee.tick(now_s):
+                    aeroplane.hear(message)
+        if chance.random() < 0.01:
+            role = chance.choice((0.0, 1.0, 2.0, 2.0, 2.0))
+            engine.receive(ParameterSet(GCS, US, "CA_ROLE", role), now_s)
+        for message in referee.tick(now_s):
+            aeroplane.hear(message)
+    assert referee.states[State.OUTER] + referee.states[State.INNER] > 20, "it has been flown"
+    assert referee.states[State.HANDS_OFF] > 20, "and taken away"
+    gaps_s = [b - a for a, b in zip(referee.beats_s, referee.beats_s[1:], strict=False)]
+    assert max(gaps_s) < 1.05
+    assert min(gaps_s) > 0.95
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+@pytest.mark.parametrize("seed", range(2))
+def test_no_fact_makes_it_raise(autopilot: int, seed: int) -> None:
+    chance = random.Random(7000 * autopilot + seed)
+    engine, aeroplane, junk = new_engine(autopilot), Aeroplane(chance, autopilot), Junk(chance)
+    encoder, now_s = Encoder(), T0
+    for tick in range(1000):
+        now_s += chance.choice((0.0, 3.0)) if chance.random() < 0.02 else 0.1
+        facts = aeroplane.says(now_s, tick) if tick % 300 < 200 else []
+        facts += [junk.fact(now_s) for _ in range(chance.choice((0, 0, 1, 5)))]
+        chance.shuffle(facts)
+        effects = [e for fact in facts if engine.receive(fact, now_s) for e in engine.tick(now_s)]
+        for message in sent_by([*effects, *engine.tick(now_s)]):
+            encoder.encode(message, 1, 196)
+            aeroplane.hear(message)
