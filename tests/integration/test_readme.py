@@ -11,6 +11,8 @@ from companion.supervisor import Role
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
+NAMED = r"(?<![/\w])(?:configs|companion|sim)/[\w/.-]+\w"
+
 
 def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
