@@ -37,7 +37,9 @@ app = typer.Typer(
     add_completion=False,
 )
 
-ConfigFile = Annotated[Path, typer.Argument(help="Configuration file, YAML.", show_default=False)]
+ConfigFile = Annotated[
+    Path, typer.Argument(metavar="CONFIG", help="Configuration file, YAML.", show_default=False)
+]
 ReportFile = Annotated[
     Path | None, typer.Option("--report", metavar="FILE.json", help="Write the figures as JSON.")
 ]
@@ -95,16 +97,16 @@ def check(
 ) -> None:
     """Read a configuration and show it as it would be used, every default included.
 
-    With --link nothing is commanded; exit code 1 when no autopilot is heard.
+    With --link the autopilot is asked many questions and commanded nothing; exit code 1 when none is heard.
     """
     config = load_config(config_file)
+    obstacles = load_obstacles(config)
     console = Console(highlight=False, soft_wrap=True)
     if table:
         console.print(printed(), markup=False)
     elif link:
         _check_link(console, config, seconds)
     else:
-        obstacles = load_obstacles(config)
         console.print(describe(config), markup=False, end="")
         if config.obstacle_files:
             console.print(f"# obstacle_files: {len(obstacles)} obstacles", markup=False)
@@ -113,6 +115,8 @@ def check(
 
 def _check_link(console: Console, config: Config, seconds: float) -> None:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s", stream=sys.stderr)
+    # What the runtime has to say is among the findings; why a link does not open is not.
+    logging.getLogger("companion").addFilter(lambda record: record.module != "runtime")
     links = [open_link(address) for address in config.links]
     found = asyncio.run(look(config, links, seconds))
     width = max(len(finding.topic) for finding in found.findings)

@@ -1,11 +1,14 @@
 """What there is at the other end of the links, and whether it would be flown: asked, never commanded."""
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from companion.autopilots import Adapter
+from companion.clock import Clock
 from companion.config import Config
 from companion.engine import Engine
+from companion.errors import CompanionError
 from companion.links import Link
 from companion.mavlink.dialect import mavlink
 from companion.runtime import Runtime
@@ -33,24 +36,33 @@ class Preflight:
     hindrances: tuple[str, ...]
 
 
-async def look(config: Config, links: Sequence[Link], seconds: float = DEFAULT_SECONDS) -> Preflight:
-    """Listen and ask for so long. Whatever the configuration says, nothing is commanded meanwhile."""
+async def look(
+    config: Config, links: Sequence[Link], seconds: float = DEFAULT_SECONDS, clock: Clock | None = None
+) -> Preflight:
+    """Listen and ask for so long. Whatever the configuration says, nothing is commanded meanwhile.
+
+    `CompanionError` for a link that can never be opened.
+    """
     engine_config = config.for_engine()
     advising = replace(engine_config, supervisor=replace(engine_config.supervisor, role="advise"))
     engine = Engine(advising)
     engine.operator.at_most = Role.ADVISE
-    runtime = Runtime(engine, links)
-    async with asyncio.TaskGroup() as tasks:
-        tasks.create_task(runtime.run(), name="preflight")
-        await asyncio.sleep(seconds)
-        now_s = runtime.clock.now_us() / 1e6
-        wanted = Role[config.supervisor.role.upper()]
-        result = Preflight(
-            engine.aircraft.adapter is not None,
-            tuple(_findings(runtime, now_s)),
-            tuple(engine.readiness.hindrances(now_s, role=wanted)),
-        )
-        runtime.stop()
+    runtime = Runtime(engine, links, clock=clock)
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(runtime.run(), name="preflight")
+            until_us = runtime.clock.now_us() + round(seconds * 1e6)
+            await asyncio.sleep(runtime.clock.wall_seconds_until(until_us))
+            now_s = runtime.clock.now_us() / 1e6
+            wanted = Role[config.supervisor.role.upper()]
+            result = Preflight(
+                engine.aircraft.adapter is not None,
+                (*_findings(runtime, now_s), Finding("role", wanted.name.lower(), wanted is Role.FLY)),
+                tuple(engine.readiness.hindrances(now_s, role=wanted)),
+            )
+            runtime.stop()
+    except* CompanionError as group:
+        raise group.exceptions[0] from None
     return result
 
 
@@ -74,14 +86,13 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
         yield Finding("other autopilots", ", ".join(f"system {number}" for number in sorted(aircraft.others)))
     armed = "armed" if aircraft.armed else "disarmed"
     yield Finding("mode", f"{aircraft.mode}, {armed}{', failsafe' if aircraft.failsafe else ''}")
-    age_s = now_s - aircraft.position_s
-    position = "none" if aircraft.position is None else f"{age_s:.1f} s old"
+    position, age_s = "none", now_s - aircraft.position_s
+    if aircraft.position is not None:
+        position = f"{aircraft.position.height_above_home_m:.0f} m above home, {age_s:.1f} s old"
     yield Finding("position", position, aircraft.position is not None and age_s < 1.0)
-    for message_id, wanted_s in adapter.intervals_s.items():
-        rate_hz = engine.rates_hz.get(message_id)
-        if rate_hz is not None:
-            name = mavlink.mavlink_map[message_id].msgname
-            yield Finding(f"rate {name}", f"{rate_hz:.1f} Hz of {1 / wanted_s:.1f}", rate_hz > 0.5 / wanted_s)
+    yield from _rates(engine.rates_hz, adapter)
+    mission = engine.onboard.mission
+    yield Finding("mission", "not read" if mission is None else f"{len(mission.items)} items")
     for taken in engine.onboard.limits.taken:
         yield Finding("limit", str(taken))
     for doubt in (*engine.onboard.limits.doubts, *adapter.advice(engine.onboard.parameters)):
@@ -93,3 +104,15 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield Finding("its clock", words, offset_s is not None and abs(offset_s) < 5.0)
     tracks = engine.snapshot(now_s).tracks
     yield Finding("traffic", ", ".join(track.track_id for track in tracks) or "none heard")
+
+
+def _rates(measured_hz: Mapping[int, float], adapter: Adapter) -> Iterator[Finding]:
+    """How often the messages came that were asked for, as far as that can be measured."""
+    if not measured_hz:
+        yield Finding("rates", "not measured in so short a time", good=False)
+    for message_id, wanted_s in adapter.intervals_s.items():
+        rate_hz = measured_hz.get(message_id)
+        if rate_hz is not None:
+            name = mavlink.mavlink_map[message_id].msgname
+            words = f"{rate_hz:.1f} Hz, asked for {1 / wanted_s:.1f} Hz"
+            yield Finding(f"rate {name}", words, rate_hz > 0.5 / wanted_s)

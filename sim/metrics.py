@@ -1,11 +1,11 @@
 """Scores of an encounter: how near it came, by the definitions of the standards."""
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from companion.model import Vec2, Vec3
+from sim.path import distance_to_path_m, thinned_path
 from sim.scenario import Scenario, World, undisturbed
 from sim.traffic import Intruder
 
@@ -91,35 +91,7 @@ class FlightScore:
                 encounter.first_action_s = time_s - self.start_s
 
 
-def distance_to_path_m(point: Vec2, path: Sequence[Vec2]) -> float:
-    """Distance of a point from a polyline [m]; 0 when there is none."""
-    if len(path) < 2:
-        return math.dist(point, path[0]) if path else 0.0
-    return min(_distance_to_leg_m(point, a, b) for a, b in itertools.pairwise(path))
-
-
-def _distance_to_leg_m(point: Vec2, a: Vec2, b: Vec2) -> float:
-    along = (b[0] - a[0], b[1] - a[1])
-    length2 = along[0] ** 2 + along[1] ** 2
-    share = 0.0
-    if length2 > 0.0:
-        share = ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / length2
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(point, (a[0] + share * along[0], a[1] + share * along[1]))
-
-
 def score_of(scenario: Scenario, world: World) -> FlightScore:
     """An empty score for a flight of this scenario, measured against its undisturbed path."""
     planned = [(t.position_m[0], t.position_m[1]) for t in undisturbed(scenario, world.start_s, 1.0)]
     return FlightScore(world.intruders, thinned_path(planned), world.start_s)
-
-
-def thinned_path(points: Sequence[Vec2], spacing_m: float = 50.0) -> list[Vec2]:
-    """The same path with points at least so far apart, its end kept: cheap to measure against."""
-    path: list[Vec2] = []
-    for point in points:
-        if not path or math.dist(point, path[-1]) >= spacing_m:
-            path.append(point)
-    if points and path[-1] != points[-1]:
-        path.append(points[-1])
-    return path

@@ -8,7 +8,7 @@ import itertools
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from companion.model import Layer
 from sim.paper import measures
 from sim.paper.flight import LAYERS, Flight
+from sim.paper.studies import TransitionPoint
 
 Array = NDArray[np.float64]
 Box = tuple[Array, Array]  # lower left and upper right corner
@@ -44,23 +45,6 @@ _EDGE: Style = {"facecolors": "none", "linewidths": 0.7, "linestyles": "--"}
 _ASKED: Style = {"lw": 0.9, "ls": (0, (4, 1.5))}
 # More than these become a heap when each has its name, numbers and circles.
 _NAMED_OBSTACLES, _NAMED_UAVS = 12, 6
-
-
-class TransitionPoint(Protocol):
-    """One width of the transition domain flown with one strategy; triples are value, low and high (95 %)."""
-
-    @property
-    def method(self) -> str: ...
-    @property
-    def delta_beta_deg(self) -> float: ...
-    @property
-    def safety_value(self) -> tuple[float, float, float]: ...
-    @property
-    def arrived_share(self) -> tuple[float, float, float]: ...
-    @property
-    def min_clearance(self) -> tuple[float, float, float]: ...
-    @property
-    def path_ratio(self) -> tuple[float, float, float]: ...
 
 
 def trajectory(flight: Flight, path: Path) -> None:

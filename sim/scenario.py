@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le, Len, Lt
-from pydantic import ConfigDict
 from pydantic import dataclasses as checked
 
 from companion.errors import ConfigError
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Vec2
-from sim.files import read_checked
+from sim.files import STRICT, read_checked
 from sim.traffic import ALL_VALID, AdsbReceiver, Intruder, ReceiverModel
 from sim.vehicle import (
     FakeArduPlane,
@@ -33,10 +32,8 @@ Autopilot = Literal["ardupilot", "px4"]
 # The same aircraft under either autopilot: PX4 is given the speeds that ArduPlane's defaults have.
 _PX4_PARAMETERS = {"FW_AIRSPD_TRIM": 22.0, "FW_AIRSPD_MAX": 30.0}
 
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
-
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Home:
     """Where the vehicle starts from and what heights are counted from."""
 
@@ -45,7 +42,7 @@ class Home:
     altitude_m: Annotated[float, Ge(-500.0), Le(5000.0)]
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Wind:
     """Velocity of the air over the ground."""
 
@@ -53,7 +50,7 @@ class Wind:
     east_mps: Annotated[float, Ge(-15.0), Le(15.0)] = 0.0
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Waypoint:
     """A place relative to home."""
 
@@ -62,7 +59,7 @@ class Waypoint:
     height_m: Annotated[float, Ge(0.0), Le(5000.0)]
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class MissionPlan:
     """A take-off (always item 1) and the waypoints after it."""
 
@@ -70,7 +67,7 @@ class MissionPlan:
     waypoints: Annotated[tuple[Waypoint, ...], Len(1)]
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Start:
     """On the ground at home, or in the air at a place, on the way to the first waypoint.
 
@@ -84,7 +81,7 @@ class Start:
     height_m: Annotated[float, Ge(0.0), Le(5000.0)] = 0.0
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Conflict:
     """An intruder by the closest approach it would have to the vehicle on its undisturbed mission.
 
@@ -112,7 +109,7 @@ class Conflict:
             raise ValueError(f"icao {self.icao!r} is no address of 6 hexadecimal digits")
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Receiver:
     """The ADS-B receiver; see `ReceiverModel`."""
 
@@ -128,7 +125,7 @@ class Receiver:
     altitude_offset_m: float = 0.0
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Scenario:
     """All of a scenario file."""
 

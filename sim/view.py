@@ -79,13 +79,13 @@ def _aircraft(state: DemoState) -> Table:
     table = Table.grid(padding=(0, 2))
     north_m, east_m, down_m = truth.position_m
     height_m = -down_m - state.options.scenario.home.altitude_m
-    course = course_deg(math.atan2(truth.velocity_mps[1], truth.velocity_mps[0]))
+    course = _course(math.atan2(truth.velocity_mps[1], truth.velocity_mps[0]))
     table.add_row(
-        "position", f"{north_m / 1000:6.2f} km N  {east_m / 1000:6.2f} km E  {height_m:5.0f} m above home"
+        "position", f"{north_m / 1000:z6.2f} km N  {east_m / 1000:z6.2f} km E  {height_m:z5.0f} m above home"
     )
     table.add_row(
         "flying",
-        f"course {course:03.0f}  {truth.airspeed_mps:4.1f} m/s  climb {-truth.velocity_mps[2]:+4.1f}",
+        f"course {course}  {truth.airspeed_mps:4.1f} m/s  climb {-truth.velocity_mps[2]:+z4.1f} m/s",
     )
     mode = Text(truth.mode, style="bold cyan")
     if truth.uncontrolled:
@@ -99,12 +99,12 @@ def _companion(snapshot: Snapshot | None, home_m: float) -> Text:
     if snapshot is None:
         return Text("off (--no-avoidance)", style="red")
     decision = snapshot.decision
-    text = Text(f"{snapshot.state}; layer ")
+    text = Text(f"{snapshot.state}, decides " if snapshot.state != decision.layer else "")
     text.append(str(decision.layer), style=_COLOURS[decision.layer])
     if decision.guidance is not None:
         guidance = decision.guidance
         text.append(
-            f": course {course_deg(guidance.course_rad):03.0f}, {guidance.airspeed_mps:.0f} m/s, "
+            f": course {_course(guidance.course_rad)}, {guidance.airspeed_mps:.0f} m/s, "
             f"{guidance.altitude_m - home_m:.0f} m above home"
         )
     return text
@@ -128,12 +128,16 @@ def _traffic(state: DemoState) -> Table:
         table.add_row(
             intruder.callsign,
             f"{distance_m / 1000:.2f} km",
-            f"{own[2] - down_m:+.0f} m",
+            f"{own[2] - down_m:+z.0f} m",
             closest,
             "-" if threat is None else f"{threat.layer}, closest in {threat.time_to_closest_s:.0f} s",
             style=None if threat is None else _COLOURS[threat.layer],
         )
     return table
+
+
+def _course(course_rad: float) -> str:
+    return f"{round(course_deg(course_rad)) % 360:03d}"
 
 
 def _clock(seconds: float) -> str:
@@ -142,8 +146,8 @@ def _clock(seconds: float) -> str:
 
 def print_result(console: Console, state: DemoState) -> None:
     """What came of it."""
-    table = Table(title="Encounters", title_justify="left", title_style="bold")
-    for heading in ("traffic", "closest slant", "horizontal", "vertical there", "first action", "result"):
+    table = Table(title="Closest approaches", title_justify="left", title_style="bold")
+    for heading in ("traffic", "slant", "horizontal", "vertical", "first action", "result"):
         table.add_column(heading, justify="left" if heading in ("traffic", "result") else "right")
     for encounter in state.score.encounters.values():
         if encounter.nmac:
@@ -166,14 +170,16 @@ def print_result(console: Console, state: DemoState) -> None:
     done = "[green]completed[/]" if state.truth.mission_completed else "[red]not completed[/]"
     console.print(
         f"Mission {done} after {_clock(state.elapsed_s).strip()}, largest deviation "
-        f"{state.score.max_deviation_m:.0f} m sideways, {report['setpoints_sent']} setpoints sent."
+        f"{state.score.max_deviation_m:.0f} m sideways, {report['setpoints_sent']} setpoints sent.",
+        soft_wrap=True,
     )
     if state.uncontrolled:
         console.print("[bold red]The autopilot's controller was poisoned: it flew on uncontrolled.[/]")
     if state.clock.slipped_s > 1.0:
         console.print(
             f"[yellow]This machine was too slow for the speed-up: the clock stood still for "
-            f"{state.clock.slipped_s:.0f} simulated seconds.[/]"
+            f"{state.clock.slipped_s:.0f} simulated seconds.[/]",
+            soft_wrap=True,
         )
     if state.recording is not None:
         console.print(f"Recorded: {state.recording}  (companion replay shows it again)", soft_wrap=True)

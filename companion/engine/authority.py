@@ -250,7 +250,7 @@ class Authority:
         self._request, self._ready_since_s = None, None
         self._abandoned += 1
         self._not_before_s = now_s + self._rules.retry_s * min(self._abandoned, 5)
-        words = "refused" if request.refusals else "did not answer"
+        words = "refused" if request.refusals or request.postponements else "did not answer"
         return self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {words}", now_s)
 
     def _while_flying(self, now_s: float) -> list[Effect]:
@@ -395,9 +395,13 @@ class Authority:
         elif self._request is not None and fact.result == mavlink.MAV_RESULT_ACCEPTED:
             self._request.accepted(now_s)
         elif self._request is not None and fact.result != mavlink.MAV_RESULT_IN_PROGRESS:
+            entering = self.supervisor.state is State.ENGAGING
+            if entering and fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+                self._request.postponed(now_s)
+                return
             self._request.refused(now_s)
             # Of several requests that were sent, another one may still be obeyed.
-            if self.supervisor.state is State.ENGAGING and self._request.refusals >= self._request.tries:
+            if entering and self._request.refusals >= self._request.tries:
                 self._strays.settled()
 
     def _adapter(self) -> Adapter:

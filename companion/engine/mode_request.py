@@ -14,6 +14,7 @@ _EVIDENCE_S = 1.5
 # An accepted request shows in the heartbeat soon; on a slow link, that much later.
 _ACCEPTED_S = 3.0
 _FIRST_REFUSAL_S, _LONGEST_REFUSAL_S = 1.0, 5.0
+_NOT_YET_S = 0.4
 
 
 class Progress(Enum):
@@ -48,6 +49,7 @@ class ModeRequest:
         self.asked_s = now_s + delay_s
         self.tries = 0
         self.refusals = 0
+        self.postponements = 0
         self._settle_s = settle_s
         self.sent_s = -math.inf
         self._not_before_s = self.asked_s
@@ -80,6 +82,11 @@ class ModeRequest:
         """The autopilot said yes: whoever changes the mode now means it, so nothing is repeated soon."""
         self._not_before_s = max(self._not_before_s, now_s + _ACCEPTED_S)
         self._blind_tries = 0
+
+    def postponed(self, now_s: float) -> None:
+        """The autopilot said "not yet": it wants to be asked again, soon."""
+        self.postponements += 1
+        self._not_before_s = now_s + _NOT_YET_S
 
     def refused(self, now_s: float) -> None:
         """The autopilot said no: ask again, with growing patience."""

@@ -49,7 +49,8 @@ class RateKeeper:
         self._asked = False
         self._traffic_s = -math.inf
         self._own_icao_tries = 0
-        self.measured_hz: dict[int, float] = {}  # by message, over the last full window
+        # By message, over the last full window; empty before that.
+        self.measured_hz: dict[int, float] = {}
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Count a fact of our autopilot."""
@@ -86,7 +87,9 @@ class RateKeeper:
             if message_id in _MEASURED.values()
             and self._counts.get(message_id, 0) < 0.5 * _WINDOW_S / interval_s
         ]
-        self.measured_hz = {message_id: count / _WINDOW_S for message_id, count in self._counts.items()}
+        self.measured_hz = {
+            message_id: self._counts.get(message_id, 0) / _WINDOW_S for message_id in _MEASURED.values()
+        }
         self._begin_window(now_s)
         requests = [
             adapter.request_interval(message_id, interval_s)

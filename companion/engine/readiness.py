@@ -45,9 +45,15 @@ class Readiness:
             f"its mode is {aircraft.mode}, not {' or '.join(rules.take_over_from)}": aircraft.mode
             not in rules.take_over_from,
             "it is disarmed": not aircraft.armed,
-            f"it is on the ground, below {rules.min_height_m:.0f} m, taking off or landing": aircraft.armed
-            and not aircraft.flying(rules.min_height_m),
+            self._why_not_flying(): aircraft.armed and not aircraft.flying(rules.min_height_m),
             "it is in a failsafe": aircraft.failsafe,
             "it has breached its fence": aircraft.fence_breached,
         }
         return [words for words, so in checks.items() if so]
+
+    def _why_not_flying(self) -> str:
+        """What keeps an armed aircraft from flying, where anything does."""
+        position, least_m = self._aircraft.position, self._rules.min_height_m
+        if position is None or position.height_above_home_m >= least_m:
+            return "it is on the ground, taking off or landing"
+        return f"it is {position.height_above_home_m:.0f} m above home, below {least_m:.0f} m"

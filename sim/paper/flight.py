@@ -13,6 +13,7 @@ from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 from sim.dynamics import Airframe, FixedWing
 from sim.paper.methods import Method, envelope_of
 from sim.paper.scene import Scale, Scene, Sphere, Uav
+from sim.path import distance_to_path_m
 
 Array = NDArray[np.float64]
 
@@ -168,7 +169,7 @@ class _Pilot:
         before = self.point
         for _ in range(_SUBSTEPS):
             self.aircraft.step(self.scene.step_s / _SUBSTEPS)
-        if _distance_to_leg(self.uav.goal, before, self.point) <= self.scene.arrival_radius:
+        if distance_to_path_m(self.uav.goal, (before, self.point)) <= self.scene.arrival_radius:
             self.arrived_step = step
 
     def flight(self) -> UavFlight:
@@ -250,11 +251,3 @@ def _obstacle_places(scene: Scene, samples: int) -> Array:
     velocity = np.array([sphere.velocity for sphere in scene.obstacles])
     places: Array = at + np.arange(samples)[:, None, None] * velocity
     return places
-
-
-def _distance_to_leg(point: Vec2, a: Vec2, b: Vec2) -> float:
-    along = (b[0] - a[0], b[1] - a[1])
-    length2 = along[0] ** 2 + along[1] ** 2
-    share = ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / length2 if length2 > 0.0 else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(point, (a[0] + share * along[0], a[1] + share * along[1]))

@@ -11,23 +11,21 @@ from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Len
-from pydantic import ConfigDict
 from pydantic import dataclasses as checked
 
 from companion.errors import ConfigError
 from companion.model import Vec2, Vec3
-from sim.files import read_checked
+from sim.files import STRICT, read_checked
 
 PAPER_FOLDER = Path(__file__).parents[2] / "configs" / "paper"
 
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 Length = Annotated[float, Ge(-1e4), Le(1e4)]
 Positive = Annotated[float, Gt(0.0), Le(1e4)]
 Point = tuple[Length, Length]
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Uav:
     """One of ours: `step` is its speed, in lengths per step."""
 
@@ -37,7 +35,7 @@ class Uav:
     step: Positive
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Sphere:
     """An obstacle (def. 2): centre at the first step, radius R_b, and velocity if it moves."""
 
@@ -51,7 +49,7 @@ class Sphere:
         return self.at[0] + self.velocity[0] * step, self.at[1] + self.velocity[1] * step
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class RandomFields:
     """How obstacles are drawn; ranges are (from, to)."""
 
@@ -72,7 +70,7 @@ class RandomFields:
                 raise ValueError(f"{name}: from {low} to {high} is no range")
 
 
-@checked.dataclass(frozen=True, config=_STRICT)
+@checked.dataclass(frozen=True, config=STRICT)
 class Scene:
     """All of a scene file."""
 

@@ -7,19 +7,19 @@ from companion.units import wrap_pi
 from sim.vehicle.ardupilot_flight import ArduPlaneFlight
 from sim.vehicle.ardupilot_modes import base_mode
 from sim.vehicle.ardupilot_parameters import Firmware
-from sim.vehicle.telemetry import FIXED_WING, Builder, Telemetry
+from sim.vehicle.telemetry import Builder, Telemetry
 
-_AUTOPILOT_ARDUPILOT = 3
 _POSITION_ONLY = 65016  # POSITION_TARGET_GLOBAL_INT.type_mask of the real one
 _UINT16_MAX = 65535
-# Float parameters, int missions, COMMAND_INT, targets, MAVLink 2, fences
-_CAPABILITIES = 2 | 4 | 8 | 256 | 4096 | 8192 | 16384
 _VERSIONS: dict[Firmware, int] = {"4.7": 4 << 24 | 7 << 16, "4.3": 4 << 24 | 3 << 16 | 255}
 
 
 class ArduPlaneTelemetry(Telemetry):
     """Messages about a fake ArduPlane."""
 
+    autopilot = 3
+    # Float parameters, int missions, COMMAND_INT, targets, MAVLink 2, fences
+    capabilities = 2 | 4 | 8 | 256 | 4096 | 8192 | 16384
     sensors = 325188671
     sensors_healthy = 322042943
 
@@ -27,21 +27,11 @@ class ArduPlaneTelemetry(Telemetry):
         self, flight: ArduPlaneFlight, boot_s: float, firmware: Firmware, geoid_height_m: float
     ) -> None:
         """`firmware` is the version that AUTOPILOT_VERSION tells."""
-        super().__init__(flight, boot_s, geoid_height_m)
+        super().__init__(flight, boot_s, geoid_height_m, (_VERSIONS[firmware], 0))
         self._flight: ArduPlaneFlight = flight
-        self._firmware: Firmware = firmware
 
-    def heartbeat(self, _time_s: float) -> Message:
-        """HEARTBEAT."""
-        flight = self._flight
-        return mavlink.MAVLink_heartbeat_message(
-            type=FIXED_WING,
-            autopilot=_AUTOPILOT_ARDUPILOT,
-            base_mode=base_mode(flight.mode, armed=flight.armed),
-            custom_mode=int(flight.mode),
-            system_status=self.system_status,
-            mavlink_version=3,
-        )
+    def _base_mode(self) -> int:
+        return base_mode(self._flight.mode, armed=self._flight.armed)
 
     def wind(self, _time_s: float) -> Message:
         """WIND: `direction` is where it comes from."""
@@ -90,22 +80,6 @@ class ArduPlaneTelemetry(Telemetry):
             afz=0.0,
             yaw=0.0,
             yaw_rate=0.0,
-        )
-
-    def autopilot_version(self, _time_s: float) -> Message:
-        """AUTOPILOT_VERSION: the version that it imitates."""
-        return mavlink.MAVLink_autopilot_version_message(
-            capabilities=_CAPABILITIES,
-            flight_sw_version=_VERSIONS[self._firmware],
-            middleware_sw_version=0,
-            os_sw_version=0,
-            board_version=0,
-            flight_custom_version=[0] * 8,
-            middleware_custom_version=[0] * 8,
-            os_custom_version=[0] * 8,
-            vendor_id=0,
-            product_id=0,
-            uid=1,
         )
 
     def _all_builders(self) -> dict[int, Builder]:

@@ -5,12 +5,9 @@ import math
 from companion.mavlink.dialect import Message, mavlink
 from sim.vehicle.px4_flight import Px4Flight
 from sim.vehicle.px4_modes import base_mode
-from sim.vehicle.telemetry import FIXED_WING, Builder, Telemetry
+from sim.vehicle.telemetry import Builder, Telemetry
 
-_AUTOPILOT_PX4 = 12
 _VERSION_1_15_0 = 1 << 24 | 15 << 16 | 255
-# Int missions, COMMAND_INT, parameters bytewise, local and global targets, MAVLink 2, fences
-_CAPABILITIES = 4 | 8 | 16 | 128 | 256 | 8192 | 16384
 _POSITION_ONLY = 3576
 _RATES_IGNORED = 7
 
@@ -37,24 +34,18 @@ DEFAULT_STREAM = (
 class Px4Telemetry(Telemetry):
     """Messages about a fake PX4."""
 
+    autopilot = 12
+    # Int missions, COMMAND_INT, parameters bytewise, local and global targets, MAVLink 2, fences
+    capabilities = 4 | 8 | 16 | 128 | 256 | 8192 | 16384
     sensors = 0x0120_001F
     sensors_healthy = 0x0120_001F
 
     def __init__(self, flight: Px4Flight, boot_s: float, geoid_height_m: float) -> None:
-        super().__init__(flight, boot_s, geoid_height_m)
+        super().__init__(flight, boot_s, geoid_height_m, (_VERSION_1_15_0, _VERSION_1_15_0))
         self._flight: Px4Flight = flight
 
-    def heartbeat(self, _time_s: float) -> Message:
-        """HEARTBEAT."""
-        flight = self._flight
-        return mavlink.MAVLink_heartbeat_message(
-            type=FIXED_WING,
-            autopilot=_AUTOPILOT_PX4,
-            base_mode=base_mode(flight.mode, armed=flight.armed),
-            custom_mode=int(flight.mode),
-            system_status=self.system_status,
-            mavlink_version=3,
-        )
+    def _base_mode(self) -> int:
+        return base_mode(self._flight.mode, armed=self._flight.armed)
 
     def attitude_target(self, time_s: float) -> Message:
         """ATTITUDE_TARGET: NaN when the controller has gone wrong, which nothing else shows."""
@@ -103,22 +94,6 @@ class Px4Telemetry(Telemetry):
             afz=math.nan,
             yaw=math.nan,
             yaw_rate=math.nan,
-        )
-
-    def autopilot_version(self, _time_s: float) -> Message:
-        """AUTOPILOT_VERSION: 1.15.0."""
-        return mavlink.MAVLink_autopilot_version_message(
-            capabilities=_CAPABILITIES,
-            flight_sw_version=_VERSION_1_15_0,
-            middleware_sw_version=_VERSION_1_15_0,
-            os_sw_version=0,
-            board_version=0,
-            flight_custom_version=[0] * 8,
-            middleware_custom_version=[0] * 8,
-            os_custom_version=[0] * 8,
-            vendor_id=0,
-            product_id=0,
-            uid=1,
         )
 
     def _all_builders(self) -> dict[int, Builder]:

@@ -3,13 +3,14 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import ClassVar
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.units import course_deg, wrap_pi
 from sim.vehicle.battery import Battery
 from sim.vehicle.flight import Flight
 
-FIXED_WING = 1  # MAV_TYPE
+_FIXED_WING = 1  # MAV_TYPE
 _STANDBY, _ACTIVE, _CRITICAL = 3, 4, 5
 _ON_GROUND, _IN_AIR, _TAKING_OFF, _LANDING = 1, 2, 3, 4
 _NO_MISSION, _NOT_STARTED, _MISSION_ACTIVE, _MISSION_PAUSED, _MISSION_COMPLETE = 1, 2, 3, 4, 5
@@ -25,12 +26,20 @@ Builder = Callable[[float], Message]
 class Telemetry(ABC):
     """Makes messages about one flight; counts its battery down."""
 
+    autopilot: ClassVar[int]  # MAV_AUTOPILOT
+    capabilities: ClassVar[int]  # AUTOPILOT_VERSION: MAV_PROTOCOL_CAPABILITY
     # SYS_STATUS: which sensors there are, and which are well
     sensors = 0
     sensors_healthy = 0
 
-    def __init__(self, flight: Flight, boot_s: float, geoid_height_m: float = 0.0) -> None:
-        """`geoid_height_m`: of mean sea level above the ellipsoid, where the vehicle flies."""
+    def __init__(
+        self, flight: Flight, boot_s: float, geoid_height_m: float, versions: tuple[int, int]
+    ) -> None:
+        """`geoid_height_m`: of mean sea level above the ellipsoid, where the vehicle flies.
+
+        `versions` of flight software and middleware are what AUTOPILOT_VERSION tells.
+        """
+        self._versions = versions
         self._flight = flight
         self._boot_s = boot_s
         self._geoid_height_m = geoid_height_m
@@ -38,16 +47,40 @@ class Telemetry(ABC):
         self._builders = self._all_builders()
 
     @abstractmethod
-    def heartbeat(self, time_s: float) -> Message:
-        """HEARTBEAT."""
+    def _base_mode(self) -> int:
+        """HEARTBEAT.base_mode."""
 
     @abstractmethod
     def position_target_global_int(self, time_s: float) -> Message:
         """POSITION_TARGET_GLOBAL_INT: what is being flown to."""
 
-    @abstractmethod
-    def autopilot_version(self, time_s: float) -> Message:
-        """AUTOPILOT_VERSION."""
+    def heartbeat(self, _time_s: float) -> Message:
+        """HEARTBEAT."""
+        return mavlink.MAVLink_heartbeat_message(
+            type=_FIXED_WING,
+            autopilot=self.autopilot,
+            base_mode=self._base_mode(),
+            custom_mode=int(self._flight.mode),
+            system_status=self.system_status,
+            mavlink_version=3,
+        )
+
+    def autopilot_version(self, _time_s: float) -> Message:
+        """AUTOPILOT_VERSION: the version that it imitates."""
+        flight_version, middleware_version = self._versions
+        return mavlink.MAVLink_autopilot_version_message(
+            capabilities=self.capabilities,
+            flight_sw_version=flight_version,
+            middleware_sw_version=middleware_version,
+            os_sw_version=0,
+            board_version=0,
+            flight_custom_version=[0] * 8,
+            middleware_custom_version=[0] * 8,
+            os_custom_version=[0] * 8,
+            vendor_id=0,
+            product_id=0,
+            uid=1,
+        )
 
     @property
     def built(self) -> frozenset[int]:

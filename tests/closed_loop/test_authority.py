@@ -7,7 +7,7 @@ import pytest
 from companion.engine import Effect, Engine, Transmit
 from companion.supervisor import State
 from sim.closed_loop import ClosedLoop
-from sim.scenario import load_scenario
+from sim.scenario import Autopilot, load_scenario
 from sim.vehicle import Mode
 
 COMMANDS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT"}
@@ -17,10 +17,16 @@ SET_INTERVAL, REQUEST_MESSAGE = 511, 512
 class Watched(ClosedLoop):
     """Notes every flying command that leaves, and can drop what the vehicle hears."""
 
-    def __init__(self, name: str = "head-on", *, deaf: Callable[[Transmit], bool] = lambda _: False) -> None:
+    def __init__(
+        self,
+        name: str = "head-on",
+        *,
+        deaf: Callable[[Transmit], bool] = lambda _: False,
+        autopilot: Autopilot = "ardupilot",
+    ) -> None:
         self.sent: list[tuple[int, str]] = []
         self._deaf = deaf
-        super().__init__(load_scenario(name), Engine())
+        super().__init__(load_scenario(name), Engine(), autopilot=autopilot)
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         message = effect.message
@@ -422,3 +428,24 @@ def test_an_autopilot_that_refuses_everything_is_told_to_the_operator() -> None:
     loop.run(30.0)
     assert not loop.engine.finished
     assert "Avoidance: cannot leave GUIDED, take over" in loop.flight.texts
+
+
+def test_an_autopilot_that_says_not_yet_is_asked_again_while_the_stream_goes_on() -> None:
+    """PX4 wants half a second of setpoints before OFFBOARD; the first may be lost, or come in a heap."""
+    lost = 0
+
+    def first_setpoints(effect: Transmit) -> bool:
+        nonlocal lost
+        if effect.message.get_type() != "SET_POSITION_TARGET_GLOBAL_INT" or lost >= 6:
+            return False
+        lost += 1
+        return True
+
+    loop = Watched(autopilot="px4", deaf=first_setpoints)
+    loop.until(State.ENGAGING)
+    began_us = loop.now_us
+    loop.until(State.OUTER, State.INNER)
+    assert lost == 6
+    assert loop.now_us - began_us < 3_000_000
+    assert [words for _, words in loop.sent].count("COMMAND_LONG 176") == 2
+    assert "refused" not in "".join(loop.flight.texts)

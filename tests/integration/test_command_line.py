@@ -29,7 +29,7 @@ def assert_one_line(result: subprocess.CompletedProcess[str], code: int, words: 
     assert words in result.stderr
 
 
-@pytest.mark.parametrize("name", ["arduplane.yaml", "sitl.yaml"])
+@pytest.mark.parametrize("name", ["arduplane.yaml", "px4.yaml", "sitl.yaml"])
 def test_check_shows_what_is_in_effect(name: str) -> None:
     result = call("check", str(CONFIGS / name))
     assert result.returncode == 0

@@ -10,18 +10,9 @@ import pytest
 from rich.console import Console
 
 from sim.paper import command, studies
+from tests.contract import MEASURES
 
 PNG = b"\x89PNG\r\n\x1a\n"
-MEASURES = {
-    "safety_value",
-    "heading_effort",
-    "speed_effort",
-    "min_separation",
-    "collisions",
-    "arrived",
-    "steps",
-    "path_ratio",
-}
 
 
 def paper(*arguments: str) -> "subprocess.CompletedProcess[str]":

@@ -96,12 +96,14 @@ def test_a_byte_order_mark_is_harmless(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.name)
-def test_the_examples_load_by_path_or_text(path: Path) -> None:
-    assert load_config(str(path)) == load_config(path)
+def test_the_examples_load_by_path_or_text_and_describe_what_they_hold(path: Path, tmp_path: Path) -> None:
+    config = load_config(str(path))
+    assert config == load_config(path)
+    assert load(tmp_path, describe(config)) == config
 
 
 def test_there_are_examples() -> None:
-    assert {"arduplane.yaml", "sitl.yaml"} <= {path.name for path in CONFIGS.glob("*.yaml")}
+    assert {"arduplane.yaml", "px4.yaml", "sitl.yaml"} <= {path.name for path in CONFIGS.glob("*.yaml")}
 
 
 # --- wrong values ------------------------------------------------------------------------------------

@@ -51,6 +51,16 @@ def test_the_wanted_mode_seen_too_soon_does_not_count() -> None:
     assert request.progress(AUTO, 11.1) is Progress.CONFIRMED
 
 
+def test_a_postponed_request_is_made_again_with_the_next_heartbeat() -> None:
+    request = ModeRequest(10, 15, 0.0)
+    assert request.due(10, 0.0, 0.0)
+    request.postponed(0.1)
+    assert not request.due(10, 0.3, 0.3)
+    assert not request.due(10, 0.0, 0.6), "no heartbeat since the last try"
+    assert request.due(10, 0.3, 0.6)
+    assert (request.refusals, request.postponements) == (0, 1)
+
+
 def test_refusals_make_it_patient() -> None:
     request = ModeRequest(GUIDED, AUTO, 0.0)
     heartbeats = [n / 5 for n in range(500)]

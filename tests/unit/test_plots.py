@@ -2,7 +2,7 @@
 
 import math
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,20 +13,10 @@ from sim import plots
 from sim.paper import methods
 from sim.paper.flight import Flight, UavFlight, fly
 from sim.paper.scene import Scene, Sphere, Uav, load_scene
+from sim.paper.studies import TransitionPoint
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _ENDS = [(0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (10.0, 10.0), (10.0, 9.0), (10.0, 8.0)]
-Triple = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Point:
-    method: str
-    delta_beta_deg: float
-    safety_value: Triple
-    arrived_share: Triple
-    min_clearance: Triple
-    path_ratio: Triple
 
 
 def assert_drawn(path: Path) -> None:
@@ -124,7 +114,7 @@ def test_minima_are_drawn_with_rows_of_different_lengths(tmp_path: Path) -> None
 
 def test_the_transition_domain_is_drawn_in_any_order_and_of_a_single_width(tmp_path: Path) -> None:
     points = [
-        Point(method, width, (4.0, 3.9, 4.2), (1.0, 1.0, 1.0), (0.5, 0.4, 0.6), (1.1, 1.0, 1.2))
+        TransitionPoint(method, width, (4.0, 3.9, 4.2), (1.0, 1.0, 1.0), (0.5, 0.4, 0.6), (1.1, 1.0, 1.2))
         for method, widths_deg in (("outer layer only", (180.0, 0.0, 90.0)), ("two layers", (90.0,)))
         for width in widths_deg
     ]

@@ -1,0 +1,202 @@
+"""`companion check CONFIG --link` against fake vehicles over UDP: what it finds, says, and never sends."""
+
+import asyncio
+import contextlib
+import socket
+import sys
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from companion.config import Config
+from companion.geodesy import GeoPoint
+from companion.links import open_link
+from companion.mavlink.dialect import Message, mavlink
+from companion.preflight import Preflight, look
+from companion.supervisor import SupervisorParams
+from sim.clock import ScaledClock
+from sim.server import VehicleServer
+from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
+
+pytestmark = pytest.mark.wire
+
+HOME = GeoPoint(-35.363261, 149.1652299, 584.1)
+IN_THE_AIR = GeoPoint(-35.363261, 149.1652299, 884.1)
+MISSION = (takeoff_item(50.0), waypoint_item(GeoPoint(-35.28, 149.1652299, 884.1)))
+SPEEDUP = 6.0
+VEHICLES = [FakeArduPlane, FakePx4]
+MISSION_MODE = {FakeArduPlane: "AUTO", FakePx4: "MISSION"}
+
+# Reading, and what any component says of itself; with it nothing can be flown.
+QUESTIONS = {
+    "HEARTBEAT",
+    "PARAM_REQUEST_READ",
+    "MISSION_REQUEST_LIST",
+    "MISSION_REQUEST_INT",
+    "MISSION_ACK",
+    "STATUSTEXT",
+}
+ASKING_COMMANDS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextlib.asynccontextmanager
+async def talking(
+    vehicle: FakeVehicle, port: int, clock: ScaledClock, stream_rate_hz: float = 2.0
+) -> AsyncIterator[list[Message]]:
+    """The vehicle at the other end of the link; what it hears."""
+    heard: list[Message] = []
+    receive = vehicle.receive
+
+    def listen(message: Message, now_s: float, channel: int = 0) -> None:
+        heard.append(message)
+        receive(message, now_s, channel)
+
+    vehicle.receive = listen  # type: ignore[method-assign]
+    link = open_link(f"udpout:127.0.0.1:{port}")
+    server = VehicleServer(vehicle, [link], clock, stream_rate_hz=stream_rate_hz)
+    running = asyncio.create_task(server.run())
+    try:
+        yield heard
+    finally:
+        server.close()
+        await running
+
+
+async def looked_at(
+    vehicle: FakeVehicle,
+    seconds: float,
+    supervisor: SupervisorParams | None = None,
+    *,
+    stream_rate_hz: float = 2.0,
+) -> tuple[Preflight, dict[str, str], list[Message]]:
+    """What is found in so many seconds of a faster time, by topic too, and what the vehicle was sent."""
+    port, clock = free_port(), ScaledClock(SPEEDUP, start_s=vehicle.time_s)
+    config = Config((f"udpin:127.0.0.1:{port}",), supervisor=supervisor or SupervisorParams())
+    async with talking(vehicle, port, clock, stream_rate_hz) as heard:
+        found = await look(config, [open_link(config.links[0])], seconds, clock)
+    return found, {finding.topic: finding.words for finding in found.findings}, heard
+
+
+def in_the_air(kind: type[FakeArduPlane] | type[FakePx4], **options: Any) -> FakeVehicle:
+    return kind.airborne(
+        HOME, now_s(), position=IN_THE_AIR, course_rad=0.0, sequence=kind.first_item + 1,
+        mission=MISSION, **options,
+    )  # fmt: skip
+
+
+def now_s() -> float:
+    return float(int(time.time()))
+
+
+async def check(folder: Path, port: int, seconds: float) -> tuple[int, list[str], str]:
+    """The command as a process: exit code, lines, errors."""
+    config = folder / "c.yaml"
+    config.write_text(f"links: [udpin:127.0.0.1:{port}]\n")
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "companion", "check", str(config), "--link", "--seconds", str(seconds),
+        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, cwd=folder,
+    )  # fmt: skip
+    try:
+        out, errors = await asyncio.wait_for(process.communicate(), 60.0)
+    finally:
+        if process.returncode is None:
+            process.kill()
+            await process.wait()
+    assert process.returncode is not None
+    return process.returncode, out.decode().splitlines(), errors.decode()
+
+
+def commands_anything(message: Message) -> bool:
+    if message.get_type() in ("COMMAND_LONG", "COMMAND_INT"):
+        return message.command not in ASKING_COMMANDS
+    return message.get_type() not in QUESTIONS
+
+
+@pytest.mark.parametrize("kind", VEHICLES)
+async def test_on_the_ground_it_says_why_it_would_not_fly(kind: type[FakeArduPlane] | type[FakePx4]) -> None:
+    found, said, _ = await looked_at(kind(HOME, now_s(), mission=MISSION), 4.0)
+    assert found.heard
+    assert said["mode"] == "MANUAL, disarmed"
+    assert said["rates"] == "not measured in so short a time"
+    assert found.hindrances == ("its mode is MANUAL, not AUTO or MISSION", "it is disarmed")
+
+
+async def test_armed_on_the_ground_it_says_how_high_it_would_have_to_be() -> None:
+    vehicle = FakeArduPlane(HOME, now_s(), mission=MISSION)
+    vehicle.arm()
+    found, _, _ = await looked_at(vehicle, 4.0)
+    assert "it is 0 m above home, below 30 m" in found.hindrances
+
+
+@pytest.mark.parametrize("kind", VEHICLES)
+async def test_in_the_air_it_would_fly_and_commands_nothing_all_the_same(
+    kind: type[FakeArduPlane] | type[FakePx4],
+) -> None:
+    found, said, heard = await looked_at(in_the_air(kind), 12.0)
+    assert found.hindrances == ()
+    assert said["mode"] == f"{MISSION_MODE[kind]}, armed"
+    assert said["autopilot"].startswith(kind.name)
+    assert said["position"].startswith("300 m above home, ")
+    assert said["rate GLOBAL_POSITION_INT"].endswith("asked for 10.0 Hz")
+    assert said["mission"] == f"{len(MISSION) + kind.first_item} items"
+    assert said["second avoider"] == "none acts"
+    limits = [finding.words for finding in found.findings if finding.topic == "limit"]
+    assert any("(AIRSPEED_MIN" in words or "(FW_AIRSPD_MIN" in words for words in limits)
+    assert heard
+    assert [message for message in heard if commands_anything(message)] == []
+
+
+async def test_another_avoider_keeps_it_from_flying() -> None:
+    found, said, _ = await looked_at(in_the_air(FakePx4, parameters={"NAV_TRAFF_AVOID": 2}), 10.0)
+    assert said["second avoider"] == "NAV_TRAFF_AVOID 2"
+    assert said["set otherwise"].startswith("COM_OBL_RC_ACT 0: set 5 (Hold)")
+    assert found.hindrances == ("another avoider acts: NAV_TRAFF_AVOID 2",)
+
+
+async def test_a_message_that_never_comes_is_shown_as_such() -> None:
+    vehicle = in_the_air(FakeArduPlane)
+    vehicle.refuse(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED)
+    _, said, _ = await looked_at(vehicle, 8.0, stream_rate_hz=0.0)
+    assert said["rate GPS_RAW_INT"] == "0.0 Hz, asked for 1.0 Hz"
+
+
+async def test_its_configured_role_keeps_it_from_flying() -> None:
+    found, said, _ = await looked_at(in_the_air(FakeArduPlane), 3.0, SupervisorParams(role="advise"))
+    assert said["role"] == "advise"
+    assert found.hindrances == ("told to advise only",)
+
+
+async def test_the_command_says_all_of_it_and_nothing_else(tmp_path: Path) -> None:
+    vehicle, port = in_the_air(FakePx4), free_port()
+    async with talking(vehicle, port, ScaledClock(1.0, start_s=vehicle.time_s)):
+        code, lines, errors = await check(tmp_path, port, 4.0)
+    assert code == 0
+    assert any(line.startswith("autopilot") and "PX4 1.15.0, system 1, fixed wing" in line for line in lines)
+    assert lines[-1] == "would fly: in a conflict it takes the aircraft over"
+    assert errors == ""
+
+
+async def test_nobody_there_is_a_failure_said_once(tmp_path: Path) -> None:
+    code, lines, errors = await check(tmp_path, free_port(), 3.0)
+    assert code == 1
+    assert "autopilot none heard" in [" ".join(line.split()) for line in lines]
+    assert errors == "would not fly: no autopilot is heard\n"
+
+
+async def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        code, _, errors = await check(tmp_path, port, 3.0)
+    assert code == 1
+    assert errors == f"udpin:127.0.0.1:{port}: Address already in use\n"
