@@ -1,9 +1,11 @@
 """Scores of an encounter: how near it came, by the definitions of the standards."""
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
 
 from companion.model import Vec2, Vec3
 from sim.scenario import Scenario, World, undisturbed
@@ -72,6 +74,7 @@ class FlightScore:
 
     def __post_init__(self) -> None:
         self.encounters = {f"{i.icao:06X}": Encounter(i.icao, i.callsign) for i in self.intruders}
+        self._path = np.asarray(self.planned, dtype=float)
 
     def update(self, time_s: float, own_m: Vec3) -> None:
         """Where we are now, north-east-down."""
@@ -79,9 +82,7 @@ class FlightScore:
             if intruder.appears_s <= time_s <= intruder.disappears_s:
                 position_m, _ = intruder.state_at(time_s)
                 self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
-        self.max_deviation_m = max(
-            self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self.planned)
-        )
+        self.max_deviation_m = max(self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self._path))
 
     def acted(self, time_s: float, track_ids: Sequence[str]) -> None:
         """Avoidance of these tracks is being flown."""
@@ -91,21 +92,16 @@ class FlightScore:
                 encounter.first_action_s = time_s - self.start_s
 
 
-def distance_to_path_m(point: Vec2, path: Sequence[Vec2]) -> float:
-    """Distance of a point from a polyline [m]; 0 when there is none."""
+def distance_to_path_m(point: Vec2, path: NDArray[np.float64]) -> float:
+    """Distance of a point from a polyline [m], `path` being (points, 2); 0 when there is none."""
     if len(path) < 2:
-        return math.dist(point, path[0]) if path else 0.0
-    return min(_distance_to_leg_m(point, a, b) for a, b in itertools.pairwise(path))
-
-
-def _distance_to_leg_m(point: Vec2, a: Vec2, b: Vec2) -> float:
-    along = (b[0] - a[0], b[1] - a[1])
-    length2 = along[0] ** 2 + along[1] ** 2
-    share = 0.0
-    if length2 > 0.0:
-        share = ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / length2
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(point, (a[0] + share * along[0], a[1] + share * along[1]))
+        return math.dist(point, path[0]) if len(path) else 0.0
+    starts, along = path[:-1], path[1:] - path[:-1]
+    away = np.asarray(point) - starts
+    length2 = np.maximum((along * along).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip((away * along).sum(axis=1) / length2, 0.0, 1.0)
+    off = away - share[:, None] * along
+    return math.sqrt(float((off * off).sum(axis=1).min()))
 
 
 def score_of(scenario: Scenario, world: World) -> FlightScore:
