@@ -1,179 +1,30 @@
-"""Whoever takes the aircraft from us has it: within one tick, and for as long as he wants, on both autopilots."""
-
-from collections.abc import Callable
-from dataclasses import dataclass
+"""Whoever takes the aircraft from us has it within one tick, and keeps it: on both autopilots."""
 
 import pytest
 
-from companion.autopilots import ArduPlane, Px4FixedWing
-from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import Fact, FenceStatus, Heartbeat, LandedState, RcChannels
-from companion.supervisor import State
+from companion.engine import EngineConfig
+from companion.supervisor import State, SupervisorParams
 from sim.scenario import Autopilot
-from sim.vehicle.fence import EXCLUSION_CIRCLE
-from sim.vehicle.mission import MissionItem
-from tests.closed_loop.watched import Watched, alone, asks_for_a_mode
-
-ARDUPILOT: Autopilot = "ardupilot"
-PX4: Autopilot = "px4"
-BOTH: tuple[Autopilot, ...] = (ARDUPILOT, PX4)
-TICK_US = 100_000
-MISSION_MODE = {ARDUPILOT: "AUTO", PX4: "MISSION"}
-GUIDED_MODE = {ARDUPILOT: "GUIDED", PX4: "OFFBOARD"}
-# PX4 then holds by itself when our stream ends, as is recommended.
-HOLDS = {"COM_OBL_RC_ACT": 5.0}
-
-# --- how somebody takes the aircraft, and what says so
-
-
-@dataclass(frozen=True)
-class Taking:
-    """What somebody does, and the first message that tells of it."""
-
-    name: str
-    does: Callable[[Watched], None]
-    says: Callable[[Fact], bool]
-
-    def __str__(self) -> str:
-        return self.name
-
-
-def mode(name: str) -> Taking:
-    return Taking(name, lambda loop: loop.world.vehicle.set_mode(name), _heartbeat_of(name))
-
-
-def _heartbeat_of(name: str) -> Callable[[Fact], bool]:
-    def says(fact: Fact) -> bool:
-        return isinstance(fact, Heartbeat) and name in (
-            ArduPlane.mode_name(fact.custom_mode),
-            Px4FixedWing.mode_name(fact.custom_mode),
-        )
-
-    return says
-
-
-def disarm(loop: Watched) -> None:
-    loop.world.vehicle.flight.armed = False
-
-
-def land(loop: Watched) -> None:
-    """The autopilot says that it lands, whatever its mode."""
-
-    def landing(message: Message) -> Message:
-        if message.get_type() == "EXTENDED_SYS_STATE":
-            message.landed_state = mavlink.MAV_LANDED_STATE_LANDING
-        return message
-
-    loop.altered = landing
-
-
-def break_the_fence(loop: Watched, *, action: float) -> None:
-    """A zone to keep out of is suddenly where the aircraft is, unknown to us."""
-    vehicle = loop.world.vehicle
-    here = vehicle.truth.place
-    ours = {"FENCE_ENABLE": 1.0, "FENCE_ACTION": action, "GF_ACTION": action}
-    for name, value in ours.items():
-        if name in vehicle.parameters:
-            vehicle.parameters.record(name, value)
-    place = round(here.lat_deg * 1e7), round(here.lon_deg * 1e7)
-    vehicle.flight.fence.replace([MissionItem(EXCLUSION_CIRCLE, (2000.0, 0.0, 0.0, 0.0), *place, 0.0, 0)])
-
-
-def failing(fact: Fact) -> bool:
-    return isinstance(fact, Heartbeat) and fact.system_status == mavlink.MAV_STATE_CRITICAL
-
-
-STICKS = Taking(
-    "sticks",
-    lambda loop: loop.world.vehicle.move_sticks(roll=0.5),
-    lambda fact: isinstance(fact, RcChannels) and fact.pulses_us[0] == 1700,
+from tests.closed_loop.takings import (
+    ARDUPILOT,
+    BOTH,
+    COMMON,
+    FAILSAFE,
+    GUIDED_MODE,
+    HOLDS,
+    MISSION_MODE,
+    PX4,
+    STATES,
+    STICKS,
+    TICK_US,
+    WAYS,
+    Taking,
+    begun,
+    mode,
 )
-RUDDER = Taking(
-    "rudder",
-    lambda loop: loop.world.vehicle.move_sticks(yaw=-0.4),
-    lambda fact: isinstance(fact, RcChannels) and fact.pulses_us[3] == 1340,
-)
-DISARMED = Taking("disarmed", disarm, lambda fact: isinstance(fact, Heartbeat) and not fact.armed)
-LANDING = Taking("landing", land, lambda fact: isinstance(fact, LandedState) and fact.landed_state == 4)
-FAILSAFE = Taking("failsafe", lambda loop: loop.world.vehicle.fail_safe(True), failing)
-FAILSAFE_HOME = Taking(
-    "failsafe home", lambda loop: loop.world.vehicle.fail_safe(True, return_home=True), failing
-)
-FENCE = Taking(
-    "fence",
-    lambda loop: break_the_fence(loop, action=0.0),
-    lambda fact: isinstance(fact, FenceStatus) and fact.breached,
-)
-FENCE_HOME = Taking("fence home", lambda loop: break_the_fence(loop, action=1.0), FENCE.says)
-FENCE_HOLD = Taking("fence hold", lambda loop: break_the_fence(loop, action=2.0), _heartbeat_of("HOLD"))
+from tests.closed_loop.watched import Watched, alone
 
-COMMON = (STICKS, RUDDER, DISARMED, LANDING, FAILSAFE, FAILSAFE_HOME)
-WAYS: dict[Autopilot, tuple[Taking, ...]] = {
-    ARDUPILOT: (
-        *COMMON,
-        FENCE,
-        FENCE_HOME,
-        *map(mode, ("MANUAL", "FBWA", "CRUISE", "LOITER", "RTL", "AVOID_ADSB", "AUTO")),
-    ),
-    PX4: (
-        *COMMON,
-        FENCE_HOLD,
-        *map(mode, ("MANUAL", "STABILIZED", "ALTCTL", "POSCTL", "HOLD", "RETURN", "LAND", "MISSION")),
-    ),
-}
-
-# --- what we are doing when he does
-
-
-def to_engaging(loop: Watched) -> None:
-    """The autopilot does not hear that we want it."""
-    loop.deaf = asks_for_a_mode
-    loop.intrude(3500.0)
-    loop.until(State.ENGAGING, limit_s=10.0)
-    loop.run(0.7)  # the request is on its way
-
-
-def to_outer(loop: Watched) -> None:
-    loop.intrude(3500.0)
-    loop.until(State.OUTER, limit_s=10.0)
-    loop.run(1.5)
-
-
-def to_inner(loop: Watched) -> None:
-    loop.intrude(1200.0)
-    loop.until(State.INNER, limit_s=10.0)
-    loop.run(0.3)
-    assert loop.state is State.INNER
-
-
-def to_releasing(loop: Watched) -> None:
-    """Clear of traffic, but the autopilot does not hear that it is given back."""
-    loop.intrude(3500.0, goes_s=3.0)
-    loop.until(State.OUTER, limit_s=10.0)
-    loop.deaf = asks_for_a_mode
-    loop.until(State.RELEASING, limit_s=30.0)
-    loop.run(0.7)
-
-
-STATES = {
-    State.ENGAGING: to_engaging,
-    State.OUTER: to_outer,
-    State.INNER: to_inner,
-    State.RELEASING: to_releasing,
-}
-
-
-def begun(autopilot: Autopilot, state: State, **options: object) -> Watched:
-    """In the air on the mission, and in one of the states that have the aircraft."""
-    loop = Watched(alone(), autopilot=autopilot, parameters=_known(autopilot), **options)  # type: ignore[arg-type]
-    loop.run(2.5)
-    STATES[state](loop)
-    assert loop.state is state
-    return loop
-
-
-def _known(autopilot: Autopilot) -> dict[str, float]:
-    return HOLDS if autopilot == PX4 else {}
+both = pytest.mark.parametrize("autopilot", BOTH)
 
 
 def taken(loop: Watched, way: Taking, during_s: float) -> None:
@@ -206,3 +57,123 @@ def test_whoever_takes_the_aircraft_has_it_within_one_tick(
     autopilot: Autopilot, state: State, way: Taking
 ) -> None:
     taken(begun(autopilot, state), way, during_s=2.0)
+
+
+@pytest.mark.parametrize("way", [*COMMON, *map(mode, ("MANUAL", "LOITER", "RTL"))], ids=str)
+def test_nor_is_it_flown_back_for_its_circle_when_somebody_takes_it(way: Taking) -> None:
+    taken(returning(), way, during_s=2.0)
+
+
+def returning() -> Watched:
+    """On the way back to the circle that was flown before."""
+    config = EngineConfig(supervisor=SupervisorParams(take_over_from=("LOITER",)))
+    loop = Watched(alone(), config=config)
+    loop.world.vehicle.set_mode("LOITER")
+    loop.run(2.5)
+    loop.intrude(1500.0, goes_s=10.0)
+    loop.until(State.RETURNING, limit_s=40.0)
+    loop.run(0.3)
+    return loop
+
+
+OTHER_MODE = {ARDUPILOT: "FBWA", PX4: "ALTCTL"}
+
+
+@both
+def test_taken_up_again_only_after_it_settled_in_an_allowed_mode(autopilot: Autopilot) -> None:
+    settle_s = 2.0
+    config = EngineConfig(supervisor=SupervisorParams(settle_s=settle_s))
+    loop = begun(autopilot, State.OUTER, config)
+    taken(loop, mode(OTHER_MODE[autopilot]), during_s=3.0 * settle_s)
+    back = mode(MISSION_MODE[autopilot])
+    back.does(loop)
+    back_us = loop.until_said(back.says)
+    loop.until(State.ENGAGING, limit_s=settle_s + 1.0)
+    assert loop.entered_us(State.ENGAGING) - back_us >= settle_s * 1e6
+    loop.until(State.OUTER, limit_s=2.0)
+
+
+@both
+def test_out_of_the_allowed_mode_for_a_moment_it_has_to_settle_anew(autopilot: Autopilot) -> None:
+    config = EngineConfig(supervisor=SupervisorParams(settle_s=2.0))
+    loop = begun(autopilot, State.OUTER, config)
+    taken(loop, mode(OTHER_MODE[autopilot]), during_s=1.0)
+    for _ in range(3):
+        loop.world.vehicle.set_mode(MISSION_MODE[autopilot])
+        loop.run(1.5)
+        loop.world.vehicle.set_mode(OTHER_MODE[autopilot])
+        loop.run(1.5)
+    assert loop.state is State.HANDS_OFF
+    assert loop.sent_since(State.HANDS_OFF) == []
+
+
+@pytest.mark.parametrize("way", [STICKS, FAILSAFE], ids=str)
+def test_guided_that_was_abandoned_is_given_back(way: Taking) -> None:
+    abandoned_s = 2.0
+    config = EngineConfig(supervisor=SupervisorParams(abandoned_s=abandoned_s, settle_s=60.0))
+    loop = begun(ARDUPILOT, State.OUTER, config)
+    taken(loop, way, during_s=1.0)
+    if way is STICKS:
+        loop.run(2.0 * abandoned_s)
+        assert loop.mode_name == GUIDED_MODE[ARDUPILOT], "his as long as he holds the stick"
+        loop.world.vehicle.move_sticks()
+    else:
+        loop.world.vehicle.fail_safe(False)
+    let_go_us = loop.now_us
+    loop.until_so(lambda: loop.mode_name == MISSION_MODE[ARDUPILOT], limit_s=2.0 * abandoned_s)
+    if way is STICKS:
+        assert loop.now_us - let_go_us >= abandoned_s * 1e6
+    loop.run(1.0)
+    assert not loop.engine.supervisor.flying
+
+
+@both
+def test_sticks_let_go_leave_nobody_in_a_mode_that_nobody_flies(autopilot: Autopilot) -> None:
+    """PX4 leaves it by itself, as our stream has ended: then nothing is to be given back."""
+    loop = begun(autopilot, State.OUTER, EngineConfig(supervisor=SupervisorParams(settle_s=60.0)))
+    taken(loop, STICKS, during_s=1.0)
+    loop.world.vehicle.move_sticks()
+    loop.run(8.0)
+    assert loop.mode_name == {ARDUPILOT: "AUTO", PX4: "HOLD"}[autopilot]
+    if autopilot == PX4:
+        assert loop.sent_since(State.HANDS_OFF) == []
+
+
+# --- the autopilot's own avoidance
+
+NEAR = {
+    ARDUPILOT: {"AVD_ENABLE": 1.0, "AVD_F_ACTION": 2.0, "AVD_F_DIST_XY": 2500.0},
+    PX4: {"NAV_TRAFF_AVOID": 2.0, "NAV_TRAFF_A_HOR": 2500.0, **HOLDS},
+}
+FOUND = {ARDUPILOT: "AVD_ENABLE with AVD_F_ACTION 2", PX4: "NAV_TRAFF_AVOID 2"}
+ACTS = {ARDUPILOT: "AVOID_ADSB", PX4: "RETURN"}
+
+
+@both
+def test_beside_another_avoider_we_only_advise_and_say_so_once(autopilot: Autopilot) -> None:
+    loop = Watched(alone(), autopilot=autopilot, parameters=NEAR[autopilot])
+    loop.run(12.0)
+    loop.intrude(3500.0, goes_s=12.0)
+    loop.run(15.0)
+    assert loop.sent == []
+    texts = loop.flight.texts
+    assert sum("avoids too" in text for text in texts) == 1
+    assert any(FOUND[autopilot] in "".join(texts) for _ in texts)
+    assert any(text.startswith("Traffic SUDDEN") for text in texts), "announced all the same"
+
+
+@both
+def test_told_to_fly_beside_it_we_do_until_it_acts(autopilot: Autopilot) -> None:
+    config = EngineConfig(supervisor=SupervisorParams(beside_other_avoider="fly"))
+    loop = Watched(alone(), autopilot=autopilot, parameters=NEAR[autopilot], config=config)
+    loop.run(8.0)
+    loop.intrude(3500.0)
+    loop.until(State.OUTER, limit_s=5.0)
+    acts = mode(ACTS[autopilot])
+    said_us = loop.until_said(acts.says, limit_s=30.0)
+    loop.step()
+    loop.step()
+    assert loop.state is State.HANDS_OFF
+    assert loop.entered_us(State.HANDS_OFF) - said_us <= TICK_US
+    loop.run(5.0)
+    assert loop.sent_since(State.HANDS_OFF) == []

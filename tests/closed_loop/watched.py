@@ -1,5 +1,6 @@
 """A closed loop whose every command is noted, and whose links can lose or change what they carry."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -163,8 +164,8 @@ class Watched(ClosedLoop):
         """Somebody appears ahead of us and comes against us; after `goes_s` he climbs away steeply."""
         truth = self.world.vehicle.truth
         north_mps, east_mps, _ = truth.velocity_mps
-        ground_mps = (north_mps**2 + east_mps**2) ** 0.5
-        ahead = north_mps / ground_mps, east_mps / ground_mps
+        course_rad = truth.heading_rad if truth.on_ground else math.atan2(east_mps, north_mps)
+        ahead = math.cos(course_rad), math.sin(course_rad)
         north_m, east_m, down_m = truth.position_m
         away = () if goes_s is None else (Manoeuvre(self.now_s + goes_s, climb_mps=80.0),)
         intruder = Intruder(
