@@ -57,8 +57,8 @@ class ClosedLoop:
         self.scenario = scenario
         self.engine = engine
         self.world: World = build_world(scenario, start_us / 1e6, seed=seed, autopilot=autopilot)
-        for channel in (COMPANION_CHANNEL, RECEIVER_CHANNEL):
-            self.world.vehicle.add_channel(channel)
+        self.world.vehicle.add_channel(COMPANION_CHANNEL)
+        self.world.vehicle.add_channel(RECEIVER_CHANNEL, stream_rate_hz=0.0)  # nobody listens there
         self.flight = Flight(score_of(scenario, self.world), self.world.vehicle.truth)
         self._encoder, self._boots = Encoder(), self.world.vehicle.boots
         self._up, self._down = FrameSplitter(), FrameSplitter()

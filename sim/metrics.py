@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from companion.model import Vec2, Vec3
 from sim.path import distance_to_path_m, thinned_path
 from sim.scenario import Scenario, World, undisturbed
@@ -72,6 +74,7 @@ class FlightScore:
 
     def __post_init__(self) -> None:
         self.encounters = {f"{i.icao:06X}": Encounter(i.icao, i.callsign) for i in self.intruders}
+        self._path = np.asarray(self.planned, dtype=float)
 
     def update(self, time_s: float, own_m: Vec3) -> None:
         """Where we are now, north-east-down."""
@@ -79,9 +82,7 @@ class FlightScore:
             if intruder.appears_s <= time_s <= intruder.disappears_s:
                 position_m, _ = intruder.state_at(time_s)
                 self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
-        self.max_deviation_m = max(
-            self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self.planned)
-        )
+        self.max_deviation_m = max(self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self._path))
 
     def acted(self, time_s: float, track_ids: Sequence[str]) -> None:
         """Avoidance of these tracks is being flown."""

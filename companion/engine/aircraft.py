@@ -211,6 +211,14 @@ class Aircraft:
             self.airspeed_mps(),
         )
 
+    def mission_place(self, before: Before) -> GeoPoint | None:
+        """Where the mission leads on to that was left, as soon as its items are known."""
+        of_mission = self.adapter is not None and self.adapter.mode_name(before.mode) in _MISSION_MODES
+        sequence = self.sequence if before.sequence is None else before.sequence
+        if not of_mission or self.mission is None or sequence is None:
+            return None
+        return self.mission.destination(sequence, self.home_altitude_m())
+
     def sent_elsewhere(self, target: GeoPoint | None) -> bool:
         """Whether somebody gave the guided mode, in which it already was, another target while we fly it."""
         other = self.target_while_ours

@@ -17,6 +17,7 @@ from companion.engine.operator import Operator
 from companion.engine.readiness import Readiness
 from companion.engine.strays import Strays
 from companion.engine.way_back import WayBack
+from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult
 from companion.model import Decision, Guidance, Layer
@@ -77,6 +78,7 @@ class Authority:
         self._ready_since_s: float | None = None
         self._not_before_s = -math.inf
         self._given_back_s = -math.inf
+        self._settles = False  # given back after somebody else had it: not taken over at once
         self._rescuing = False  # flown until the controller has recovered, conflict or not
         self._emergency_s: float | None = None
 
@@ -100,6 +102,10 @@ class Authority:
         before = self._before if self.holds else None
         left_behind = adapter.left_behind_mode()
         return Held(now_s, adapter.target.system_id, before, role, left_behind, adapter.borrowed)
+
+    def goes_on_to(self) -> GeoPoint | None:
+        """Where the aircraft will fly to when it is given back, as far as its mission says."""
+        return self._aircraft.mission_place(self._before) if self.holds else None
 
     def way_back(self) -> Guidance | None:
         """What to fly without a conflict: to where the former mode belongs, or straight on to recover."""
@@ -195,7 +201,8 @@ class Authority:
 
     def _take_back(self, event: Event, now_s: float) -> list[Effect]:
         """Give back what is in the guided mode with nobody flying it."""
-        if event is not Event.ABANDONED:
+        self._settles = event is Event.ABANDONED
+        if not self._settles:
             self._before = self._strays.before
         if event is Event.POISONED:
             return self._rescue(now_s)
@@ -293,6 +300,8 @@ class Authority:
         if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.CONFIRMED:
             self._request = None
             self._given_back_s = now_s
+            if self._settles:
+                self._settles, self._not_before_s = False, now_s + self._rules.settle_s
             if self._was_guided:
                 self._strays.settled()
             self.supervisor.handle(Event.GIVEN_BACK)

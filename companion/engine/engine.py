@@ -309,10 +309,7 @@ class Engine:
             return
         self._own = self.aircraft.ownship(self._frame)
         self._tracks = self._surroundings.tracks(now_s, self._frame, self.aircraft.home_altitude_m())
-        if self._goal is None or self.supervisor.state in WATCHING:
-            self._goal = self.aircraft.goal(self._frame, now_s)
-            if self.aircraft.mission_outdated(now_s):
-                self.onboard.doubt_mission(now_s)
+        self._goal = self._goal_now(self._frame, now_s)
         if self._own is None or self.operator.role is Role.OFF or not self._may_decide():
             self._avoider.reset()
             because = "off" if self.operator.role is Role.OFF else "not flying"
@@ -320,6 +317,21 @@ class Engine:
             return
         self._limit(now_s)
         self._decision = self._avoider.decide(now_s, self._own, self._tracks, self._goal)
+
+    def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
+        """What the mission wants; while the aircraft is ours, what it wanted then."""
+        if self._goal is None or self.supervisor.state in WATCHING:
+            goal = self.aircraft.goal(frame, now_s)
+            if self.aircraft.mission_outdated(now_s):
+                self.onboard.doubt_mission(now_s)
+            return goal
+        if self._goal.position_m is not None:
+            return self._goal
+        # Taken over before the mission was read, as after a restart: straight on is not where it leads.
+        place = self._authority.goes_on_to()
+        if place is None:
+            return self._goal
+        return replace(self._goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
 
     def _may_decide(self) -> bool:
         """Nothing is decided on the ground; while flying for us the aircraft may sink to the floor and be."""

@@ -4,64 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
-from companion.engine import Effect, Engine, Transmit
+from companion.engine import Transmit
 from companion.supervisor import State
-from sim.closed_loop import ClosedLoop
-from sim.scenario import Autopilot, load_scenario
 from sim.vehicle import Mode
-
-COMMANDS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT"}
-SET_INTERVAL, REQUEST_MESSAGE = 511, 512
-
-
-class Watched(ClosedLoop):
-    """Notes every flying command that leaves, and can drop what the vehicle hears."""
-
-    def __init__(
-        self,
-        name: str = "head-on",
-        *,
-        deaf: Callable[[Transmit], bool] = lambda _: False,
-        autopilot: Autopilot = "ardupilot",
-    ) -> None:
-        self.sent: list[tuple[int, str]] = []
-        self._deaf = deaf
-        super().__init__(load_scenario(name), Engine(), autopilot=autopilot)
-
-    def _transmit(self, time_us: int, effect: Transmit) -> None:
-        message = effect.message
-        asking = getattr(message, "command", None) in (SET_INTERVAL, REQUEST_MESSAGE)
-        if message.get_type() in COMMANDS and not asking:
-            self.sent.append((time_us, f"{message.get_type()} {getattr(message, 'command', '')}".strip()))
-        if not self._deaf(effect):
-            super()._transmit(time_us, effect)
-
-    @property
-    def now_us(self) -> int:
-        return self._now_us
-
-    def until(self, *states: State, limit_s: float = 120.0) -> None:
-        """Fly on until the supervisor is in one of the states."""
-        assert self.engine is not None
-        for _ in range(round(limit_s * 20)):
-            if self.engine.supervisor.state in states:
-                return
-            self._now_us += 50_000
-            self._step()
-        raise AssertionError(f"never came to {states}, stayed in {self.engine.supervisor.state}")
-
-    def mode(self) -> Mode:
-        return Mode[self.world.vehicle.truth.mode]
-
-    def stop(self) -> list[Effect]:
-        assert self.engine is not None
-        effects = self.engine.request_stop(self._now_us / 1e6)
-        self._perform(self._now_us, effects)
-        return effects
-
-
-def asks_for_a_mode(effect: Transmit) -> bool:
-    return getattr(effect.message, "command", None) == 176
+from tests.closed_loop.watched import COMMANDS, SET_INTERVAL, Watched, asks_for_a_mode
 
 
 def flying(loop: Watched) -> None:

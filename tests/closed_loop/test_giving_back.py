@@ -1,6 +1,7 @@
 """The aircraft goes back to what it did before: a mission, a circle, a course, a place to fly to."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -8,17 +9,20 @@ from companion.engine import Engine, EngineConfig
 from companion.mavlink.dialect import mavlink
 from companion.supervisor import State, SupervisorParams
 from sim.closed_loop import ClosedLoop
-from sim.scenario import load_scenario
-from sim.traffic import Intruder
-from sim.vehicle import Mode
+from sim.metrics import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
+from sim.scenario import Autopilot, load_scenario
+from sim.traffic import Intruder, Manoeuvre
+from sim.vehicle import Mode, Px4Mode
 
 
 class Standing(ClosedLoop):
     """No mission traffic: the aircraft does something else, and one intruder comes from the north."""
 
-    def __init__(self, *modes: str) -> None:
+    def __init__(self, *modes: str, autopilot: Autopilot = "ardupilot") -> None:
         config = EngineConfig(supervisor=SupervisorParams(take_over_from=modes))
-        super().__init__(load_scenario("clear"), Engine(config))
+        # The mission is not what is flown here, and so its length is of no interest to anybody.
+        nobody = replace(load_scenario("clear"), intruders=(), duration_s=1.0)
+        super().__init__(nobody, Engine(config), autopilot=autopilot)
         self.run(5.0)
 
     def intrude(self, north_m: float, east_m: float, height_m: float, *, after_s: float) -> None:
@@ -42,7 +46,7 @@ class Standing(ClosedLoop):
         self.world.vehicle.receive(message, self._now_us / 1e6, 1)
 
     def states(self, seconds: float) -> list[State]:
-        """The states one after the other."""
+        """The states one after the other, until it watches the mission again after having flown."""
         assert self.engine is not None
         seen = [self.engine.supervisor.state]
         for _ in range(round(seconds * 20)):
@@ -50,6 +54,9 @@ class Standing(ClosedLoop):
             self._step()
             if self.engine.supervisor.state is not seen[-1]:
                 seen.append(self.engine.supervisor.state)
+                if seen[-1] is State.MONITOR and State.OUTER in seen:
+                    self.run(5.0)
+                    break
         return seen
 
 
@@ -61,7 +68,7 @@ def test_a_circle_is_flown_again_around_its_centre() -> None:
     centre = loop.world.vehicle.flight.target
     assert centre is not None
     centre_m = loop.world.frame.to_ned_m(centre)
-    loop.intrude(north_m, east_m, -down_m, after_s=60.0)
+    loop.intrude(north_m, east_m, -down_m, after_s=45.0)
     seen = loop.states(150.0)
     assert State.OUTER in seen
     assert State.RETURNING in seen
@@ -80,12 +87,12 @@ def test_a_course_is_flown_again() -> None:
     loop.run(3.0)
     before = loop.world.vehicle.truth
     course_rad = math.atan2(before.velocity_mps[1], before.velocity_mps[0])
-    ahead_m = 22.0 * 70.0
+    ahead_m = 22.0 * 50.0
     loop.intrude(
         before.position_m[0] + ahead_m * math.cos(course_rad),
         before.position_m[1] + ahead_m * math.sin(course_rad),
         -before.position_m[2],
-        after_s=70.0,
+        after_s=50.0,
     )
     seen = loop.states(200.0)
     assert State.RETURNING in seen
@@ -110,7 +117,7 @@ def test_the_target_of_guided_is_flown_to_again() -> None:
     lat_e7, lon_e7 = guided(loop, 4000.0)
     loop.run(3.0)
     truth = loop.world.vehicle.truth
-    loop.intrude(truth.position_m[0] + 22.0 * 60.0, truth.position_m[1], -truth.position_m[2], after_s=60.0)
+    loop.intrude(truth.position_m[0] + 22.0 * 45.0, truth.position_m[1], -truth.position_m[2], after_s=45.0)
     seen = loop.states(150.0)
     assert State.OUTER in seen
     assert seen[-1] is State.MONITOR
@@ -126,7 +133,7 @@ def test_another_target_in_guided_is_somebody_elses_word() -> None:
     guided(loop, 4000.0)
     loop.run(3.0)
     truth = loop.world.vehicle.truth
-    loop.intrude(truth.position_m[0] + 22.0 * 60.0, truth.position_m[1], -truth.position_m[2], after_s=60.0)
+    loop.intrude(truth.position_m[0] + 22.0 * 45.0, truth.position_m[1], -truth.position_m[2], after_s=45.0)
     assert loop.engine is not None
     for _ in range(2000):
         loop.run(0.1)
@@ -158,3 +165,91 @@ def test_a_mission_that_starts_anew_is_sent_to_its_item() -> None:
     flight._start_or_resume = start_or_resume  # type: ignore[method-assign]
     loop.run(5.0)
     assert loop.world.vehicle.truth.mission_sequence == 2
+
+
+# --- PX4
+
+
+def test_px4_circles_its_former_place_again() -> None:
+    loop = Standing("HOLD", autopilot="px4")
+    loop.world.vehicle.set_mode(Px4Mode.HOLD)
+    loop.run(5.0)
+    centre = loop.world.vehicle.flight.target
+    assert centre is not None
+    centre_m = loop.world.frame.to_ned_m(centre)
+    loop.intrude(centre_m[0], centre_m[1], -centre_m[2], after_s=45.0)
+    seen = loop.states(90.0)
+    assert State.OUTER in seen
+    assert seen[-1] is State.MONITOR
+    truth = loop.world.vehicle.truth
+    assert truth.mode == "HOLD"
+    assert not loop.flight.uncontrolled
+    circled = loop.world.vehicle.flight.target
+    assert circled is not None
+    assert math.dist(loop.world.frame.to_ned_m(circled)[:2], centre_m[:2]) < 1.0
+    assert abs(circled.altitude_m + centre_m[2]) < 15.0
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_taken_over_before_the_mission_was_read_its_waypoint_is_what_counts(autopilot: Autopilot) -> None:
+    """As after a restart in the middle of a conflict: then the waypoint becomes known while we fly."""
+    loop = ClosedLoop(load_scenario("clear"), Engine(), autopilot=autopilot)
+    truth = loop.world.vehicle.truth
+    north_m, east_m, down_m = truth.position_m
+    loop.world.receiver.add(
+        Intruder(0xABCDEF, "SOUTH", truth.time_s, (north_m + 5000.0, east_m, down_m), (-60.0, 0.0, 0.0))
+    )
+    assert loop.engine is not None
+    while loop.engine.supervisor.state is not State.OUTER:
+        loop.run(0.1)
+    assert loop.flight.modes[-1][0] < 4.0
+    loop.run(8.0)
+    goal = loop.engine.snapshot(loop.world.vehicle.time_s).goal
+    assert goal is not None
+    assert goal.position_m is not None
+    waypoint = loop.scenario.mission.waypoints[-1]
+    to_go_m = waypoint.north_m - loop.world.vehicle.truth.position_m[0]
+    assert goal.position_m[0] > 0.9 * to_go_m
+
+
+# --- no return that leads back into the conflict
+
+
+@pytest.mark.parametrize(("autopilot", "side"), [("ardupilot", 1.0), ("px4", -1.0)])
+def test_not_given_back_as_long_as_an_intruder_stays_beside_us(autopilot: Autopilot, side: float) -> None:
+    """It converges, turns onto our course, and flies along under us; then it goes away."""
+    loop = ClosedLoop(replace(load_scenario("clear"), intruders=()), Engine(), autopilot=autopilot)
+    truth = loop.world.vehicle.truth
+    (north_m, east_m, down_m), began_s = truth.position_m, truth.time_s
+    turn_rps, turning_s = side * math.atan2(15.0, 20.0) / 5.0, 5.0
+    intruder = Intruder(
+        0xABCDEF,
+        "BESIDE",
+        began_s,
+        (north_m + 200.0, east_m + side * 1100.0, down_m),
+        (20.0, -15.0 * side, 0.0),
+        manoeuvres=(
+            Manoeuvre(began_s + 60.0, turn_rate_rps=turn_rps),
+            Manoeuvre(began_s + 60.0 + turning_s),
+            Manoeuvre(began_s + 90.0, climb_mps=-30.0),
+        ),
+        appears_s=began_s,
+    )
+    loop.world.receiver.add(intruder)
+    for _ in range(90):
+        loop.run(1.0)
+        assert separation(loop, intruder) >= 1.0
+    assert loop.flight.engagements == 1
+    assert loop.world.vehicle.truth.companion_flies
+    loop.run(20.0)
+    assert loop.world.vehicle.truth.on_mission
+    assert loop.flight.engagements == 1
+    assert not loop.flight.uncontrolled
+
+
+def separation(loop: ClosedLoop, intruder: Intruder) -> float:
+    """How far it is now, as a share of well clear: 1 and more is clear."""
+    here_m = loop.world.vehicle.truth.position_m
+    there_m, _ = intruder.state_at(loop.world.vehicle.time_s)
+    horizontal = math.dist(here_m[:2], there_m[:2]) / WELL_CLEAR_HORIZONTAL_M
+    return max(horizontal, abs(here_m[2] - there_m[2]) / WELL_CLEAR_VERTICAL_M)

@@ -1,17 +1,19 @@
-"""Every scenario of `configs/scenarios`, engine and fake ArduPlane in lockstep."""
+"""Every scenario of `configs/scenarios`, engine and both fake autopilots in lockstep."""
 
 import pytest
 
 from companion.engine import Engine
 from companion.model import Layer
 from sim.closed_loop import ClosedLoop, Flight
-from sim.scenario import load_scenario, scenario_names
+from sim.scenario import Autopilot, load_scenario, scenario_names
 
 CONFLICTS = [name for name in scenario_names() if name != "clear"]
+MISSION_MODE = {"ardupilot": "AUTO", "px4": "MISSION"}
+both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
-def fly(name: str) -> Flight:
-    return ClosedLoop(load_scenario(name), Engine()).run()
+def fly(name: str, autopilot: Autopilot) -> Flight:
+    return ClosedLoop(load_scenario(name), Engine(), autopilot=autopilot).run()
 
 
 def test_the_scenarios_are_those_promised() -> None:
@@ -20,23 +22,26 @@ def test_the_scenarios_are_those_promised() -> None:
     }  # fmt: skip
 
 
+@both
 @pytest.mark.parametrize("name", CONFLICTS)
-def test_a_conflict_is_avoided_and_the_mission_finished(name: str) -> None:
-    flight = fly(name)
+def test_a_conflict_is_avoided_and_the_mission_finished(name: str, autopilot: Autopilot) -> None:
+    flight = fly(name, autopilot)
     for encounter in flight.score.encounters.values():
         assert not encounter.nmac
         assert not encounter.lowc
         assert encounter.first_action_s is not None
     assert flight.mission_completed
     assert flight.resumed
+    assert not flight.uncontrolled
     assert flight.engagements == len(flight.score.encounters), "one engagement for each intruder"
     assert flight.setpoints_sent > 100
     assert flight.layers[0][1] is Layer.OUTER
-    assert flight.texts[-1] == "Clear of traffic, back to AUTO"
+    assert flight.texts[-1] == f"Clear of traffic, back to {MISSION_MODE[autopilot]}"
 
 
-def test_traffic_that_never_conflicts_is_left_alone() -> None:
-    flight = fly("clear")
+@both
+def test_traffic_that_never_conflicts_is_left_alone(autopilot: Autopilot) -> None:
+    flight = fly("clear", autopilot)
     assert flight.mission_completed
     assert flight.engagements == 0
     assert flight.setpoints_sent == 0
@@ -44,7 +49,12 @@ def test_traffic_that_never_conflicts_is_left_alone() -> None:
     assert flight.score.max_deviation_m < 10.0
 
 
-def test_the_same_seed_gives_the_same_flight() -> None:
-    first, second = fly("head-on"), fly("head-on")
+@both
+def test_the_same_seed_gives_the_same_flight(autopilot: Autopilot) -> None:
+    # One that avoids; what comes after is the mission alone.
+    first, second = (
+        ClosedLoop(load_scenario("head-on"), Engine(), autopilot=autopilot).run(60.0) for _ in range(2)
+    )
+    assert first.engagements == 1
     assert first.decisions == second.decisions
     assert first.truth == second.truth

@@ -124,7 +124,9 @@ def test_what_was_taken_from_where_is_told_once_for_each_set_of_values() -> None
     configured = AircraftLimits(max_climb_mps=2.5)
     talk = Talk(whole(), configured=configured).run(60.0)
     lines = [text for text in talk.said if text.startswith("Aircraft: ")]
-    assert "max bank 45 deg (ROLL_LIMIT_DEG), max climb 2.5 m/s (configured; 0.9 TECS_CLMB_MAX 4.5)" in lines[-1]
+    assert (
+        "max bank 45 deg (ROLL_LIMIT_DEG), max climb 2.5 m/s (configured; 0.9 TECS_CLMB_MAX 4.5)" in lines[-1]
+    )
     assert len(lines) <= 2
     talk.responder.parameters["ROLL_LIMIT_DEG"] = 35.0
     talk.tell(talk.responder.parameter("ROLL_LIMIT_DEG"))

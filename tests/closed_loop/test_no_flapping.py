@@ -1,0 +1,95 @@
+"""A hundred random encounters: kept clear of, one engagement each, and none again for who is past."""
+
+import math
+import random
+from dataclasses import replace
+
+import pytest
+
+from companion.engine import Engine
+from companion.model import Vec2
+from companion.supervisor import State
+from sim.closed_loop import ClosedLoop
+from sim.metrics import WELL_CLEAR_HORIZONTAL_M
+from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
+
+BASE = load_scenario("head-on")
+ENCOUNTERS = 100
+BATCHES = 20
+# As the aircraft of the scenarios flies; where an encounter starts is reckoned by it.
+CRUISE_MPS = 24.0
+# So long after the closest approach, or after it was given back, there is nothing left that could happen.
+QUIET_S = 12.0
+
+
+def random_conflict(seed: int) -> Conflict:
+    """From any side, slow and fast, past us and through us, level and climbing; it starts far outside."""
+    chance = random.Random(seed)
+    while True:
+        conflict = Conflict(
+            f"{chance.randrange(1, 0xFFFFFF):06X}",
+            "RANDOM",
+            meet_at_s=chance.uniform(60.0, 75.0),
+            from_deg=chance.uniform(0.0, 360.0),
+            speed_mps=chance.uniform(5.0, 110.0),
+            climb_mps=chance.choice([0.0, 0.0, chance.uniform(-5.0, 5.0)]),
+            miss_m=chance.uniform(-900.0, 900.0),
+            miss_height_m=chance.uniform(-120.0, 120.0),
+        )
+        if starts_outside(conflict):
+            return conflict
+
+
+def starts_outside(conflict: Conflict) -> bool:
+    """Whether nobody is near us at the beginning, where nothing could keep clear any more."""
+    from_rad = math.radians(conflict.from_deg)
+    closing: Vec2 = (
+        CRUISE_MPS + conflict.speed_mps * math.cos(from_rad),
+        conflict.speed_mps * math.sin(from_rad),
+    )
+    away_m = math.hypot(math.hypot(*closing) * conflict.meet_at_s, conflict.miss_m)
+    return away_m > 2.0 * WELL_CLEAR_HORIZONTAL_M
+
+
+class Random(ClosedLoop):
+    """Flown until the intruder is past, and the aircraft back on its mission, for a while."""
+
+    def __init__(self, conflict: Conflict, autopilot: Autopilot, *, seed: int) -> None:
+        scenario: Scenario = replace(BASE, duration_s=90.0, intruders=(conflict,))
+        super().__init__(scenario, Engine(), autopilot=autopilot, seed=seed)
+        self.past_s = conflict.meet_at_s
+
+    def fly(self, limit_s: float = 240.0) -> None:
+        quiet_s = 0.0
+        while quiet_s < QUIET_S:
+            self.run(1.0)
+            flown_s = (self._now_us - self.start_us) / 1e6
+            assert flown_s < limit_s, "never given back"
+            assert self.engine is not None
+            back = self.engine.supervisor.state is State.MONITOR and flown_s > self.past_s
+            quiet_s = quiet_s + 1.0 if back and self.is_opening() else 0.0
+
+    def is_opening(self) -> bool:
+        """Whether the intruder flies away from us."""
+        truth = self.world.vehicle.truth
+        (intruder,) = self.world.intruders
+        there_m, there_mps = intruder.state_at(self._now_us / 1e6)
+        off_m = [a - b for a, b in zip(there_m[:2], truth.position_m[:2], strict=True)]
+        off_mps = [a - b for a, b in zip(there_mps[:2], truth.velocity_mps[:2], strict=True)]
+        return off_m[0] * off_mps[0] + off_m[1] * off_mps[1] > 0.0
+
+
+@pytest.mark.parametrize("batch", range(BATCHES))
+def test_one_engagement_for_each_encounter(batch: int) -> None:
+    for seed in range(batch, ENCOUNTERS, BATCHES):
+        conflict = random_conflict(seed)
+        loop = Random(conflict, "px4" if seed % 2 else "ardupilot", seed=seed)
+        loop.fly()
+        flight = loop.flight
+        (encounter,) = flight.score.encounters.values()
+        what = f"seed {seed}: {conflict}"
+        assert not encounter.nmac, what
+        assert not encounter.lowc, what
+        assert flight.engagements <= 1, what
+        assert not flight.uncontrolled, what
+        assert flight.truth.on_mission, what
