@@ -37,6 +37,8 @@ _LONGEST_ENGAGING_S = 3.0
 # Without heartbeats nobody knows whose the aircraft is: one try to give it back, more when we are going.
 _BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
+# Heartbeats come once a second, and datagrams overtake each other: by then a newer one has put it right.
+_OVERTAKEN_S = 1.5
 _REFUSALS_BEFORE_FALLBACK = 3
 # The mission goes on where it was; an autopilot that starts it anew is told so within this time.
 _ITEM_CHECKED_S = 8.0
@@ -140,6 +142,11 @@ class Authority:
         if state is State.STOPPED:
             return []
         taken = self._claims.made(self._request, self._before)
+        if taken is Event.MODE_CHANGED and self._aircraft.left_by_itself(now_s):
+            self.supervisor.handle(Event.FOUND)
+            return self._give_back_found(Event.FOUND, now_s)
+        if taken is Event.MODE_CHANGED and self._may_be_old_news(now_s):
+            taken = None
         if taken is not None and (state, taken) in TRANSITIONS:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
@@ -154,6 +161,8 @@ class Authority:
         return self._while_releasing(now_s)
 
     def _while_watching(self, now_s: float) -> list[Effect]:
+        if self._is_lost(now_s) and self.supervisor.handle(Event.POISONED):
+            return self._rescue(now_s)
         stray = self._strays.seen(self.supervisor.state, now_s, was_guided=self._was_guided)
         if stray is not None and self.supervisor.handle(stray):
             return self._take_back(stray, now_s)
@@ -185,9 +194,24 @@ class Authority:
             self._before = self._strays.before
         if event is Event.POISONED:
             return self._rescue(now_s)
+        return self._give_back_found(event, now_s)
+
+    def _give_back_found(self, event: Event, now_s: float) -> list[Effect]:
         self._claims.begin(TAKEN_AWAY - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED})
         words = f"Avoidance: {event}, giving back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)]
+
+    def _may_be_old_news(self, now_s: float) -> bool:
+        """Whether it may be a heartbeat from before the take-over, overtaken on its way by a newer one."""
+        just_taken = self.supervisor.flying and now_s - self._taken_s < _OVERTAKEN_S
+        return just_taken and self._aircraft.custom_mode == self._before.mode
+
+    def _is_lost(self, now_s: float) -> bool:
+        """Whether the controller lost itself while we had the aircraft, and that came out only now."""
+        adapter = self._aircraft.adapter
+        if adapter is None or not self._was_guided or self._operator.role is not Role.FLY:
+            return False
+        return self._aircraft.custom_mode == self._before.mode and adapter.poisoned(now_s)
 
     def _rescue(self, now_s: float) -> list[Effect]:
         """Enter the guided mode again, in which the controller recovers; then give the aircraft back."""
