@@ -39,8 +39,8 @@ class Event(StrEnum):
     REFUSED = "refused"  # it refused, or still shows the former mode after a while
     UNKNOWN = "unknown"  # nothing is heard of what became of the request
     LATE = "late"  # it entered the guided mode after we had given up asking
-    FOUND = "found"  # it is where a companion that was killed left it
-    POISONED = "poisoned"  # found so, and its controller has lost itself: flown until it has recovered
+    FOUND = "found"  # it is where it goes when a companion is killed, or not heard for a while
+    POISONED = "poisoned"  # its controller has lost itself by our doing: flown until it has recovered
     ABANDONED = "abandoned"  # taken from us, but left in the guided mode with nobody flying it
     ADVISE = "advise"  # told in flight to advise only, or to be off
     GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
@@ -67,6 +67,8 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.STOPPING, Event.MODE_CHANGED): State.STOPPED,
     (State.STOPPING, Event.DISARMED): State.STOPPED,
     (State.STOPPING, Event.LANDING): State.STOPPED,
+    # It fell out of the guided mode while the link was gone.
+    **{(state, Event.FOUND): State.RELEASING for state in FLYING},
     (State.STANDBY, Event.READY): State.MONITOR,
     (State.STANDBY, Event.LATE): State.RELEASING,
     (State.STANDBY, Event.FOUND): State.RELEASING,
@@ -75,6 +77,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.MONITOR, Event.NOT_READY): State.STANDBY,
     (State.MONITOR, Event.OUTER_CONFLICT): State.ENGAGING,
     (State.MONITOR, Event.INNER_CONFLICT): State.ENGAGING,
+    (State.MONITOR, Event.POISONED): State.ENGAGING,
     (State.MONITOR, Event.STOP): State.STOPPED,
     (State.ENGAGING, Event.TAKEN): State.OUTER,
     (State.ENGAGING, Event.REFUSED): State.STANDBY,

@@ -99,6 +99,11 @@ class Adapter(ABC):
     def left_behind_mode(self) -> int | None:
         """The mode it is in soon after a companion that flew it was killed; `None`: that says nothing."""
 
+    @property
+    def left_to_itself_is_safe(self) -> bool:
+        """Whether it takes up a mode of its own, and no guided one, when it hears nothing from us."""
+        return self.left_behind_mode() not in (None, self.guided_mode)
+
     @abstractmethod
     def set_mode(self, custom_mode: int) -> Message:
         """The request for a mode; its command is one of `mode_commands`."""

@@ -49,6 +49,9 @@ class _Pending:
 class CommandDesk:
     """Keeps one command of each kind (MAV_CMD number) under way; a newer one replaces the older.
 
+    It inherits the tries of the older one: a command that is renewed all the time would never be found
+    unanswered.
+
     COMMAND_LONG counts its repetitions in `confirmation`, as the protocol wants.
     """
 
@@ -59,7 +62,9 @@ class CommandDesk:
 
     def ask(self, message: Message, now_s: float) -> Message:
         """Send a command, and again until it is answered; returns the message to send now."""
-        self._pending[message.command] = _Pending(message, 1, now_s + _RESEND_S)
+        older = self._pending.get(message.command)
+        tries = 1 if older is None else min(older.tries + 1, _TRIES)
+        self._pending[message.command] = _Pending(message, tries, now_s + _RESEND_S)
         self._outcomes[message.command] = Outcome.PENDING
         return message
 

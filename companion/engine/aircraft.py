@@ -1,6 +1,7 @@
 """Our aircraft: the autopilot we belong to, and the newest of everything it said."""
 
 import math
+from dataclasses import replace
 
 from companion.autopilots import Adapter, choose
 from companion.autopilots.adapter import Before, Flown
@@ -39,9 +40,14 @@ _DIFFERENCE_S = 5.0
 _MISSION_MODES = frozenset({"AUTO", "MISSION"})
 # Without heartbeats for so long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
+# Not a message of many a second for so long: the link is gone, and ours do not arrive either.
+_SILENCE_S = 1.0
+# Its mode is heard once a second.
+_SILENCE_KNOWN_S = 2.5
 _BLIND_S = 5.0
 # FENCE_STATUS comes once a second.
 _FENCE_HEARD_S = 10.0
+_OLD_POSITION_S = 0.5
 _ELSEWHERE_M = 100.0
 # MAV_STATE of an autopilot that deals with an emergency by itself.
 _FAILSAFE = frozenset(
@@ -79,9 +85,12 @@ class Aircraft:
         self.armed = False
         self.custom_mode = 0
         self.heartbeat_s = -math.inf
+        self._fact_s = -math.inf
+        self._silent_until_s = -math.inf
         self.position: OwnPosition | None = None
         self.position_s = -math.inf
         self.others: set[int] = set()
+        self.unwanted_since_s: dict[int, float] = {}  # systems whose autopilot is not the configured one
         self.fixed_wing = False
         self.version: str | None = None
         self.clock_offset_s: float | None = None  # its clock less ours
@@ -90,9 +99,13 @@ class Aircraft:
         self._fence_s = -math.inf
         self.sequence: int | None = None  # of the mission item that is flown
         self.sticks = Sticks(stick_us)
-        # Setpoints of ours are flown: where the autopilot says that it flies to is nobody's wish but ours.
+        # It has our setpoints, or may have: where it says that it flies to is nobody's wish but ours.
         self.ours = False
         self._airspeed_mps: float | None = None
+        # By VFR_HUD; it counts by how much it changed since the last position.
+        self._altitude_m: float | None = None
+        self._altitude_then_m: float | None = None
+        self._altitude_s = -math.inf
         self._landed_state: int | None = None
         self._target: NavigationTarget | None = None
         self.target_while_ours: NavigationTarget | None = None
@@ -125,12 +138,15 @@ class Aircraft:
             return self._heartbeat(fact, now_s)
         if fact.sender != self.sender:
             return False
+        self._in_touch(now_s)
         match fact:
             case OwnPosition():
                 self.position, self.position_s = fact, now_s
+                self._altitude_then_m = self._altitude_m
                 self._wind.observe(fact, self._airspeed_mps, now_s)
             case AirData():
                 self._airspeed_mps = fact.airspeed_mps
+                self._altitude_m, self._altitude_s = fact.altitude_m, now_s
             case LandedState():
                 self._landed_state = fact.landed_state
             case Wind():
@@ -163,9 +179,27 @@ class Aircraft:
             self._target_s = now_s
         self.custom_mode = custom_mode
 
+    def resume(self, now_s: float) -> None:
+        """It is heard again: where it was flying to counts until it says something else."""
+        if self._target is not None:
+            self._target_s = now_s
+        if self.sequence is not None:
+            self._sequence_s = now_s
+
     def heard(self, now_s: float) -> bool:
         """Whether the autopilot is there."""
         return now_s - self.heartbeat_s < _HEARTBEAT_LOST_S
+
+    def in_contact(self, now_s: float) -> bool:
+        """Whether it is heard right now, and its mode is known from after the last silence."""
+        return now_s - self._fact_s <= _SILENCE_S and self.heartbeat_s >= self._silent_until_s
+
+    def left_by_itself(self, now_s: float) -> bool:
+        """Whether a silence ended just now, and it is in the mode that it falls into in one."""
+        adapter = self.adapter
+        if adapter is None or self.guided or now_s - self._silent_until_s > _SILENCE_KNOWN_S:
+            return False
+        return self.custom_mode == adapter.left_behind_mode()
 
     def blind(self, now_s: float) -> bool:
         """Whether own position is too old for anything, and the aircraft better given back."""
@@ -238,6 +272,7 @@ class Aircraft:
         place = self.place()
         if place is None:
             return None
+        place = replace(place, altitude_m=place.altitude_m + self._climbed_since_m())
         return Flown(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
 
     def flying_now(self) -> Guidance:
@@ -245,6 +280,13 @@ class Aircraft:
         north_mps, east_mps, _ = self.velocity_mps()
         altitude_m = 0.0 if self.position is None else self.position.altitude_m
         return Guidance(wrap_two_pi(math.atan2(east_mps, north_mps)), self.airspeed_mps(), altitude_m)
+
+    def _climbed_since_m(self) -> float:
+        """How much higher it is than its last position says, when that is old."""
+        if self._altitude_m is None or self._altitude_then_m is None:
+            return 0.0
+        old = self._altitude_s - self.position_s > _OLD_POSITION_S
+        return self._altitude_m - self._altitude_then_m if old else 0.0
 
     def taking_off_or_landing(self) -> bool:
         """Whether the mission being flown takes off, approaches or lands, as far as it is known."""
@@ -330,13 +372,21 @@ class Aircraft:
         if fact.sender != self.sender:
             if self._is_wanted(fact):
                 self.others.add(fact.sender.system_id)
+            else:
+                self.unwanted_since_s.setdefault(fact.sender.system_id, now_s)
             return False
+        self._in_touch(now_s)
         self.armed, self.heartbeat_s = fact.armed, now_s
         self.failsafe = fact.system_status in _FAILSAFE
         # Of a fence that is switched off nothing is heard any more.
         self.fence_breached &= now_s - self._fence_s < _FENCE_HEARD_S
         self.enter_mode(fact.custom_mode, now_s)
         return True
+
+    def _in_touch(self, now_s: float) -> None:
+        if now_s - self._fact_s > _SILENCE_S:
+            self._silent_until_s = now_s
+        self._fact_s = now_s
 
     def _is_wanted(self, fact: Heartbeat) -> bool:
         return self._wanted_system_id in (None, fact.sender.system_id) and self._wanted_autopilot in (

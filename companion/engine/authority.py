@@ -40,6 +40,8 @@ _BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
 # Given back to the guided mode the heartbeat tells nothing: time for the former target to be sent again.
 _RETARGET_S = 2.5
+# Datagrams overtake each other: a heartbeat from before the take-over may come after it.
+_OVERTAKEN_S = 1.5
 _REFUSALS_BEFORE_FALLBACK = 3
 # The mission goes on where it was; an autopilot that starts it anew is told so within this time.
 _ITEM_CHECKED_S = 8.0
@@ -72,6 +74,8 @@ class Authority:
         self._request: ModeRequest | None = None
         self._way_back: WayBack | None = None
         self._taken_s = -math.inf
+        self._doubted_s: float | None = None  # when a heartbeat was heard that may be old news
+        self._flew_last = False  # nobody chose another mode than the former one since
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
         self._abandoned = 0
@@ -150,6 +154,11 @@ class Authority:
             return []
         claims = self._claims.made(self._request, self._before)
         taken = next((event for event in claims if (state, event) in TRANSITIONS), None)
+        if taken is Event.MODE_CHANGED:
+            if self._aircraft.left_by_itself(now_s) and self.supervisor.handle(Event.FOUND):
+                return self._give_back_found(Event.FOUND, now_s)
+            if self._may_be_old_news(now_s):
+                return []  # nothing is sent as long as it is not the guided mode that is heard
         if taken is not None:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
@@ -165,6 +174,8 @@ class Authority:
 
     def _while_watching(self, now_s: float) -> list[Effect]:
         self._respect_choices()
+        if self._is_lost(now_s) and self.supervisor.handle(Event.POISONED):
+            return self._rescue(now_s)
         stray = self._strays.seen(self.supervisor.state, now_s, was_guided=self._was_guided)
         if stray is not None and self.supervisor.handle(stray):
             return self._take_back(stray, now_s)
@@ -195,6 +206,7 @@ class Authority:
         aircraft = self._aircraft
         if not aircraft.guided:
             self._was_guided = False
+            self._flew_last &= aircraft.custom_mode == self._before.mode
         if aircraft.adapter is not None and aircraft.custom_mode != self._before.mode:
             aircraft.adapter.desk.forget()
             self._given_back_s = -math.inf
@@ -206,9 +218,29 @@ class Authority:
             self._before = self._strays.before
         if event is Event.POISONED:
             return self._rescue(now_s)
+        return self._give_back_found(event, now_s)
+
+    def _give_back_found(self, event: Event, now_s: float) -> list[Effect]:
         self._claims.begin(TAKEN_AWAY - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED})
         words = f"Avoidance: {event}, giving back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)]
+
+    def _may_be_old_news(self, now_s: float) -> bool:
+        """Whether it may be a heartbeat from before the take-over, overtaken on its way by a newer one."""
+        aircraft = self._aircraft
+        just_taken = self.supervisor.flying and now_s - self._taken_s < _OVERTAKEN_S
+        if not just_taken or aircraft.custom_mode != self._before.mode:
+            return False
+        if self._doubted_s is None:
+            self._doubted_s = aircraft.heartbeat_s
+        return aircraft.heartbeat_s <= self._doubted_s  # a second one that says so is believed
+
+    def _is_lost(self, now_s: float) -> bool:
+        """Whether the controller lost itself while we had the aircraft, and that came out only now."""
+        adapter = self._aircraft.adapter
+        if adapter is None or not self._flew_last or self._operator.role is not Role.FLY:
+            return False
+        return self._aircraft.custom_mode == self._before.mode and adapter.poisoned(now_s)
 
     def _rescue(self, now_s: float) -> list[Effect]:
         """Enter the guided mode again, in which the controller recovers; then give the aircraft back."""
@@ -237,6 +269,7 @@ class Authority:
         aircraft, request = self._aircraft, self._asked()
         if aircraft.guided:
             self._request, self._was_guided, self._taken_s = None, True, now_s
+            self._flew_last, self._doubted_s = True, None
             self.supervisor.handle(Event.TAKEN)
             self.supervisor.handle(self._conflict())
             return []

@@ -50,6 +50,8 @@ from companion.traffic.obstacles import Obstacle, ObstacleParams
 _HEARTBEAT_INTERVAL_S = 1.0
 _ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 _KEEP_INTERVAL_S = 1.0
+# Others may be heard before the one that is configured.
+_CONFIGURED_AWAITED_S = 5.0
 # Position, wind and the autopilot's own following of a course are good to this.
 _FENCE_MARGIN_M = 30.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
@@ -211,6 +213,7 @@ class Engine:
         match fact:
             case Heartbeat():
                 if back:
+                    self.aircraft.resume(now_s)
                     self._ask_anew()
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
@@ -261,7 +264,7 @@ class Engine:
         flying = self.supervisor.flying
         if flying_before and not flying:
             self._avoider.reset()
-        self.aircraft.ours = flying
+        self.aircraft.ours = self._authority.holds
         effects += self._command(now_s)
         effects += self._keep_up_manners(now_s)
         effects += self._keep(now_s)
@@ -280,7 +283,8 @@ class Engine:
                 if self._left.system_id == adapter.target.system_id:
                     adapter.put_back(self._left.borrowed)
                 self._left = None
-            effects += self._announcer.transmit(adapter.tick(now_s))
+            if self._may_send or not self.supervisor.flying:
+                effects += self._announcer.transmit(adapter.tick(now_s))
             if self.aircraft.heard(now_s):
                 effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
                 effects += self.onboard.tick(adapter, now_s)
@@ -372,20 +376,29 @@ class Engine:
         adapter, aircraft = self.aircraft.adapter, self.aircraft
         bank_rad = self._avoider.envelope.max_bank_rad
         level = aircraft.flown(aircraft.flying_now(), max_bank_rad=bank_rad)
-        if adapter is None or level is None or not aircraft.heard(now_s):
-            return []  # PX4 falls out of OFFBOARD meanwhile, and a stream would make it enter anew
+        if adapter is None or level is None:
+            return []
+        # PX4 would enter OFFBOARD by itself with the first setpoint that comes through again, and wrongly so.
         state = self.supervisor.state
+        releasing = state in (State.RELEASING, State.STOPPING)
+        if (releasing or adapter.left_to_itself_is_safe) and not aircraft.in_contact(now_s):
+            return []
         if state is State.ENGAGING:
             return self._announcer.transmit(adapter.entering(level, now_s))
-        if state in (State.RELEASING, State.STOPPING) and aircraft.guided:
+        if releasing and aircraft.guided:
             return self._announcer.transmit(adapter.leaving(level, now_s))
         guidance = self._decision.guidance or self._authority.way_back()
-        if not self.supervisor.flying or guidance is None:
+        if not self._may_send or guidance is None:
             return []
         messages = adapter.command(replace(level, guidance=guidance), now_s, urgent=self._prompted)
         for refused in adapter.refused_values():
             self._avoider.refuse(refused.control, refused.value, now_s)
         return self._announcer.transmit(messages)
+
+    @property
+    def _may_send(self) -> bool:
+        """Flying, and nothing was heard that speaks against it."""
+        return self.supervisor.flying and self.aircraft.guided
 
     def _keep(self, now_s: float) -> list[Effect]:
         """What the next run must know, once a second and when it changes."""
@@ -449,6 +462,10 @@ class Engine:
             problems.append(f"Avoidance: autopilot avoids too ({other}){consequence}")
         if aircraft.adapter is None and len(aircraft.others) > 1:
             problems.append("Avoidance: several autopilots, set autopilot_system_id")
+        elif aircraft.adapter is None and aircraft.unwanted_since_s:
+            system_id, since_s = next(iter(aircraft.unwanted_since_s.items()))
+            if now_s - since_s >= _CONFIGURED_AWAITED_S:
+                problems.append(f"Avoidance: system {system_id} is heard, not the autopilot configured")
         elif aircraft.adapter is not None and aircraft.others:
             problems.append(f"Avoidance: another autopilot, system {min(aircraft.others)}")
         elif aircraft.adapter is not None and not aircraft.fixed_wing:

@@ -46,10 +46,11 @@ class OwnPosition:
 
 @dataclass(frozen=True, slots=True)
 class AirData:
-    """VFR_HUD: speed through the air."""
+    """VFR_HUD: speed through the air, and height above mean sea level, both `None` when not measured."""
 
     sender: Sender
     airspeed_mps: float | None
+    altitude_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,6 +43,7 @@ class Telemetry(ABC):
         self._flight = flight
         self._boot_s = boot_s
         self._geoid_height_m = geoid_height_m
+        self.clock_error_s = 0.0  # of the Unix time that it tells
         self._battery = Battery()
         self._builders = self._all_builders()
 
@@ -226,7 +227,7 @@ class Telemetry(ABC):
     def system_time(self, time_s: float) -> Message:
         """SYSTEM_TIME."""
         return mavlink.MAVLink_system_time_message(
-            time_unix_usec=round(time_s * 1e6), time_boot_ms=self.boot_ms(time_s)
+            time_unix_usec=round((time_s + self.clock_error_s) * 1e6), time_boot_ms=self.boot_ms(time_s)
         )
 
     def home_position(self, time_s: float) -> Message:

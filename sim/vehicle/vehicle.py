@@ -31,7 +31,8 @@ class FakeVehicle(ABC):
 
     `receive()` takes what a channel heard, `step()` lets time pass and returns what to send. Flight moves in
     equal steps of `STEP_S` from the moment of construction, so how often `step()` is called changes nothing.
-    Testers make it fail as real ones do: `refuse`, `silence`, `reboot`, `fail_safe`, `move_sticks`.
+    Testers make it fail as real ones do: `refuse`, `silence`, `withhold`, `set_clock`, `reboot`, `fail_safe`,
+    `move_sticks`.
     """
 
     component_id = 1
@@ -62,6 +63,7 @@ class FakeVehicle(ABC):
         self._heartbeat_due_s: dict[int, float] = {}
         self._refused: dict[int, int] = {}
         self._silenced: dict[int, bool] = {}
+        self._withheld: set[int] = set()
         self._heard = HeardTraffic()
         self._parameter_protocol = ParameterProtocol(self.parameters, coding, self._send, self._send_all)
         self._missions = MissionProtocol(flight, self._send, self._list_loaded, asks_for_int=asks_for_int)
@@ -195,6 +197,14 @@ class FakeVehicle(ABC):
         else:
             self._silenced[command] = does
 
+    def withhold(self, message_id: int, withheld: bool) -> None:
+        """Send a message no more, whoever asks for it, until told otherwise."""
+        (self._withheld.add if withheld else self._withheld.discard)(message_id)
+
+    def set_clock(self, error_s: float) -> None:
+        """Its idea of the time, which SYSTEM_TIME tells, is wrong by so much from now on."""
+        self._telemetry.clock_error_s = error_s
+
     def reboot(self, now_s: float) -> None:
         """Restart in flight: armed and flying on in its mode, with boot time and what it was told forgotten.
 
@@ -266,6 +276,8 @@ class FakeVehicle(ABC):
             self._mode_changed()
 
     def _send(self, channel: int, message: Message) -> None:
+        if message.get_msgId() in self._withheld:
+            return
         header = message.get_header()
         header.srcSystem, header.srcComponent = self.system_id, self.component_id
         self._outbox.append(Outgoing(channel, message))

@@ -33,6 +33,20 @@ def test_repeated_with_rising_confirmation_until_it_gives_up() -> None:
     assert desk.outcome(SET_MODE) is Outcome.UNANSWERED
 
 
+def test_one_that_is_renewed_all_the_time_is_found_unanswered_too() -> None:
+    desk = CommandDesk()
+    told: list[str] = []
+    for second in range(6):
+        desk.ask(command(), float(second))
+        sent_until(desk, second + 0.9, float(second))
+        told += desk.refusals()
+    assert told[0] == "DO_SET_MODE not answered"
+    desk.ask(command(), 7.0)
+    desk.answered(answer(mavlink.MAV_RESULT_ACCEPTED), 7.1)
+    desk.ask(command(), 8.0)
+    assert sent_until(desk, 11.0, 8.0) == [(8.5, 1), (9.0, 2), (9.5, 3), (10.0, 4), (10.5, 5)]
+
+
 @pytest.mark.parametrize(
     ("result", "outcome", "words"),
     [

@@ -364,8 +364,14 @@ def test_heartbeat(base_mode: int, armed: bool) -> None:
 )
 def test_air_data(airspeed: float, expected: float | None) -> None:
     assert fact_of(mavlink.MAVLink_vfr_hud_message(airspeed, 20.0, 90, 50, 100.0, NAN)) == AirData(
-        SENDER, expected
+        SENDER, expected, 100.0
     )
+
+
+@pytest.mark.parametrize(("altitude_m", "expected"), [(-40.0, -40.0), (NAN, None), (INF, None), (1e6, None)])
+def test_air_data_of_height(altitude_m: float, expected: float | None) -> None:
+    message = mavlink.MAVLink_vfr_hud_message(22.0, 20.0, 90, 50, altitude_m, 0.0)
+    assert fact_of(message) == AirData(SENDER, 22.0, expected)
 
 
 @pytest.mark.parametrize(

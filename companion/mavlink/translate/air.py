@@ -7,12 +7,14 @@ from companion.mavlink.facts import AirData, Fact, Sender, Wind
 from companion.mavlink.translate.wire import Translation
 
 _FASTEST_MPS = 200.0
+_HIGHEST_M = 20_000.0
 
 
 def _air_data(message: Message, sender: Sender, _received_s: float) -> Fact:
     airspeed_mps = message.airspeed
     measured = 0.0 <= airspeed_mps <= _FASTEST_MPS  # false for NaN too
-    return AirData(sender, airspeed_mps if measured else None)
+    altitude_m = message.alt if abs(message.alt) <= _HIGHEST_M else None
+    return AirData(sender, airspeed_mps if measured else None, altitude_m)
 
 
 def _wind(message: Message, sender: Sender, _received_s: float) -> Fact | None:
