@@ -74,7 +74,6 @@ class Authority:
         self._request: ModeRequest | None = None
         self._way_back: WayBack | None = None
         self._taken_s = -math.inf
-        self._doubted_s: float | None = None  # when a heartbeat was heard that may be old news
         self._flew_last = False  # nobody chose another mode than the former one since
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
@@ -154,11 +153,9 @@ class Authority:
             return []
         claims = self._claims.made(self._request, self._before)
         taken = next((event for event in claims if (state, event) in TRANSITIONS), None)
-        if taken is Event.MODE_CHANGED:
-            if self._aircraft.left_by_itself(now_s) and self.supervisor.handle(Event.FOUND):
-                return self._give_back_found(Event.FOUND, now_s)
-            if self._may_be_old_news(now_s):
-                return []  # nothing is sent as long as it is not the guided mode that is heard
+        by_itself = taken is Event.MODE_CHANGED and self._aircraft.left_by_itself(now_s)
+        if by_itself and self.supervisor.handle(Event.FOUND):
+            return self._give_back_found(Event.FOUND, now_s)
         if taken is not None:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
@@ -216,6 +213,7 @@ class Authority:
         self._settles = event is Event.ABANDONED
         if not self._settles:
             self._before = self._strays.before
+        self._against_us &= event is not Event.LATE  # it was old news then, and nobody's choice
         if event is Event.POISONED:
             return self._rescue(now_s)
         return self._give_back_found(event, now_s)
@@ -227,13 +225,7 @@ class Authority:
 
     def _may_be_old_news(self, now_s: float) -> bool:
         """Whether it may be a heartbeat from before the take-over, overtaken on its way by a newer one."""
-        aircraft = self._aircraft
-        just_taken = self.supervisor.flying and now_s - self._taken_s < _OVERTAKEN_S
-        if not just_taken or aircraft.custom_mode != self._before.mode:
-            return False
-        if self._doubted_s is None:
-            self._doubted_s = aircraft.heartbeat_s
-        return aircraft.heartbeat_s <= self._doubted_s  # a second one that says so is believed
+        return now_s - self._taken_s < _OVERTAKEN_S and self._aircraft.custom_mode == self._before.mode
 
     def _is_lost(self, now_s: float) -> bool:
         """Whether the controller lost itself while we had the aircraft, and that came out only now."""
@@ -269,7 +261,7 @@ class Authority:
         aircraft, request = self._aircraft, self._asked()
         if aircraft.guided:
             self._request, self._was_guided, self._taken_s = None, True, now_s
-            self._flew_last, self._doubted_s = True, None
+            self._flew_last = True
             self.supervisor.handle(Event.TAKEN)
             self.supervisor.handle(self._conflict())
             return []
@@ -366,7 +358,8 @@ class Authority:
         self.supervisor.handle(event)
         self._request, self._ready_since_s = None, None
         self._given_back_s = -math.inf
-        if self._was_guided:
+        old_news = event is Event.MODE_CHANGED and self._may_be_old_news(now_s)
+        if self._was_guided and not old_news:
             self._strays.settled()
         if event is Event.MODE_CHANGED:
             self._was_guided = False  # also another target in the guided mode is somebody's choice
