@@ -102,13 +102,13 @@ def test_what_is_no_aircraft_to_take_over_is_sent_nothing(hindrance: Callable[[S
     seat = Seat()
     hindrance(seat)
     seat.says.append(MissionProgress(AUTOPILOT, 3))
-    assert seat.fly(25.0) == []
+    assert seat.fly(6.0) == []
     assert seat.state is State.STANDBY
 
 
 def test_an_aircraft_without_hindrance_is_taken_over() -> None:
     seat = Seat()
-    seat.until(*FLYING, limit_s=25.0)
+    seat.until(*FLYING, limit_s=6.0)
 
 
 def test_a_position_that_grows_old_begins_nothing() -> None:
