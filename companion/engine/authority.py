@@ -332,6 +332,7 @@ class Authority:
             self.supervisor.handle(Event.GIVEN_BACK)
             return []
         stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
+        stuck = stuck and not self._claims.overlooked
         if stuck and self._outlook.decision.layer is not Layer.CLEAR and self._operator.role is Role.FLY:
             # It cannot leave, and there is traffic: better flown by us than by nobody.
             self.supervisor.handle(self._conflict())

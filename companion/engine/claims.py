@@ -21,6 +21,11 @@ class Claims:
         self._aircraft.sticks.mark()
         self._aircraft.target_while_ours = None
 
+    @property
+    def overlooked(self) -> bool:
+        """Whether somebody else has it by what is ignored, so that it may be given back, but not flown."""
+        return bool(self._ignored)
+
     def made(self, request: ModeRequest | None, before: Before) -> list[Event]:
         """All that says that somebody else has the aircraft now; `request` is ours that is under way."""
         aircraft = self._aircraft

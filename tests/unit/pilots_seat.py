@@ -50,6 +50,9 @@ class Seat:
         self.meet_s = T0 + 40.0
         self.trim_mps = 22.0
         self.obeys: Callable[[Message], bool] = lambda _message: True
+        self.says: list[Fact] = []  # at every tick
+        self.height_m = 300.0
+        self.vehicle_type = 1
         self.sent: list[Message] = []
         self._answers: list[Fact] = []
         self._tick = 0
@@ -110,15 +113,19 @@ class Seat:
 
     def _telemetry(self) -> list[Fact]:
         now_s, flown_s = self.now_s, self.now_s - T0
-        facts, self._answers = [*self._answers, AirData(AUTOPILOT, 22.0)], []
+        facts, self._answers = [*self._answers, *self.says, AirData(AUTOPILOT, 22.0)], []
         facts.append(AttitudeTarget(AUTOPILOT, self.finite))
         if self._tick == 1:
             facts.append(Parameter(AUTOPILOT, "FW_AIRSPD_TRIM", self.trim_mps))
         if self.positions:
-            lat_deg = -35.0 + flown_s * 22.0 / 110_940.0
-            facts.append(OwnPosition(AUTOPILOT, flown_s, lat_deg, 149.0, 884.0, 300.0, (22.0, 0.0, 0.0), 0.0))
+            lat_deg, height_m = -35.0 + flown_s * 22.0 / 110_940.0, self.height_m
+            velocity_mps = 22.0, 0.0, 0.0
+            facts.append(
+                OwnPosition(AUTOPILOT, flown_s, lat_deg, 149.0, 584.0 + height_m, height_m, velocity_mps, 0.0)
+            )
         if self.heartbeats and self._tick % 2 == 0:
-            facts.append(Heartbeat(AUTOPILOT, 1, self.autopilot, self.armed, self.mode, self.status))
+            mode = self.armed, self.mode, self.status
+            facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot, *mode))
         if self.intruder and self._tick % 10 == 0:
             north_m = 22.0 * (self.meet_s - T0) + 60.0 * (self.meet_s - now_s)
             report = TrafficReport(

@@ -110,6 +110,7 @@ def test_a_request_that_overtakes_nothing_and_comes_very_late_is_undone() -> Non
 
 def given_back(seat: Seat) -> None:
     """Past the intruder, on the mission again."""
+    seat.meet_s = T0 + 15.0
     seat.fly(0.5)
     seat.tell(MissionProgress(AUTOPILOT, 4))
     seat.until(*FLYING)
