@@ -9,6 +9,7 @@ import socket
 import sys
 import time
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,40 @@ async def test_the_demo_avoids_resumes_and_its_record_replays_to_the_same_decisi
     assert len(flown) > 1_000
     assert replayed == flown[: len(replayed)]
     assert len(flown) - len(replayed) <= 10, "at most the ticks after the last frame"
+
+
+def shorter(name: str) -> Scenario:
+    """The scenario as soon and as short as it can be flown."""
+    scenario = load_scenario(name)
+    (conflict,) = scenario.intruders
+    ahead = replace(scenario.mission.waypoints[-1], north_m=2300.0)
+    return replace(
+        scenario,
+        duration_s=180.0,
+        intruders=(replace(conflict, meet_at_s=72.0),),
+        mission=replace(scenario.mission, waypoints=(ahead,)),
+    )
+
+
+async def test_px4_is_flown_as_well_two_at_a_time() -> None:
+    """All scenarios are flown on it in lockstep; these two show that its stream stands the wire."""
+    flown = await asyncio.wait_for(
+        asyncio.gather(
+            *(
+                fly_demo(DemoOptions(shorter(name), speedup=4.0, autopilot="px4"))
+                for name in ("head-on", "crossing-right")
+            )
+        ),
+        60.0,
+    )
+    for state in flown:
+        report = state.report()
+        assert state.passed
+        assert report["resumed"]
+        assert not report["uncontrolled"]
+        (encounter,) = report["encounters"]  # type: ignore[misc]
+        assert not encounter["lowc"]
+        assert encounter["first_action_s"] is not None
 
 
 async def test_without_avoidance_the_demo_ends_in_a_near_mid_air_collision() -> None:
