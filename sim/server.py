@@ -13,8 +13,9 @@ from sim.vehicle import FakeVehicle, Outgoing, Truth
 from sim.vehicle.flight import STEP_S
 
 # How far the shared clock may get ahead of the vehicle [simulated seconds]. It bounds the work of
-# one step too: at a speedup that the machine cannot keep up with, the clock stands still.
-_LONGEST_LEAD_S = 0.5
+# one step too: at a speedup that the machine cannot keep up with, the clock stands still. Twice this, on the
+# way to the companion and back, must be less than the gap in its setpoints that an autopilot puts up with.
+_LONGEST_LEAD_S = 0.15
 _RECEIVER_CHANNEL = -1
 
 

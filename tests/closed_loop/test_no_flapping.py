@@ -12,14 +12,15 @@ from companion.supervisor import State
 from sim.closed_loop import ClosedLoop
 from sim.metrics import WELL_CLEAR_HORIZONTAL_M
 from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
+from sim.traffic import AdsbReceiver, Intruder, Manoeuvre
 
 BASE = load_scenario("head-on")
 ENCOUNTERS = 100
 BATCHES = 20
 # As the aircraft of the scenarios flies; where an encounter starts is reckoned by it.
 CRUISE_MPS = 24.0
-# So long after the closest approach, or after it was given back, there is nothing left that could happen.
-QUIET_S = 12.0
+# So long after it was given back, the intruder past and flying away, there is nothing left to happen.
+QUIET_S, NEVER_ENGAGED_QUIET_S = 10.0, 3.0
 
 
 def random_conflict(seed: int) -> Conflict:
@@ -29,7 +30,7 @@ def random_conflict(seed: int) -> Conflict:
         conflict = Conflict(
             f"{chance.randrange(1, 0xFFFFFF):06X}",
             "RANDOM",
-            meet_at_s=chance.uniform(60.0, 75.0),
+            meet_at_s=chance.uniform(60.0, 66.0),
             from_deg=chance.uniform(0.0, 360.0),
             speed_mps=chance.uniform(5.0, 110.0),
             climb_mps=chance.choice([0.0, 0.0, chance.uniform(-5.0, 5.0)]),
@@ -59,9 +60,16 @@ class Random(ClosedLoop):
         super().__init__(scenario, Engine(), autopilot=autopilot, seed=seed)
         self.past_s = conflict.meet_at_s
 
+    def meet(self, intruder: Intruder) -> None:
+        """Another one instead of the scenario's, before anything was flown."""
+        scenario = self.scenario
+        receiver = AdsbReceiver([intruder], scenario.frame, self.start_us / 1e6)
+        self.world = replace(self.world, intruders=(intruder,), receiver=receiver)
+        self.flight.score.intruders = (intruder,)
+
     def fly(self, limit_s: float = 240.0) -> None:
         quiet_s = 0.0
-        while quiet_s < QUIET_S:
+        while quiet_s < (QUIET_S if self.flight.engagements else NEVER_ENGAGED_QUIET_S):
             self.run(1.0)
             flown_s = (self._now_us - self.start_us) / 1e6
             assert flown_s < limit_s, "never given back"
@@ -93,3 +101,28 @@ def test_one_engagement_for_each_encounter(batch: int) -> None:
         assert flight.engagements <= 1, what
         assert not flight.uncontrolled, what
         assert flight.truth.on_mission, what
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_that_comes_back_is_avoided_once_more(seed: int) -> None:
+    """It passes us, turns around half a minute later, and comes after us: once more at most."""
+    chance = random.Random(1000 + seed)
+    conflict = replace(
+        random_conflict(seed), from_deg=chance.uniform(-60.0, 60.0), speed_mps=chance.uniform(35.0, 60.0),
+        climb_mps=0.0, miss_m=chance.uniform(-300.0, 300.0), miss_height_m=chance.uniform(-40.0, 40.0),
+    )  # fmt: skip
+    loop = Random(conflict, "px4" if seed % 2 else "ardupilot", seed=seed)
+    (straight,) = loop.world.intruders
+    turns_s = straight.anchor_s + 30.0
+    rate_rps = chance.choice([-1.0, 1.0]) * math.radians(6.0)
+    comes_back = replace(
+        straight,
+        manoeuvres=(Manoeuvre(turns_s, turn_rate_rps=rate_rps), Manoeuvre(turns_s + math.pi / abs(rate_rps))),
+    )
+    loop.meet(comes_back)
+    flight = loop.run(conflict.meet_at_s + 110.0)
+    (encounter,) = flight.score.encounters.values()
+    assert not encounter.nmac
+    assert not encounter.lowc
+    assert flight.engagements <= 2
+    assert not flight.uncontrolled

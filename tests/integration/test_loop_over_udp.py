@@ -9,6 +9,7 @@ import socket
 import sys
 import time
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,35 @@ async def test_the_demo_avoids_resumes_and_its_record_replays_to_the_same_decisi
     assert len(flown) > 1_000
     assert replayed == flown[: len(replayed)]
     assert len(flown) - len(replayed) <= 10, "at most the ticks after the last frame"
+
+
+def shorter(name: str) -> Scenario:
+    """The scenario as soon and as short as it can be flown."""
+    scenario = load_scenario(name)
+    (conflict,) = scenario.intruders
+    ahead = replace(scenario.mission.waypoints[-1], north_m=2300.0)
+    return replace(
+        scenario,
+        duration_s=180.0,
+        intruders=(replace(conflict, meet_at_s=72.0),),
+        mission=replace(scenario.mission, waypoints=(ahead,)),
+    )
+
+
+async def test_px4_is_flown_as_well_two_at_a_time() -> None:
+    """All scenarios are flown on it in lockstep; these two show that its stream stands the wire."""
+    names = ("head-on", "crossing-right")
+    flights = (fly_demo(DemoOptions(shorter(name), speedup=12.0, autopilot="px4")) for name in names)
+    # A machine that is too slow for the speedup holds the simulated clock back, and takes longer.
+    flown = await asyncio.wait_for(asyncio.gather(*flights), 240.0)
+    for name, state in zip(names, flown, strict=True):
+        report = state.report()
+        assert state.passed, name
+        assert report["resumed"], name
+        assert not report["uncontrolled"], name
+        (encounter,) = report["encounters"]  # type: ignore[misc]
+        assert not encounter["lowc"], name
+        assert encounter["first_action_s"] is not None, name
 
 
 async def test_without_avoidance_the_demo_ends_in_a_near_mid_air_collision() -> None:
