@@ -36,13 +36,17 @@ MISSION = {"ardupilot": "AUTO", "px4": "MISSION"}
 HOLD = 5  # COM_OBL_RC_ACT, as recommended
 _ASKING = frozenset({511, 512})  # for rates and single messages: commands that command nothing
 
+# So far ahead that a turn is enough: nothing climbs unless it is asked to.
+MEET_AT_S = 70.0
 HEAD_ON: dict[str, Any] = {
     "description": "One aircraft head-on at our height.",
     "duration_s": 300,
     "home": {"lat_deg": -35.36, "lon_deg": 149.16, "altitude_m": 584.0},
     "mission": {"takeoff_height_m": 50, "waypoints": [{"north_m": 20000, "east_m": 0, "height_m": 300}]},
     "start": {"where": "air", "height_m": 300},
-    "intruders": [{"icao": "A00001", "callsign": "HEAD1", "meet_at_s": 70, "from_deg": 0, "speed_mps": 60}],
+    "intruders": [
+        {"icao": "A00001", "callsign": "HEAD1", "meet_at_s": MEET_AT_S, "from_deg": 0, "speed_mps": 60}
+    ],
 }
 
 

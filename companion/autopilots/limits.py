@@ -48,6 +48,8 @@ class ParameterTable:
     """
 
     limits: tuple[LimitSource, ...]
+    # Asked before all others: whether to fly at all, and what becomes of the aircraft if we die.
+    first: tuple[str, ...]
     others: tuple[str, ...]
     fence: Callable[[Mapping[str, float]], FenceSettings]
     mission_total: str | None = None
@@ -58,7 +60,7 @@ class ParameterTable:
         """What to ask for: the alternative names of each parameter."""
         totals = tuple((name,) for name in (self.mission_total, self.fence_total) if name is not None)
         limits = tuple(tuple(named.name for named in limit.names) for limit in self.limits)
-        return (*limits, *((name,) for name in self.others), *totals)
+        return (*((name,) for name in self.first), *limits, *((name,) for name in self.others), *totals)
 
 
 # Before ArduPlane 4.5 some were called otherwise, and had other units.
@@ -72,9 +74,8 @@ ARDUPLANE = ParameterTable(
         LimitSource("max_sink_mps", (Named("TECS_SINK_MAX"),)),
         LimitSource("loiter_radius_m", (Named("WP_LOITER_RAD"),)),
     ),
+    first=("AVD_ENABLE", "AVD_F_ACTION"),
     others=(
-        "AVD_ENABLE",
-        "AVD_F_ACTION",
         "FENCE_ENABLE",
         "FENCE_ACTION",
         "FENCE_AUTOENABLE",
@@ -104,12 +105,11 @@ PX4 = ParameterTable(
         LimitSource("max_sink_mps", (Named("FW_T_SINK_R_SP"),)),
         LimitSource("loiter_radius_m", (Named("NAV_LOITER_RAD"),)),
     ),
+    first=("COM_OBL_RC_ACT", "NAV_TRAFF_AVOID"),
     others=(
-        "NAV_TRAFF_AVOID",
         "GF_ACTION",
         "GF_MAX_HOR_DIST",
         "GF_MAX_VER_DIST",
-        "COM_OBL_RC_ACT",
         "COM_OF_LOSS_T",
     ),
     fence=px4_fence,

@@ -9,7 +9,7 @@ from companion.model import Layer
 from companion.supervisor import State
 from companion.traffic import TrafficParams
 from sim.scenario import Autopilot
-from tests.faulty_flight import GUIDED, MISSION, FaultyFlight, faulty_flight
+from tests.faulty_flight import GUIDED, MEET_AT_S, MISSION, FaultyFlight, faulty_flight
 from tests.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -168,7 +168,7 @@ async def test_a_heading_that_is_never_acknowledged_is_told_and_repeated(does: b
         adapter = flight.engine.aircraft.adapter
         assert adapter is not None
         assert adapter.desk.outcome(CHANGE_HEADING) in (Outcome.PENDING, Outcome.UNANSWERED)
-        await flight.until(lambda: flight.now_s - flight.world.start_s > 72.0, 90.0)
+        await flight.until(lambda: flight.now_s - flight.world.start_s > MEET_AT_S + 2.0, 90.0)
         assert not flight.nmac, "height and speed are still obeyed"
         assert setpoints(flight, flight.now_s - 2.0) >= 8
 

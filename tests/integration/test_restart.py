@@ -1,0 +1,176 @@
+"""The fault table, what goes wrong with the companion itself: killed, told to end, its computer's clock."""
+
+import asyncio
+import contextlib
+import signal
+import sys
+import time
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import pytest
+
+from companion.clock import SteadyClock
+from companion.links import open_link
+from sim.clock import ScaledClock
+from sim.scenario import Autopilot
+from sim.server import VehicleServer
+from sim.vehicle import FakeVehicle
+from tests.faulty_flight import GUIDED, MISSION, START_S, faulty_flight, free_ports, world_of
+from tests.virtual_time import VirtualTimeLoop, in_virtual_time
+
+pytestmark = pytest.mark.wire
+
+both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+class Aircraft:
+    """A vehicle in real time, and the companion beside it as a process that can be killed."""
+
+    vehicle: FakeVehicle
+
+    def __init__(self, config: Path) -> None:
+        self._config = config
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def start(self) -> None:
+        """Start it, and wait until it is there."""
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "companion", "run", str(self._config),
+            stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
+        )  # fmt: skip
+        assert self._process.stderr is not None
+        await asyncio.wait_for(self._process.stderr.readline(), 30.0)
+
+    async def end(self, number: int) -> tuple[int | None, str]:
+        """Send it a signal; its exit code, and all that it said."""
+        assert self._process is not None
+        self._process.send_signal(number)
+        _, errors = await asyncio.wait_for(self._process.communicate(), 20.0)
+        return self._process.returncode, errors.decode()
+
+    async def kill_what_is_left(self) -> None:
+        if self._process is not None and self._process.returncode is None:
+            await self.end(signal.SIGKILL)
+
+    async def until(self, so: Callable[[], bool], limit_s: float = 30.0) -> None:
+        async with asyncio.timeout(limit_s):
+            while not so():  # noqa: ASYNC110 - a simulated vehicle sets no events
+                await asyncio.sleep(0.02)
+
+    async def flown(self) -> None:
+        """Wait until the companion flies it, and has for a moment."""
+        await self.until(lambda: self.vehicle.truth.companion_flies)
+        await asyncio.sleep(1.0)
+        assert self.vehicle.truth.companion_flies
+
+
+@contextlib.asynccontextmanager
+async def aircraft(autopilot: Autopilot, folder: Path, *, below_m: float = 0.0) -> AsyncIterator[Aircraft]:
+    (port,) = free_ports(1)
+    config = folder / "companion.yaml"
+    config.write_text(
+        f"links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\nstate_file: {folder / 'state'}\n"
+    )
+    flight = Aircraft(config)
+    await flight.start()
+    start_s = time.time()
+    world, receiver = world_of(autopilot, below_m=below_m, start_s=start_s)
+    flight.vehicle = world.vehicle
+    links = [open_link(f"udpout:127.0.0.1:{port}")]
+    server = VehicleServer(world.vehicle, links, ScaledClock(1.0, start_s=start_s), receiver=receiver)
+    flying = asyncio.create_task(server.run())
+    try:
+        yield flight
+    finally:
+        await flight.kill_what_is_left()
+        server.close()
+        await flying
+
+
+@both
+async def test_killed_while_it_flies_and_started_again_it_takes_up_again(
+    autopilot: Autopilot, tmp_path: Path
+) -> None:
+    """And told to end while it flies, it gives the aircraft back first."""
+    async with aircraft(autopilot, tmp_path) as flight:
+        await flight.flown()
+        course_rad = flight.vehicle.truth.heading_rad
+        await flight.end(signal.SIGKILL)
+        await asyncio.sleep(2.0)
+        truth = flight.vehicle.truth
+        assert truth.mode == {"ardupilot": "GUIDED", "px4": "HOLD"}[autopilot]
+        assert not truth.uncontrolled
+        if autopilot == "ardupilot":
+            assert abs(truth.heading_rad - course_rad) < 0.6, "it flies on, or on to the course it was told"
+        died_s = flight.vehicle.time_s
+        await flight.start()
+        # To be given back is to have been taken up; while the conflict lasts it is flown again after that.
+        await flight.until(lambda: flight.vehicle.truth.on_mission)
+        assert flight.vehicle.time_s - died_s < 5.0
+        await flight.until(lambda: flight.vehicle.truth.companion_flies)
+        code, said = await flight.end(signal.SIGTERM)
+        assert code == 0
+        assert f"found, giving back to {MISSION[autopilot]}" in said
+        assert "Traceback" not in said
+        assert flight.vehicle.truth.on_mission
+        assert not flight.vehicle.truth.uncontrolled
+        assert not (tmp_path / "state").exists()
+
+
+async def test_px4_left_in_a_climb_has_lost_itself_and_is_recovered_by_the_next_run(tmp_path: Path) -> None:
+    async with aircraft("px4", tmp_path, below_m=30.0) as flight:
+        await flight.flown()
+        await asyncio.sleep(1.5)
+        await flight.end(signal.SIGKILL)
+        await flight.until(lambda: flight.vehicle.truth.mode == "HOLD")
+        assert flight.vehicle.truth.uncontrolled
+        began_s = flight.vehicle.time_s
+        await flight.start()
+        await flight.until(lambda: flight.vehicle.truth.companion_flies)
+        assert flight.vehicle.time_s - began_s < 5.0
+        await flight.until(lambda: not flight.vehicle.truth.uncontrolled)
+        await asyncio.sleep(1.0)
+        assert not flight.vehicle.truth.uncontrolled
+        code, said = await flight.end(signal.SIGTERM)
+        assert code == 0
+        assert "attitude setpoint lost, recovering" in said
+        assert flight.vehicle.truth.on_mission
+        assert not flight.vehicle.truth.uncontrolled
+
+
+class SteppedTime:
+    """What `companion.clock` reads: a system clock that is set while it runs, and one that is not."""
+
+    def __init__(self, monotonic_s: Callable[[], float]) -> None:
+        self._monotonic_s = monotonic_s
+        self.error_s = 0.0
+
+    def time_ns(self) -> int:
+        return round((START_S + self.error_s + self._monotonic_s()) * 1e9)
+
+    def monotonic_ns(self) -> int:
+        return round(self._monotonic_s() * 1e9)
+
+
+@both
+@pytest.mark.parametrize("error_s", [-3600.0, 3600.0])
+@in_virtual_time
+async def test_a_step_of_the_computers_clock_changes_nothing(
+    autopilot: Autopilot, error_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualTimeLoop)
+    computer = SteppedTime(loop.time)
+    monkeypatch.setattr("companion.clock.time", computer)
+    monkeypatch.setattr(time, "time", lambda: computer.time_ns() / 1e9)
+    async with faulty_flight(autopilot, clock=SteadyClock()) as flight:
+        await flight.engaged()
+        computer.error_s = error_s
+        before = len(flight.notes.commands())
+        await flight.fly(5.0)
+        assert flight.engine.supervisor.flying
+        assert len(flight.notes.commands()) - before >= 20
+        computer.error_s = 0.0
+        await flight.fly(5.0)
+        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]
