@@ -16,6 +16,7 @@ from companion.avoidance.fence import Fence, Zone
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.authority import Authority
+from companion.engine.briefing import Briefing
 from companion.engine.effective import AircraftLimits
 from companion.engine.effects import Effect, Keep, Record
 from companion.engine.heights import limit_heights
@@ -28,7 +29,7 @@ from companion.engine.record import decision_line
 from companion.engine.surroundings import Surroundings
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone, LocalFence
-from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.dialect import Message
 from companion.mavlink.facts import (
     AttitudeTarget,
     CommandRequest,
@@ -48,10 +49,7 @@ from companion.traffic import Tracker, TrafficParams
 from companion.traffic.obstacles import Obstacle, ObstacleParams
 
 _HEARTBEAT_INTERVAL_S = 1.0
-_ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 _KEEP_INTERVAL_S = 1.0
-# Others may be heard before the one that is configured.
-_CONFIGURED_AWAITED_S = 5.0
 # Position, wind and the autopilot's own following of a course are good to this.
 _FENCE_MARGIN_M = 30.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
@@ -109,22 +107,24 @@ class Engine:
             stick_us=config.supervisor.stick_us,
         )
         self.operator = Operator(Role[config.supervisor.role.upper()], lambda: self.sender)
-        self._role_told = Role.FLY  # what everybody expects
         self._surroundings = Surroundings(config.traffic, config.known_obstacles, config.obstacles)
         self._announcer = Announcer(lambda: self.sender)
+        # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
+        self.onboard = Onboard(self._announcer, config.avoidance.envelope, config.aircraft, config.fences)
+        self._briefing = Briefing(
+            self.aircraft, self.onboard, self.operator, self._announcer, config.supervisor
+        )
         self.readiness = Readiness(
             self.aircraft,
             config.supervisor,
             self.operator,
             position_fresh_s=config.engine.position_fresh_s,
-            other_avoider=self._other_avoider,
+            other_avoider=self._briefing.other_avoider,
         )
         self._authority = Authority(
             self.aircraft, config.supervisor, self._announcer, self.operator, self.readiness
         )
         self._avoider = Avoider(config.avoidance)
-        # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
-        self.onboard = Onboard(self._announcer, config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = RateKeeper()
         self._frame: LocalFrame | None = None
         self._goal: Goal | None = None
@@ -256,8 +256,7 @@ class Engine:
         """Decide, supervise, command, and keep up the manners."""
         self.ticks += 1
         effects: list[Effect] = []
-        effects += self._tell_who_is_there(now_s)
-        effects += self._tell_role(now_s)
+        effects += self._briefing.tick(now_s)
         self._decide(now_s)
         flying_before = self.supervisor.flying
         effects += self._authority.step(Outlook(self._decision, self._own, self._tracks), now_s)
@@ -440,45 +439,6 @@ class Engine:
     def _tell_adapter(self, fact: Fact, now_s: float) -> None:
         if self.aircraft.adapter is not None:
             self.aircraft.adapter.observe(fact, now_s)
-
-    def _tell_role(self, now_s: float) -> list[Effect]:
-        role = self.operator.role
-        if role is self._role_told:
-            return []
-        self._role_told = role
-        return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}", now_s)
-
-    def _other_avoider(self) -> str | None:
-        adapter = self.aircraft.adapter
-        return None if adapter is None else adapter.other_avoider(self.onboard.parameters)
-
-    def _tell_who_is_there(self, now_s: float) -> list[Effect]:
-        """Whatever keeps us from flying the autopilot that is heard, or should be set otherwise."""
-        aircraft = self.aircraft
-        problems = [f"Avoidance: {words}" for words in self._advice()]
-        other = self._other_avoider()
-        if other is not None:
-            consequence = ", advising only" if self._rules.beside_other_avoider == "advise" else ""
-            problems.append(f"Avoidance: autopilot avoids too ({other}){consequence}")
-        if aircraft.adapter is None and len(aircraft.others) > 1:
-            problems.append("Avoidance: several autopilots, set autopilot_system_id")
-        elif aircraft.adapter is None and aircraft.unwanted_since_s:
-            system_id, since_s = next(iter(aircraft.unwanted_since_s.items()))
-            if now_s - since_s >= _CONFIGURED_AWAITED_S:
-                problems.append(f"Avoidance: system {system_id} is heard, not the autopilot configured")
-        elif aircraft.adapter is not None and aircraft.others:
-            problems.append(f"Avoidance: another autopilot, system {min(aircraft.others)}")
-        elif aircraft.adapter is not None and not aircraft.fixed_wing:
-            problems.append("Avoidance: not a fixed wing, advising only")
-        return [
-            effect
-            for problem in problems
-            for effect in self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, problem, now_s, once=True)
-        ]
-
-    def _advice(self) -> list[str]:
-        adapter = self.aircraft.adapter
-        return [] if adapter is None else adapter.advice(self.onboard.parameters)
 
 
 def _fence_of(local: LocalFence) -> Fence | None:
