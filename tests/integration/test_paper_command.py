@@ -22,7 +22,7 @@ def paper(*arguments: str) -> "subprocess.CompletedProcess[str]":
         command,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
         env={**os.environ, "COLUMNS": "140"},
     )
