@@ -123,6 +123,18 @@ def test_a_position_that_grows_old_begins_nothing() -> None:
     assert seat.sent == []
 
 
+def test_a_mode_that_was_heard_too_long_ago_begins_nothing() -> None:
+    seat = Seat(PX4)
+    seat.intruder = False
+    seat.fly(2.0)
+    seat.heartbeats = False
+    seat.fly(1.6)
+    seat.intruder = True
+    seat.fly(1.5)
+    assert seat.state is not State.ENGAGING
+    assert seat.sent == []
+
+
 def test_a_settled_aircraft_is_taken_up_again_after_the_time_that_is_configured() -> None:
     seat = Seat()
     seat.until(*FLYING)
