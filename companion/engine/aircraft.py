@@ -48,6 +48,8 @@ _BLIND_S = 5.0
 # FENCE_STATUS comes once a second.
 _FENCE_HEARD_S = 10.0
 _OLD_POSITION_S = 0.5
+# EXTENDED_SYS_STATE comes once a second as soon as it is asked for; not every firmware has it.
+_LANDED_STATE_AWAITED_S = 4.0
 _ELSEWHERE_M = 100.0
 # MAV_STATE of an autopilot that deals with an emergency by itself.
 _FAILSAFE = frozenset(
@@ -107,6 +109,8 @@ class Aircraft:
         self._altitude_then_m: float | None = None
         self._altitude_s = -math.inf
         self._landed_state: int | None = None
+        self._landed_state_heard = False
+        self._adopted_s = -math.inf
         self._target: NavigationTarget | None = None
         self.target_while_ours: NavigationTarget | None = None
         self._target_s = -math.inf
@@ -148,7 +152,7 @@ class Aircraft:
                 self._airspeed_mps = fact.airspeed_mps
                 self._altitude_m, self._altitude_s = fact.altitude_m, now_s
             case LandedState():
-                self._landed_state = fact.landed_state
+                self._landed_state, self._landed_state_heard = fact.landed_state, True
             case Wind():
                 self._wind.report(fact, now_s)
             case FenceStatus():
@@ -218,6 +222,10 @@ class Aircraft:
         if self._landed_state not in (None, mavlink.MAV_LANDED_STATE_IN_AIR) or self.taking_off_or_landing():
             return False
         return self.position.height_above_home_m >= min_height_m
+
+    def known(self, now_s: float) -> bool:
+        """Whether it had the time to say that it is landing, or has said so."""
+        return self._landed_state_heard or now_s - self._adopted_s >= _LANDED_STATE_AWAITED_S
 
     def landing(self) -> bool:
         """Known to be on its way down to land, or on the ground."""
@@ -405,6 +413,7 @@ class Aircraft:
         if self._wanted_system_id is None and not (waited and alone):
             return
         self.adapter = choose(fact.autopilot, fact.sender)
+        self._adopted_s = now_s
         self.fixed_wing = fact.vehicle_type in _FIXED_WINGS
         self.others.discard(fact.sender.system_id)
 

@@ -176,11 +176,11 @@ class Authority:
         stray = self._strays.seen(self.supervisor.state, now_s, was_guided=self._was_guided)
         if stray is not None and self.supervisor.handle(stray):
             return self._take_back(stray, now_s)
-        advice: list[Effect] = []
+        advice = self._tell_lost(now_s)
         clear = self._outlook.decision.layer is Layer.CLEAR
         ready = not self._readiness.hindrances(now_s) and now_s >= self._not_before_s
         if not ready and not clear:
-            advice = self._announcer.conflict(self._outlook, now_s)
+            advice += self._announcer.conflict(self._outlook, now_s)
         # Whoever sent the aircraft back on its mission against us has decided about this conflict.
         if not ready or (self._against_us and not clear):
             self._ready_since_s = None
@@ -225,7 +225,9 @@ class Authority:
 
     def _may_be_old_news(self, now_s: float) -> bool:
         """Whether it may be a heartbeat from before the take-over, overtaken on its way by a newer one."""
-        return now_s - self._taken_s < _OVERTAKEN_S and self._aircraft.custom_mode == self._before.mode
+        aircraft = self._aircraft
+        former = aircraft.custom_mode == self._before.mode and not aircraft.guided
+        return former and now_s - self._taken_s < _OVERTAKEN_S
 
     def _is_lost(self, now_s: float) -> bool:
         """Whether the controller lost itself while we had the aircraft, and that came out only now."""
@@ -233,6 +235,14 @@ class Authority:
         if adapter is None or not self._flew_last or self._operator.role is not Role.FLY:
             return False
         return self._aircraft.custom_mode == self._before.mode and adapter.poisoned(now_s)
+
+    def _tell_lost(self, now_s: float) -> list[Effect]:
+        """The controller lost itself when somebody took the aircraft: it is his, but he must know."""
+        adapter = self._aircraft.adapter
+        if adapter is None or not adapter.poisoned(now_s):
+            return []
+        words = "Avoidance: attitude setpoint lost, fly MANUAL or STABILIZED"
+        return self._announcer.tell(mavlink.MAV_SEVERITY_EMERGENCY, words, now_s)
 
     def _rescue(self, now_s: float) -> list[Effect]:
         """Enter the guided mode again, in which the controller recovers; then give the aircraft back."""

@@ -380,7 +380,8 @@ class Engine:
         # PX4 would enter OFFBOARD by itself with the first setpoint that comes through again, and wrongly so.
         state = self.supervisor.state
         releasing = state in (State.RELEASING, State.STOPPING)
-        if (releasing or adapter.left_to_itself_is_safe) and not aircraft.in_contact(now_s):
+        contact = aircraft.in_contact(now_s) or not (releasing or adapter.left_to_itself_is_safe)
+        if not (contact and aircraft.heard(now_s)):
             return []
         if state is State.ENGAGING:
             return self._announcer.transmit(adapter.entering(level, now_s))

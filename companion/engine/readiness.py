@@ -46,6 +46,7 @@ class Readiness:
             not in rules.take_over_from,
             "it is disarmed": not aircraft.armed,
             self._why_not_flying(): aircraft.armed and not aircraft.flying(rules.min_height_m),
+            "it has not said yet whether it is landing": not aircraft.known(now_s),
             "it is in a failsafe": aircraft.failsafe,
             "it has breached its fence": aircraft.fence_breached,
         }

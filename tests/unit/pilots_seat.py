@@ -11,6 +11,7 @@ from companion.mavlink.facts import (
     CommandResult,
     Fact,
     Heartbeat,
+    LandedState,
     OwnPosition,
     Parameter,
     ParameterSet,
@@ -115,6 +116,8 @@ class Seat:
         now_s, flown_s = self.now_s, self.now_s - T0
         facts, self._answers = [*self._answers, *self.says, AirData(AUTOPILOT, 22.0)], []
         facts.append(AttitudeTarget(AUTOPILOT, self.finite))
+        if self._tick == 0:
+            facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))
         if self._tick == 1:
             facts.append(Parameter(AUTOPILOT, "FW_AIRSPD_TRIM", self.trim_mps))
         if self.positions:

@@ -12,6 +12,7 @@ from companion.mavlink.facts import (
     AirData,
     Fact,
     Heartbeat,
+    LandedState,
     OwnPosition,
     OwnTransponder,
     Parameter,
@@ -80,6 +81,7 @@ def fly(
         facts: list[Fact] = [position(now_s), AirData(AUTOPILOT, 22.0)]
         if tick % 10 == 0:
             facts += [heartbeat(mode=mode, armed=armed), traffic(now_s, meet_s=meet_s)]
+            facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))
         sent += run(engine, facts, now_s)
     return sent
 
