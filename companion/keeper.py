@@ -2,6 +2,7 @@
 
 import logging
 import os
+import time
 from pathlib import Path
 
 _log = logging.getLogger("companion")
@@ -14,10 +15,14 @@ class Keeper:
         self._path = path
         self._failed = False
 
-    def read(self) -> str | None:
-        """What the last run left, `None` when it left nothing."""
+    def read(self) -> tuple[str, float] | None:
+        """What the last run left and how long ago [s], `None` when it left nothing.
+
+        The age is that of the file: the time that the last run believed in may have been set since.
+        """
         try:
-            return self._path.read_text(encoding="utf-8")
+            age_s = time.time() - self._path.stat().st_mtime
+            return self._path.read_text(encoding="utf-8"), age_s
         except (OSError, UnicodeDecodeError):
             return None
 

@@ -18,6 +18,7 @@ from companion.keeper import Keeper
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame
+from companion.mavlink.order import Order
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.recorder import Recorder
 from companion.supervisor import State
@@ -59,6 +60,7 @@ class Runtime:
         self._watchdog = watchdog or Watchdog({})
         self._keeper = keeper
         self._encoder = Encoder()
+        self._orders: dict[str, Order] = {}  # by link: each counts for itself
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
@@ -118,7 +120,8 @@ class Runtime:
     async def _tick_until_stopped(self) -> None:
         kept = None if self._keeper is None else self._keeper.read()
         if kept is not None:
-            self.engine.recover(kept, self.clock.now_us() / 1e6)
+            text, age_s = kept
+            self.engine.recover(text, self.clock.now_us() / 1e6, age_s)
         self._watchdog.ready()
         while not self._stop.is_set():
             self._guarded(self._tick)
@@ -168,11 +171,11 @@ class Runtime:
                     link.send(raw)
             await asyncio.sleep(_LETTING_GO_S / _LETTING_GO_TIMES)
 
-    def _on_frames(self, frames: list[Frame], _link: Link) -> None:
+    def _on_frames(self, frames: list[Frame], link: Link) -> None:
         if self._failure is None:
-            self._guarded(lambda: self._take_in(frames))
+            self._guarded(lambda: self._take_in(frames, self._orders.setdefault(link.address, Order())))
 
-    def _take_in(self, frames: list[Frame]) -> None:
+    def _take_in(self, frames: list[Frame], order: Order) -> None:
         now_us = self.clock.now_us()
         self._arrived_s = time.perf_counter()
         for frame in frames:
@@ -180,7 +183,8 @@ class Runtime:
             self._stepper.advance(now_us)
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            if frame.message_id not in WANTED:
+            # A mode that is not any more would look as if somebody had chosen it.
+            if order.is_overtaken(frame) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
             if fact is None:

@@ -68,7 +68,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.STOPPING, Event.DISARMED): State.STOPPED,
     (State.STOPPING, Event.LANDING): State.STOPPED,
     # It fell out of the guided mode while the link was gone.
-    **{(state, Event.FOUND): State.RELEASING for state in FLYING},
+    **{(state, Event.FOUND): State.RELEASING for state in FLYING | {State.RELEASING}},
     (State.STANDBY, Event.READY): State.MONITOR,
     (State.STANDBY, Event.LATE): State.RELEASING,
     (State.STANDBY, Event.FOUND): State.RELEASING,

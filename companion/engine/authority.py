@@ -154,7 +154,8 @@ class Authority:
         claims = self._claims.made(self._request, self._before)
         taken = next((event for event in claims if (state, event) in TRANSITIONS), None)
         by_itself = taken is Event.MODE_CHANGED and self._aircraft.left_by_itself(now_s)
-        if by_itself and self.supervisor.handle(Event.FOUND):
+        if by_itself and (state, Event.FOUND) in TRANSITIONS:
+            self.supervisor.handle(Event.FOUND)
             return self._give_back_found(Event.FOUND, now_s)
         if taken is not None:
             return self._hands_off(taken, now_s)

@@ -232,11 +232,12 @@ class Engine:
         """The service ends: give the aircraft back first. Tick on until `finished`."""
         return self._authority.request_stop(now_s)
 
-    def recover(self, text: str, now_s: float) -> None:
-        """What a former run kept (see `Keep`): had it the aircraft when it was killed, that is put right."""
+    def recover(self, text: str, now_s: float, age_s: float) -> None:
+        """What a former run kept (see `Keep`) so long ago: had it the aircraft then, that is put right."""
         held = Held.from_text(text)
         if held is None:
             return
+        held = replace(held, time_s=now_s - age_s)
         self._left = held
         if not held.is_fresh(now_s):
             return

@@ -33,7 +33,7 @@ async def test_arduplane_flies_on_while_the_link_is_lost(seconds: float, engagem
         await flight.engaged()
         await lose_the_link(flight, seconds)
         assert flight.modes == ["AUTO", "GUIDED"]
-        told = "Avoidance: own position lost" in flight.notes.texts()
+        told = any(text.startswith("Avoidance: autopilot lost") for text in flight.notes.texts())
         assert told is (engagements == 2)
         await flight.fly(3.0)
         assert flight.engine.supervisor.flying

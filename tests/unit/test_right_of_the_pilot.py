@@ -263,7 +263,7 @@ def test_a_speed_borrowed_from_another_aircraft_is_not_put_into_this_one() -> No
         seat = Seat(PX4)
         seat.intruder = False
         held = Held(T0 - 3600.0, system_id, borrowed={"FW_AIRSPD_TRIM": 15.0})
-        seat.engine.recover(held.to_text(), T0)
+        seat.engine.recover(held.to_text(), T0, 0.0)
         sent = seat.fly(3.0)
         assert [message.param_value for message in sent] == expected
 
