@@ -10,7 +10,7 @@ run: setup
 	$(BIN)/companion-sim demo
 
 test: check
-	$(BIN)/pytest --numprocesses 2
+	$(BIN)/pytest --numprocesses 3
 
 check: setup
 	$(BIN)/ruff check .

@@ -78,6 +78,8 @@ class RateKeeper:
                 *(adapter.request_interval(*wanted) for wanted in adapter.intervals_s.items()),
                 adapter.request_parameter(adapter.own_icao_parameter),
                 adapter.request_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+                # Nothing is taken over before this has told that it is not landing.
+                adapter.request_message(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE),
             ]
         if now_s < self._window_ends_s:
             return []

@@ -179,7 +179,7 @@ async def test_its_configured_role_keeps_it_from_flying() -> None:
 async def test_the_command_says_all_of_it_and_nothing_else(tmp_path: Path) -> None:
     vehicle, port = in_the_air(FakePx4), free_port()
     async with talking(vehicle, port, ScaledClock(1.0, start_s=vehicle.time_s)):
-        code, lines, errors = await check(tmp_path, port, 4.0)
+        code, lines, errors = await check(tmp_path, port, 6.0)
     assert code == 0
     assert any(line.startswith("autopilot") and "PX4 1.15.0, system 1, fixed wing" in line for line in lines)
     assert lines[-1] == "would fly: in a conflict it takes the aircraft over"
