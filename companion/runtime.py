@@ -184,7 +184,7 @@ class Runtime:
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
             # A mode that is not any more would look as if somebody had chosen it.
-            if order.is_overtaken(frame) or frame.message_id not in WANTED:
+            if order.is_overtaken(frame, now_us / 1e6) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
             if fact is None:

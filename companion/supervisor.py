@@ -69,6 +69,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.STOPPING, Event.LANDING): State.STOPPED,
     # It fell out of the guided mode while the link was gone.
     **{(state, Event.FOUND): State.RELEASING for state in FLYING | {State.RELEASING}},
+    **{(state, Event.POISONED): State.ENGAGING for state in FLYING | {State.RELEASING}},
     (State.STANDBY, Event.READY): State.MONITOR,
     (State.STANDBY, Event.LATE): State.RELEASING,
     (State.STANDBY, Event.FOUND): State.RELEASING,

@@ -42,8 +42,8 @@ _MISSION_MODES = frozenset({"AUTO", "MISSION"})
 _HEARTBEAT_LOST_S = 5.0
 # Not a message of many a second for so long: the link is gone, and ours do not arrive either.
 _SILENCE_S = 1.0
-# Its mode is heard once a second.
-_SILENCE_KNOWN_S = 2.5
+# Its mode is heard once a second, what it steers to several times.
+_SILENCE_KNOWN_S, _TOLD_AFTER_S = 2.5, 1.0
 _BLIND_S = 5.0
 # FENCE_STATUS comes once a second.
 _FENCE_HEARD_S = 10.0
@@ -197,6 +197,10 @@ class Aircraft:
     def in_contact(self, now_s: float) -> bool:
         """Whether it is heard right now, and its mode is known from after the last silence."""
         return now_s - self._fact_s <= _SILENCE_S and self.heartbeat_s >= self._silent_until_s
+
+    def just_back(self, now_s: float) -> bool:
+        """Whether a silence ended so lately that it had no time yet to tell how it is."""
+        return now_s - self._silent_until_s < _TOLD_AFTER_S
 
     def left_by_itself(self, now_s: float) -> bool:
         """Whether a silence ended just now, and it is in the mode that it falls into in one."""

@@ -155,8 +155,7 @@ class Authority:
         taken = next((event for event in claims if (state, event) in TRANSITIONS), None)
         by_itself = taken is Event.MODE_CHANGED and self._aircraft.left_by_itself(now_s)
         if by_itself and (state, Event.FOUND) in TRANSITIONS:
-            self.supervisor.handle(Event.FOUND)
-            return self._give_back_found(Event.FOUND, now_s)
+            return self._fell_out(now_s)
         if taken is not None:
             return self._hands_off(taken, now_s)
         if self._operator.role is not Role.FLY and self.supervisor.handle(Event.ADVISE):
@@ -208,6 +207,14 @@ class Authority:
         if aircraft.adapter is not None and aircraft.custom_mode != self._before.mode:
             aircraft.adapter.desk.forget()
             self._given_back_s = -math.inf
+
+    def _fell_out(self, now_s: float) -> list[Effect]:
+        """It left the guided mode by itself while the link was gone, and perhaps lost itself by that."""
+        if self._aircraft.just_back(now_s):
+            return []
+        event = Event.POISONED if self._adapter().poisoned(now_s) else Event.FOUND
+        self.supervisor.handle(event)
+        return self._rescue(now_s) if event is Event.POISONED else self._give_back_found(event, now_s)
 
     def _take_back(self, event: Event, now_s: float) -> list[Effect]:
         """Give back what is in the guided mode with nobody flying it."""

@@ -1,7 +1,6 @@
-"""The envelope in effect: what is configured, within what the aircraft says, within what is assumed."""
+"""The envelope in effect: what is configured, else what the aircraft says, else what is assumed."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -16,6 +15,13 @@ _REACHED = 0.9
 # ArduPlane grants this bank at any airspeed.
 _LEAST_BANK_RAD = math.radians(25.0)
 CONFIGURED, ASSUMED = "configured", "assumed"
+_QUANTITIES = {
+    "min_airspeed_mps": "min airspeed",
+    "max_airspeed_mps": "max airspeed",
+    "max_bank_rad": "max bank",
+    "max_climb_mps": "max climb",
+    "max_sink_mps": "max sink",
+}
 
 
 @dataclass(frozen=True)
@@ -68,13 +74,14 @@ class _Value:
 def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> Effective:
     """The limits in effect.
 
-    A configured limit replaces an assumption and narrows what the aircraft says, but does not widen it: the
-    autopilot would not fly it, and a prediction that counts on it is wrong.
+    A configured limit counts, whoever says otherwise: parameters are wrong at times, and who flies the
+    aircraft knows it. Where it trusts the aircraft with more than its own parameters do, that is doubted in
+    words, as the autopilot may not fly it.
     """
     sure = _as_reached(belief)
-    bank = _tightest("max_bank_rad", configured.max_bank_rad, sure, assumed)
-    climb = _tightest("max_climb_mps", configured.max_climb_mps, sure, assumed)
-    sink = _tightest("max_sink_mps", configured.max_sink_mps, sure, assumed)
+    bank = _chosen("max_bank_rad", configured.max_bank_rad, sure, assumed)
+    climb = _chosen("max_climb_mps", configured.max_climb_mps, sure, assumed)
+    sink = _chosen("max_sink_mps", configured.max_sink_mps, sure, assumed)
     slowest, fastest, doubts = _airspeeds(assumed, configured, _banked(sure, bank.value))
     taken = [
         _taken("min airspeed", slowest, "m/s"),
@@ -95,7 +102,7 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> 
         max_climb_mps=climb.value,
         max_sink_mps=sink.value,
     )
-    return Effective(envelope, tuple(taken), radius_m, (*belief.doubts, *doubts))
+    return Effective(envelope, tuple(taken), radius_m, (*belief.doubts, *doubts, *_trusted(configured, sure)))
 
 
 def _as_reached(belief: Belief) -> Belief:
@@ -130,25 +137,30 @@ def _banked(belief: Belief, bank_rad: float) -> Belief:
     return replace(belief, limits=replace(limits, min_airspeed_mps=low), names=names)
 
 
-def _tightest(
-    name: str,
-    configured: float | None,
-    belief: Belief,
-    assumed: Envelope,
-    tighter: Callable[[float, float], float] = min,
-) -> _Value:
-    """A limit and where it was taken from; `tighter` of two is what both allow."""
+def _chosen(name: str, configured: float | None, belief: Belief, assumed: Envelope) -> _Value:
+    """A limit and where it was taken from."""
     known = getattr(belief.limits, name)
+    if configured is not None:
+        # Both are told.
+        beside = "" if known is None else f"; {belief.names[name]} {_shown(name, known)}"
+        return _Value(configured, f"{CONFIGURED}{beside}")
     if known is None:
-        if configured is None:
-            return _Value(getattr(assumed, name), ASSUMED)
-        return _Value(configured, CONFIGURED)
-    if configured is None:
-        return _Value(known, belief.names[name])
-    # Both are told, whichever counts.
-    if tighter(configured, known) == configured:
-        return _Value(configured, f"{CONFIGURED}; {belief.names[name]} {_shown(name, known)}")
-    return _Value(known, f"{belief.names[name]}; {CONFIGURED} {_shown(name, configured)}")
+        return _Value(getattr(assumed, name), ASSUMED)
+    return _Value(known, belief.names[name])
+
+
+def _trusted(configured: AircraftLimits, belief: Belief) -> list[str]:
+    """In which the configuration trusts the aircraft with more than its own parameters do."""
+    doubts = []
+    for name, quantity in _QUANTITIES.items():
+        wanted, known = getattr(configured, name), getattr(belief.limits, name)
+        if wanted is None or known is None:
+            continue
+        more = wanted < known if name.startswith("min_") else wanted > known
+        if more:
+            beyond = f"{quantity} {_shown(name, wanted)} configured"
+            doubts.append(f"{beyond}, {belief.names[name]} allows {_shown(name, known)}")
+    return doubts
 
 
 def _shown(name: str, value: float) -> str:
@@ -160,8 +172,8 @@ def _airspeeds(
     assumed: Envelope, configured: AircraftLimits, belief: Belief
 ) -> tuple[_Value, _Value, tuple[str, ...]]:
     """Slowest and fastest airspeed. Where they contradict each other, the less certain one yields."""
-    slowest = _tightest("min_airspeed_mps", configured.min_airspeed_mps, belief, assumed, max)
-    fastest = _tightest("max_airspeed_mps", configured.max_airspeed_mps, belief, assumed)
+    slowest = _chosen("min_airspeed_mps", configured.min_airspeed_mps, belief, assumed)
+    fastest = _chosen("max_airspeed_mps", configured.max_airspeed_mps, belief, assumed)
     if slowest.value <= fastest.value:
         return slowest, fastest, ()
     if fastest.source == ASSUMED:

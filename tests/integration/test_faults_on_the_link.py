@@ -52,8 +52,7 @@ async def test_px4_holds_while_the_link_is_lost_and_is_taken_from_there(seconds:
         assert flight.modes == ["MISSION", "OFFBOARD", "HOLD"]
         await flight.fly(6.0)
         assert flight.modes == ["MISSION", "OFFBOARD", "HOLD", "MISSION", "OFFBOARD"]
-        # By its last heartbeat the autopilot may be lost for five seconds just when it is heard again.
-        assert {FOUND, "Avoidance: autopilot lost"} & set(flight.notes.texts())
+        assert FOUND in flight.notes.texts()
         await flight.resumed()
         assert flight.engagements == 2
         assert not flight.nmac
@@ -72,8 +71,7 @@ async def test_px4_that_lost_the_link_in_a_climb_has_lost_itself_and_is_recovere
         flight.relay.mend()
         await flight.until(lambda: not flight.vehicle.truth.uncontrolled, 8.0)
         flight.was_uncontrolled = False
-        # Recovered by itself, or by the take-over that the conflict called for: both enter as they must.
-        assert {FOUND, "Avoidance: attitude setpoint lost, recovering"} & set(flight.notes.texts())
+        assert "Avoidance: attitude setpoint lost, recovering" in flight.notes.texts()
         await flight.resumed()
 
 

@@ -78,20 +78,18 @@ def shorter(name: str) -> Scenario:
     )
 
 
-async def test_px4_is_flown_as_well_two_at_a_time() -> None:
-    """All scenarios are flown on it in lockstep; these two show that its stream stands the wire."""
-    names = ("head-on", "crossing-right")
-    flights = (fly_demo(DemoOptions(shorter(name), speedup=12.0, autopilot="px4")) for name in names)
+async def test_px4_is_flown_as_well_in_the_time_of_a_real_clock() -> None:
+    """All scenarios are flown on it in simulated time; this one shows that its stream stands a real clock."""
     # A machine that is too slow for the speedup holds the simulated clock back, and takes longer.
-    flown = await asyncio.wait_for(asyncio.gather(*flights), 240.0)
-    for name, state in zip(names, flown, strict=True):
-        report = state.report()
-        assert state.passed, name
-        assert report["resumed"], name
-        assert not report["uncontrolled"], name
-        (encounter,) = report["encounters"]  # type: ignore[misc]
-        assert not encounter["lowc"], name
-        assert encounter["first_action_s"] is not None, name
+    flight = fly_demo(DemoOptions(shorter("head-on"), speedup=12.0, autopilot="px4"))
+    state = await asyncio.wait_for(flight, 240.0)
+    report = state.report()
+    assert state.passed
+    assert report["resumed"]
+    assert not report["uncontrolled"]
+    (encounter,) = report["encounters"]  # type: ignore[misc]
+    assert not encounter["lowc"]
+    assert encounter["first_action_s"] is not None
 
 
 async def test_without_avoidance_the_demo_ends_in_a_near_mid_air_collision() -> None:

@@ -129,7 +129,7 @@ def test_no_more_bank_than_cruise_airspeed_carries() -> None:
     assert effective(ASSUMED, NOTHING, px4).envelope.max_bank_rad == pytest.approx(math.radians(45.0))
 
 
-def test_configured_limits_narrow_those_of_the_aircraft_and_replace_assumptions() -> None:
+def test_configured_limits_replace_those_of_the_aircraft_and_what_is_assumed() -> None:
     configured = AircraftLimits(max_bank_rad=math.radians(20.0), max_climb_mps=2.0, loiter_radius_m=90.0)
     for belief in (Belief(), believe(NEW, ARDUPLANE)):
         taken = effective(ASSUMED, configured, belief)
@@ -142,13 +142,22 @@ def test_configured_limits_narrow_those_of_the_aircraft_and_replace_assumptions(
     assert effective(ASSUMED, AircraftLimits(max_bank_rad=1.0), Belief()).envelope.max_bank_rad == 1.0
 
 
-def test_configured_limits_never_exceed_those_of_the_aircraft() -> None:
+def test_configured_limits_beyond_those_of_the_aircraft_count_and_are_warned_of() -> None:
     configured = AircraftLimits(
         min_airspeed_mps=5.0, max_airspeed_mps=50.0, max_bank_rad=math.radians(70.0), max_sink_mps=9.0
     )
-    belief = believe(NEW, ARDUPLANE)
-    assert effective(ASSUMED, configured, belief).envelope == effective(ASSUMED, NOTHING, belief).envelope
-    assert sources(configured, belief)["max bank"] == "ROLL_LIMIT_DEG; configured 70"
+    taken = effective(ASSUMED, configured, believe(NEW, ARDUPLANE))
+    envelope = taken.envelope
+    assert (envelope.min_airspeed_mps, envelope.max_airspeed_mps, envelope.max_sink_mps) == (5.0, 50.0, 9.0)
+    assert envelope.max_bank_rad == math.radians(70.0)
+    assert sources(configured, believe(NEW, ARDUPLANE))["max bank"] == "configured; ROLL_LIMIT_DEG 45"
+    assert taken.doubts == (
+        "min airspeed 5 configured, AIRSPEED_MIN allows 12",
+        "max airspeed 50 configured, AIRSPEED_MAX allows 30",
+        "max bank 70 configured, ROLL_LIMIT_DEG allows 45",
+        "max sink 9 configured, 0.9 TECS_SINK_MAX allows 3.6",
+    )
+    assert not effective(ASSUMED, configured, Belief()).doubts, "nobody says otherwise"
 
 
 @pytest.mark.parametrize(
