@@ -1,4 +1,4 @@
-"""The command line: `companion-sim demo`, `vehicle`, `relay`, `bench` and `paper`."""
+"""The command line: `companion-sim demo`, `vehicle`, `relay`, `bench`, `paper` and campaigns."""
 
 import asyncio
 import contextlib
@@ -20,6 +20,7 @@ from companion.cli import guarded, writable
 from companion.errors import CompanionError, ConfigError, LinkError
 from companion.links import open_link
 from sim.bench import run as run_bench
+from sim.campaign.plan import Part, Plan
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, DemoState, fly_demo
 from sim.faults import Faults
@@ -238,6 +239,99 @@ def paper(
         command.run_fields(out, fields, console)
     if not well:
         raise typer.Exit(1)
+
+
+EncountersOption = Annotated[int, typer.Option("--encounters", min=1, max=10_000_000, help="How many.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Of all chances: the same seed, the same campaign.")]
+AvoiderOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--avoider", metavar="NAME", help="companion (default), none, ardupilot, ardupilot-610, mvp, orca."
+    ),
+]
+ModelOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--model", metavar="FILE", help="MIT Lincoln Laboratory model (.txt), or encounters (.csv, .daa)."
+    ),
+]
+SurveillanceOption = Annotated[str, typer.Option(metavar="PRESET", help="perfect, adsb-out or poor.")]
+IntrudersOption = Annotated[int, typer.Option(min=1, max=4, help="At once, from the models.")]
+LockOption = Annotated[
+    bool, typer.Option("--lock-height", help="A ceiling just above the mission's height, a floor just below.")
+]
+
+
+@app.command(
+    epilog="Example: companion-sim campaign --encounters 500 --avoider companion --avoider ardupilot"
+)
+def campaign(
+    encounters: EncountersOption = 1000,
+    seed: SeedOption = 0,
+    avoider: AvoiderOption = None,
+    model: ModelOption = None,
+    surveillance: SurveillanceOption = "perfect",
+    intruders: IntrudersOption = 1,
+    lock_height: LockOption = False,
+    part: Annotated[
+        Part, typer.Option(help="One half of the encounters: look at tuning, quote evaluation.")
+    ] = Part.ALL,
+    results: Annotated[
+        Path, typer.Option(metavar="FILE.ndjson", help="Kept as they come; an interrupted campaign goes on.")
+    ] = Path("campaign.ndjson"),
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="Processes; default: all cores.")
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write a page, with the worst encounters drawn.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")
+    ] = None,
+) -> None:
+    """Fly encounters by the thousand through the engine that flies, and say how safe it is."""
+    # Figures take longer to import than the other commands take to start.
+    from sim.campaign import command
+
+    for path in (page, report):
+        if path is not None:
+            writable(path)
+    plan = Plan(
+        encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
+        surveillance, intruders, lock_height, part,
+    )  # fmt: skip
+    console = Console(highlight=False)
+    figures = command.run(plan, results, console, workers=workers)
+    command.print_figures(console, figures)
+    if report is not None:
+        command.write_report(report, figures)
+    if page is not None:
+        page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
+
+
+@app.command(epilog="Example: companion-sim encounter 17 --seed 1 --out encounter-17.png")
+def encounter(
+    number: Annotated[
+        int, typer.Argument(metavar="NUMBER", min=0, help="As in the results of its campaign.")
+    ],
+    seed: SeedOption = 0,
+    avoider: Annotated[str, typer.Option(metavar="NAME", help="As of the campaign.")] = "companion",
+    model: ModelOption = None,
+    surveillance: SurveillanceOption = "perfect",
+    intruders: IntrudersOption = 1,
+    lock_height: LockOption = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw it: paths, heights and separation.")
+    ] = None,
+) -> None:
+    """Fly one encounter of a campaign again, and say what was decided when."""
+    from sim.campaign import command
+
+    if out is not None:
+        writable(out)
+    models = tuple(map(str, model or ()))
+    plan = Plan(number + 1, seed, (avoider,), models, surveillance, intruders, lock_height)
+    command.show_encounter(plan, number, Console(highlight=False), out)
 
 
 @app.command(

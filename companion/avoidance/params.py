@@ -42,6 +42,10 @@ class AvoidanceParams:
     inner_time_s: Annotated[float, Ge(0), Le(80)] = 20.0
     # Transition domain: the cone is this much wider for whoever is in it.
     delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(90.0)
+    # An avoidance begins when the mission would come nearer than this share of the volume with its margin:
+    # the first when closest approach is within `inner_time_s`, the second from `outer_time_s` on.
+    begin_near: Annotated[float, Gt(0), Le(1)] = 1.0
+    begin_far: Annotated[float, Gt(0), Le(1)] = 1.0
     # Back to the mission only when its flight keeps clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0

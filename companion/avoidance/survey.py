@@ -93,7 +93,8 @@ def take(
     ahead = fly_ahead(state, Commands.of([mission]), envelope)
     closest = separation(ahead, tracks, horizon_s=horizon_s).closest[0]
     needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
-    lost = closest < needed * (1.0 + params.release_margin if avoiding else 1.0)
+    to_closest_s = time_to_closest_s(rel_position, rel_velocity)
+    lost = closest < needed * (1.0 + params.release_margin if avoiding else _begins(to_closest_s, params))
     reached = surface < outer_reach
     radius = tracks.protected_horizontal_m
     if params.outer_method is OuterMethod.PRICED:
@@ -117,13 +118,25 @@ def take(
         own_rel_velocity_mps=-rel_velocity,
         surface_m=surface,
         closing_mps=closing,
-        time_to_closest_s=time_to_closest_s(rel_position, rel_velocity),
+        time_to_closest_s=to_closest_s,
         outer_reach_m=outer_reach,
         inner_reach_m=inner_reach,
         emergency=inner,
         conflict=conflict,
         horizon_s=horizon_s,
     )
+
+
+def _begins(to_closest_s: Array, params: AvoidanceParams) -> Array:
+    """How near a track must come, as a share of the volume with its margin, for an avoidance to begin, (N,).
+
+    The longer there is to go, the more often what looks near passes clear by itself: others turn and climb,
+    and errors of velocity grow. Early on only what goes deep counts: there is time to wait and see.
+    """
+    span_s = max(params.outer_time_s - params.inner_time_s, 1e-3)
+    early = np.clip((to_closest_s - params.inner_time_s) / span_s, 0.0, 1.0)
+    begins: Array = params.begin_near + (params.begin_far - params.begin_near) * early
+    return begins
 
 
 def flown_mps(state: OwnState) -> Array:

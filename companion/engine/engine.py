@@ -95,7 +95,8 @@ class EngineConfig:
 class Engine:
     """One flight. `receive` and `tick` share one clock [s], which never runs backwards."""
 
-    def __init__(self, config: EngineConfig | None = None) -> None:
+    def __init__(self, config: EngineConfig | None = None, *, avoider: Avoider | None = None) -> None:
+        """`avoider` decides instead of one made from the configuration: for comparisons."""
         config = config or EngineConfig()
         self._params = config.engine
         self._rules = config.supervisor
@@ -124,7 +125,7 @@ class Engine:
         self._authority = Authority(
             self.aircraft, config.supervisor, self._announcer, self.operator, self.readiness
         )
-        self._avoider = Avoider(config.avoidance)
+        self._avoider = avoider or Avoider(config.avoidance)
         self._rates = RateKeeper()
         self._frame: LocalFrame | None = None
         self._goal: Goal | None = None

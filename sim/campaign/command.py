@@ -1,0 +1,151 @@
+"""`companion-sim campaign` and `companion-sim encounter`: from options to a table, a report and a page."""
+
+import contextlib
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from companion.errors import CompanionError
+from sim.campaign.flight import Flown, fly, undisturbed
+from sim.campaign.page import figure_of, page
+from sim.campaign.plan import NONE, Plan
+from sim.campaign.results import Result, Results, read_results
+from sim.campaign.runner import run_here
+from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, gather, summary_of
+from sim.encounters import Encounter
+
+_DRAWN = 6
+
+
+def run(plan: Plan, out: Path, console: Console, *, workers: int | None = None) -> dict[str, Any]:
+    """Fly what is left of a campaign, with a progress bar on a terminal; the figures by avoider."""
+    plan.check()
+    results = Results.open(out, plan.identity())
+    before, begun = len(results.done), time.perf_counter()
+    try:
+        with _progress(console, plan, results) as tell:
+            run_here(plan, results, workers=workers, tell=tell)
+    except KeyboardInterrupt:
+        kept = f"campaign: interrupted; {len(results.done)} results are kept in {out}, start again to go on"
+        raise CompanionError(kept) from None
+    finally:
+        results.close()
+    flown, took_s = len(results.done) - before, time.perf_counter() - begun
+    rate = round(flown / took_s, 1) if flown else None
+    wanted = set(plan.numbers())
+    lines = (result for result in read_results(out) if result["number"] in wanted)
+    figures = gather(result for result in lines if result["avoider"] in plan.avoiders)
+    return {"avoiders": {name: summary_of(figures[name], rate) for name in plan.avoiders if name in figures}}
+
+
+@contextlib.contextmanager
+def _progress(console: Console, plan: Plan, results: Results) -> Iterator[Callable[[int], None]]:
+    total = plan.encounters * len(plan.avoiders)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    rate = TextColumn("{task.fields[rate]} a second")
+    columns = (TextColumn("encounters"), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
+    with Progress(*columns, console=console) as progress:
+        done_before, begun, flown = len(results.done), time.perf_counter(), 0
+        task = progress.add_task("", total=total, completed=done_before, rate="0.0")
+
+        def tell(more: int) -> None:
+            nonlocal flown
+            flown += more
+            rate_hz = flown / max(time.perf_counter() - begun, 1e-9)
+            progress.update(task, advance=more, rate=f"{rate_hz:.1f}")
+
+        yield tell
+
+
+def print_figures(console: Console, report: dict[str, Any]) -> None:
+    """The table that a reader wants first: what remains, and at what price."""
+    table = Table(
+        title=f"Pass lines for cooperative traffic: risk {RISK_RATIO_LINE}, well clear {LOWC_RATIO_LINE}",
+        title_justify="left",
+    )
+    headings = (
+        "avoider", "encounters", "risk ratio", "well clear ratio", "aside", "height", "nuisance", "not back"
+    )  # fmt: skip
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading == "avoider" else "right")
+    for name, figures in report["avoiders"].items():
+        table.add_row(
+            name,
+            f"{figures['encounters']:,}",
+            _with_interval(figures, "risk_ratio"),
+            _with_interval(figures, "lowc_ratio"),
+            _metres(figures["median_max_deviation_m"]),
+            _metres(figures["median_max_height_m"]),
+            _with_interval(figures, "nuisance_rate"),
+            str(figures["not_back_on_line"]),
+        )
+    console.print(table)
+    console.print(
+        "Ratios against nobody avoiding, with 95 % intervals; aside and height: medians over conflicts."
+    )
+
+
+def _with_interval(figures: dict[str, Any], name: str) -> str:
+    value, interval = figures[name], figures[f"{name}_ci95"]
+    if value is None:
+        return "-"
+    return f"{value:.3f} ({interval[0]:.3f}-{interval[1]:.3f})"
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f} m"
+
+
+def write_report(path: Path, report: dict[str, Any]) -> None:
+    """The figures as JSON."""
+    path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+
+
+def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
+    """The page of a campaign that is flown; its worst encounters are flown again to be drawn."""
+    wanted = set(plan.numbers())
+    lines = [result for result in read_results(out) if result["number"] in wanted]
+    figures = {name: one for name, one in gather(lines).items() if name in report["avoiders"]}
+    worst = {
+        name: [_fly_again(plan, name, n) for n in _worst(lines, name)] for name in figures if name != NONE
+    }
+    return page(plan, report, figures, worst)
+
+
+def _worst(lines: list[Result], avoider: str) -> list[int]:
+    """The numbers of the encounters that came nearest, of those that lost well clear."""
+    lost = [line for line in lines if line["avoider"] == avoider and line["flown"]["lowc"]]
+    lost.sort(key=lambda line: (line["flown"]["severity"], line["number"]))
+    return [line["number"] for line in lost[:_DRAWN]]
+
+
+def _fly_again(plan: Plan, avoider: str, number: int) -> tuple[Encounter, Flown]:
+    encounter = plan.source()(number)
+    flown = fly(encounter, plan.engine_for(avoider), plan.known, plan.limits, seed=plan.seed + number)
+    return encounter, flown
+
+
+def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) -> None:
+    """One encounter in words, and drawn where `out` says."""
+    encounter, flown = _fly_again(plan, plan.avoiders[0], number)
+    for name, near in (("undisturbed", undisturbed(encounter)), ("flown", flown.closeness)):
+        outcome = "near mid-air collision" if near.nmac else "well clear lost" if near.lowc else "well clear"
+        console.print(
+            f"{name}: nearest {near.horizontal_m:.0f} m aside, {near.vertical_m:.0f} m in height: {outcome}"
+        )
+    console.print(
+        f"{encounter.encounter_id}: {encounter.geometry}, closing {encounter.closing_mps:.0f} m/s; "
+        f"largest deviation {flown.deviation_m:.0f} m aside, {flown.height_m:.0f} m in height"
+    )
+    for time_s, words in flown.reasons:
+        console.print(f"{time_s:6.1f} s  {words}", markup=False)
+    if out is not None:
+        figure_of(encounter, flown).savefig(out, dpi=110)

@@ -1,0 +1,225 @@
+"""One encounter flown: engine, plane and traffic in lockstep, decisions once a second, dynamics ten times."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.engine import Engine, Transmit
+from companion.mavlink.dialect import Message
+from companion.mavlink.facts import PressureAltitude, Traffic
+from companion.model import AltitudeReference, TrafficReport, TrafficSource, Vec3, adsb_key
+from companion.supervisor import State
+from sim.campaign.plane import AUTO, AUTOPILOT, FRAME, Limits, Plane
+from sim.encounters import Encounter, Heard, Observer, Surveillance
+from sim.metrics import (
+    NMAC_HORIZONTAL_M,
+    NMAC_VERTICAL_M,
+    WELL_CLEAR_HORIZONTAL_M,
+    WELL_CLEAR_VERTICAL_M,
+)
+
+Array = NDArray[np.floating]
+
+_STEP_S = 0.1
+_STEPS_PER_DECISION = 10
+_FACTS_EVERY = 5  # steps: an autopilot that is not heard for a second counts as silent
+_START_S = 1_700_000_000.0
+# Wind, airspeed and where the mission leads.
+_RARE_FACTS_S = 2
+# Back on the mission line: as near to it as autopilots keep to one.
+_ON_LINE_M, _AT_HEIGHT_M = 25.0, 8.0
+# For the way back, after the encounter itself.
+_LONGEST_RETURN_S = 240.0
+_FIRST_ICAO = 0xA00001
+
+
+@dataclass(frozen=True, slots=True)
+class Closeness:
+    """How near the nearest intruder came: the smallest distances, and whether the volumes were entered.
+
+    `severity` is the smallest over time of max(horizontal / 609.6 m, vertical / 76.2 m): below 1 well clear
+    is lost.
+    """
+
+    horizontal_m: float
+    vertical_m: float
+    severity: float
+    nmac: bool
+    lowc: bool
+
+
+@dataclass
+class Flown:
+    """What became of one encounter, and what is drawn of it: `own_m` (n, 3) north-east-down every 0.1 s."""
+
+    closeness: Closeness
+    deviation_m: float = 0.0
+    height_m: float = 0.0
+    avoided: bool = False
+    engagements: int = 0
+    back_s: float | None = None
+    first_action_s: float | None = None
+    decision_ms: list[float] = field(default_factory=list)
+    own_m: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    reasons: list[tuple[float, str]] = field(default_factory=list)
+
+
+def closeness(own_m: Array, encounter: Encounter, dt_s: float = _STEP_S) -> Closeness:
+    """How near they came within the encounter, own positions (n, 3) at 0, dt, 2 dt and so on."""
+    count = min(len(own_m), round(encounter.duration_s / dt_s) + 1)
+    times_s = np.arange(count) * dt_s
+    horizontal, vertical, severity = [], [], []
+    nmac = lowc = False
+    for path in encounter.intruders:
+        off_m = path.positions_m(times_s) - own_m[:count]
+        across_m, above_m = np.hypot(off_m[:, 0], off_m[:, 1]), np.abs(off_m[:, 2])
+        ratio = np.maximum(across_m / WELL_CLEAR_HORIZONTAL_M, above_m / WELL_CLEAR_VERTICAL_M)
+        worst = int(np.argmin(ratio))
+        horizontal.append(float(across_m[worst]))
+        vertical.append(float(above_m[worst]))
+        severity.append(float(ratio[worst]))
+        nmac |= bool(((across_m < NMAC_HORIZONTAL_M) & (above_m < NMAC_VERTICAL_M)).any())
+        lowc |= bool((ratio < 1.0).any())
+    first = int(np.argmin(severity))
+    return Closeness(horizontal[first], vertical[first], severity[first], nmac, lowc)
+
+
+def undisturbed(encounter: Encounter) -> Closeness:
+    """How near they come when nobody avoids: the mission is a straight line."""
+    times_s = np.arange(round(encounter.duration_s / _STEP_S) + 1) * _STEP_S
+    course, speed = encounter.own_course_rad, encounter.own_airspeed_mps
+    velocity = np.array([speed * math.cos(course), speed * math.sin(course), 0.0])
+    return closeness(np.array(encounter.own_position_m) + times_s[:, None] * velocity, encounter)
+
+
+def fly(
+    encounter: Encounter,
+    make_engine: Callable[[Encounter], Engine],
+    surveillance: Surveillance,
+    limits: Limits,
+    *,
+    seed: int = 0,
+) -> Flown:
+    """Fly an encounter, and on until the aircraft is back on its mission line."""
+    return _Flight(encounter, make_engine(encounter), surveillance, limits, seed).run()
+
+
+class _Flight:
+    def __init__(
+        self, encounter: Encounter, engine: Engine, surveillance: Surveillance, limits: Limits, seed: int
+    ) -> None:
+        self._encounter, self._engine = encounter, engine
+        self._plane = Plane(
+            encounter.own_position_m, encounter.own_course_rad, encounter.own_airspeed_mps, limits
+        )
+        self._observer = Observer(encounter, surveillance, seed)
+        self._noted: object = None
+        self._own_m: list[Vec3] = [self._plane.position_m]
+        self._flown = Flown(Closeness(math.inf, math.inf, math.inf, nmac=False, lowc=False))
+
+    def run(self) -> Flown:
+        steps = round(self._encounter.duration_s / _STEP_S)
+        longest = steps + round(_LONGEST_RETURN_S / _STEP_S)
+        step = 0
+        while True:
+            if step % _FACTS_EVERY == 0:
+                self._tell(step)
+            if step % _STEPS_PER_DECISION == 0:
+                self._decide(step * _STEP_S)
+                if step >= steps and (self._is_back(step) or step >= longest):
+                    break
+            self._plane.step(_STEP_S)
+            self._own_m.append(self._plane.position_m)
+            step += 1
+        flown, plane = self._flown, self._plane
+        flown.own_m = np.array(self._own_m)
+        flown.closeness = closeness(flown.own_m, self._encounter)
+        flown.engagements = plane.entered_guided
+        flown.avoided = plane.entered_guided > 0
+        off_m = np.abs(self._off_line_m(flown.own_m))
+        flown.deviation_m, flown.height_m = float(off_m[:, 0].max()), float(off_m[:, 1].max())
+        return flown
+
+    def _off_line_m(self, own_m: Array) -> Array:
+        course = self._encounter.own_course_rad
+        moved_m = own_m - np.array(self._encounter.own_position_m)
+        aside_m = moved_m[:, 1] * math.cos(course) - moved_m[:, 0] * math.sin(course)
+        return np.column_stack([aside_m, -moved_m[:, 2]])
+
+    def _is_back(self, step: int) -> bool:
+        aside_m, above_m = self._plane.off_line_m()
+        back = self._plane.mode == AUTO and abs(aside_m) < _ON_LINE_M and abs(above_m) < _AT_HEIGHT_M
+        if back:
+            self._flown.back_s = step * _STEP_S
+        return back
+
+    def _tell(self, step: int) -> None:
+        now_s = _START_S + step * _STEP_S
+        engine, plane = self._engine, self._plane
+        facts = plane.facts(now_s)
+        if step % (_RARE_FACTS_S * _STEPS_PER_DECISION) == 0:
+            facts += plane.rare_facts()
+        for fact in facts:
+            engine.receive(fact, now_s)
+        if step % _STEPS_PER_DECISION == 0:
+            engine.receive(PressureAltitude(AUTOPILOT, -plane.position_m[2]), now_s)
+            for report in self._observer.reports(step * _STEP_S):
+                engine.receive(Traffic(AUTOPILOT, _as_report(report, now_s)), now_s)
+
+    def _decide(self, time_s: float) -> None:
+        now_s, engine, flown = _START_S + time_s, self._engine, self._flown
+        begun = time.perf_counter()
+        effects = engine.tick(now_s)
+        flown.decision_ms.append((time.perf_counter() - begun) * 1e3)
+        if self._plane.hear(_messages(effects)):
+            # The real one is heard five times a second, and whoever changes the mode hears of it that soon.
+            for fact in self._plane.facts(now_s):
+                engine.receive(fact, now_s)
+            self._plane.hear(_messages(engine.tick(now_s)))
+        if engine.supervisor.state in (State.OUTER, State.INNER) and flown.first_action_s is None:
+            flown.first_action_s = time_s
+        self._note(time_s)
+
+    def _note(self, time_s: float) -> None:
+        """What is flown and why, whenever what is flown changes."""
+        engine, decision = self._engine, self._engine.decision
+        guidance = decision.guidance if engine.supervisor.flying else None
+        wanted = None
+        if guidance is not None:
+            wanted = (
+                round(guidance.course_rad, 2),
+                round(guidance.altitude_m),
+                round(guidance.airspeed_mps, 1),
+            )
+        now = engine.supervisor.state, wanted
+        if now != self._noted:
+            self._noted = now
+            self._flown.reasons.append((time_s, f"{engine.supervisor.state}: {decision.because}"))
+
+
+def _messages(effects: Sequence[object]) -> list[Message]:
+    return [effect.message for effect in effects if isinstance(effect, Transmit)]
+
+
+def _as_report(heard: Heard, now_s: float) -> TrafficReport:
+    """As a transponder's report arrives: heights of the standard atmosphere, as old as the receiver knows."""
+    index, _, position_m, velocity_mps, told_age_s = heard
+    place = FRAME.to_geo(*position_m)
+    icao = _FIRST_ICAO + index
+    return TrafficReport(
+        TrafficSource.ADSB,
+        adsb_key(icao),
+        now_s - told_age_s,
+        lat_deg=place.lat_deg,
+        lon_deg=place.lon_deg,
+        altitude_m=place.altitude_m,
+        altitude_reference=AltitudeReference.BAROMETRIC,
+        course_rad=math.atan2(velocity_mps[1], velocity_mps[0]) % math.tau,
+        ground_speed_mps=math.hypot(velocity_mps[0], velocity_mps[1]),
+        climb_mps=-velocity_mps[2],
+        icao=icao,
+    )

@@ -1,0 +1,235 @@
+"""The page of a campaign: one HTML file that opens offline, its figures drawn into it."""
+
+import base64
+import html
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from sim.campaign.flight import Flown
+from sim.campaign.plan import Plan
+from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, Figures, ratio_of
+from sim.encounters import Encounter
+from sim.metrics import (
+    NMAC_HORIZONTAL_M,
+    NMAC_VERTICAL_M,
+    WELL_CLEAR_HORIZONTAL_M,
+    WELL_CLEAR_VERTICAL_M,
+)
+
+_OWN, _COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#000000")
+_DASHES = ("--", "-.", ":", (0, (5, 1)))
+_LOST, _NEAR = "#FFE2A6", "#EE9C6C"
+_CLOSING_EDGES_MPS = (0.0, 30.0, 60.0, 90.0, np.inf)
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
+  color: #222; }
+table { border-collapse: collapse; margin: 1rem 0; } th, td { padding: .3rem .7rem; text-align: right; }
+th:first-child, td:first-child { text-align: left; } tr { border-bottom: 1px solid #ddd; }
+img { max-width: 100%; } .over { font-weight: bold; } .over::after { content: " over the line"; }
+h3 { margin-bottom: 0; } p.why { color: #555; margin-top: 0; }
+@media (prefers-color-scheme: dark) { body { background: #181818; color: #eee; } tr { border-color: #444; }
+img { background: #fff; } p.why { color: #bbb; } }
+"""
+
+Flight = tuple[Encounter, Flown]
+
+
+def page(
+    plan: Plan, report: dict[str, Any], figures: dict[str, Figures], worst: Mapping[str, Sequence[Flight]]
+) -> str:
+    """The whole page. `worst` are the encounters to be drawn, by avoider."""
+    parts = [
+        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>",
+        f"<title>Campaign, seed {plan.seed}</title><style>{_STYLE}</style>",
+        "<h1>How safe it is</h1>",
+        f"<p>{html.escape(_in_words(plan))}</p>",
+        _summary_table(report),
+        f"<p class=why>Ratios against nobody avoiding, with 95 % intervals (bootstrap over encounters, "
+        f"weights honoured). Pass lines for cooperative traffic: risk {RISK_RATIO_LINE}, well clear "
+        f"{LOWC_RATIO_LINE}. Aside and height: the largest deviation, median over the encounters that lose "
+        f"well clear undisturbed. Nuisance: avoidance flown in an encounter that stays well clear by "
+        f"itself.</p>",
+    ]
+    for name, one in figures.items():
+        parts += [f"<h2>{html.escape(name)}</h2>", _group_table("geometry", _by_geometry(one))]
+        parts.append(_group_table("closing speed", _by_closing(one)))
+        for encounter, flown in worst.get(name, ()):
+            parts.append(_drawn(encounter, flown))
+    return "\n".join(parts) + "\n</html>\n"
+
+
+def _in_words(plan: Plan) -> str:
+    source = (
+        ", ".join(model.rsplit("/", 1)[-1] for model in plan.models)
+        or "generated backwards from the closest approach"
+    )
+    locked = "; height locked by floor and ceiling" if plan.lock_height else ""
+    return (
+        f"{plan.encounters:,} encounters ({plan.part}), seed {plan.seed}, from: {source}; "
+        f"surveillance: {plan.surveillance}{locked}."
+    )
+
+
+def _summary_table(report: dict[str, Any]) -> str:
+    head = (
+        "avoider", "encounters", "conflicts", "risk ratio", "well clear ratio", "aside [m]", "height [m]",
+        "nuisance", "not back on line", "decision p99 [ms]",
+    )  # fmt: skip
+    rows = [
+        [
+            html.escape(name), f"{f['encounters']:,}", f"{f['conflicts']:,}",
+            _ratio(f, "risk_ratio", RISK_RATIO_LINE), _ratio(f, "lowc_ratio", LOWC_RATIO_LINE),
+            _number(f["median_max_deviation_m"]), _number(f["median_max_height_m"]),
+            _ratio(f, "nuisance_rate", None), str(f["not_back_on_line"]), str(f["decision_ms"]["p99"]),
+        ]
+        for name, f in report["avoiders"].items()
+    ]  # fmt: skip
+    return _table(head, rows)
+
+
+def _ratio(figures: dict[str, Any], name: str, line: float | None) -> str:
+    value, interval = figures[name], figures[f"{name}_ci95"]
+    if value is None:
+        return "–"
+    words = f"{value:.3f} ({interval[0]:.3f}–{interval[1]:.3f})"
+    return f"<span class=over>{words}</span>" if line is not None and value > line else words
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.0f}"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = ["<table><tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
+    lines += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]
+    return "\n".join(lines) + "</table>"
+
+
+Groups = list[tuple[str, NDArray[np.bool_], Figures]]
+
+
+def _by_geometry(figures: Figures) -> Groups:
+    geometries = np.array(figures.geometries)
+    return [(name, geometries == name, figures) for name in sorted(set(figures.geometries))]
+
+
+def _by_closing(figures: Figures) -> Groups:
+    closing = np.array(figures.closing_mps)
+    return [
+        (
+            f"{low:.0f}–{high:.0f} m/s" if np.isfinite(high) else f"over {low:.0f} m/s",
+            (closing >= low) & (closing < high),
+            figures,
+        )
+        for low, high in pairwise(_CLOSING_EDGES_MPS)
+    ]
+
+
+def _group_table(what: str, groups: Groups) -> str:
+    rows = []
+    for name, chosen, figures in groups:
+        if not chosen.any():
+            continue
+        columns = {key: values[chosen] for key, values in figures.columns().items()}
+        risk, lowc = ratio_of(columns, "risk_ratio", "nmac"), ratio_of(columns, "lowc_ratio", "lowc")
+        rows.append(
+            [
+                html.escape(name), f"{int(chosen.sum()):,}", f"{int(columns['lowc0'].sum()):,}",
+                _ratio(risk, "risk_ratio", RISK_RATIO_LINE), _ratio(lowc, "lowc_ratio", LOWC_RATIO_LINE),
+            ]
+        )  # fmt: skip
+    return _table((what, "encounters", "conflicts", "risk ratio", "well clear ratio"), rows)
+
+
+def _drawn(encounter: Encounter, flown: Flown) -> str:
+    near = flown.closeness
+    words = (
+        f"nearest {near.horizontal_m:.0f} m aside, {near.vertical_m:.0f} m in height; "
+        f"{'near mid-air collision' if near.nmac else 'well clear lost' if near.lowc else 'well clear'}; "
+        f"weight {encounter.weight:.3g}"
+    )
+    why = "; ".join(f"{time_s:.0f} s {words}" for time_s, words in flown.reasons[:12])
+    return (
+        f"<h3>{html.escape(encounter.encounter_id)}: {html.escape(encounter.geometry)}</h3><p>{words}</p>"
+        f"<img alt='{html.escape(words)}' "
+        f"src='data:image/svg+xml;base64,{_svg(figure_of(encounter, flown))}'>"
+        f"<p class=why>{html.escape(why)}</p>"
+    )
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    # No date inside: the same campaign gives the same page.
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def figure_of(encounter: Encounter, flown: Flown) -> Figure:
+    """One encounter: from above, heights over time, separation over time with the volumes as bands."""
+    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    above, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.3), squeeze=False)[0]
+    heights, apart = right.subplots(2, 1, sharex=True)
+    times_s = np.arange(len(flown.own_m)) * 0.1
+    shown = times_s <= encounter.duration_s
+    own_m, times_s = flown.own_m[shown], times_s[shown]
+    seen = [path.positions_m(times_s) for path in encounter.intruders]
+    _from_above(above.subplots(), flown, own_m, seen)
+    _over_time(heights, times_s, [own_m, *seen], lambda place_m: -place_m[:, 2])
+    heights.set_ylabel("height [m]")
+    for i, place_m in enumerate(seen):
+        off_m = place_m - own_m
+        across = np.hypot(off_m[:, 0], off_m[:, 1]) / WELL_CLEAR_HORIZONTAL_M
+        aloft = np.abs(off_m[:, 2]) / WELL_CLEAR_VERTICAL_M
+        style = {"color": _COLOURS[i % 4], "ls": _DASHES[i % 4]}
+        apart.plot(times_s, across, lw=1.6, label="horizontal", **style)
+        apart.plot(times_s, aloft, lw=0.8, label="vertical", **style)
+    near = max(NMAC_HORIZONTAL_M / WELL_CLEAR_HORIZONTAL_M, NMAC_VERTICAL_M / WELL_CLEAR_VERTICAL_M)
+    apart.axhspan(0.0, 1.0, color=_LOST, zorder=0)
+    apart.axhspan(0.0, near, color=_NEAR, zorder=0)
+    if flown.first_action_s is not None:
+        apart.axvline(flown.first_action_s, color="#444", lw=1.0)
+        apart.annotate("first action", (flown.first_action_s, 3.6), fontsize=8)
+    apart.set(ylim=(0.0, 4.0), xlabel="time [s]", ylabel="apart [well clear]")
+    apart.legend(fontsize=8, loc="upper right", ncols=2)
+    return figure
+
+
+def _from_above(
+    axes: Axes, flown: Flown, own_m: NDArray[np.floating], seen: Sequence[NDArray[np.floating]]
+) -> None:
+    axes.plot(flown.own_m[:, 1], flown.own_m[:, 0], color=_OWN, lw=0.8)
+    _over_time_marks(axes, own_m, _OWN, "-", "own")
+    for i, place_m in enumerate(seen):
+        _over_time_marks(axes, place_m, _COLOURS[i % 4], _DASHES[i % 4], f"intruder {i + 1}")
+    reach_m = max(float(np.ptp(flown.own_m[:, :2], axis=0).max()), 2500.0)
+    centre = 0.5 * (flown.own_m.min(0) + flown.own_m.max(0))
+    axes.set(
+        xlim=(centre[1] - 0.6 * reach_m, centre[1] + 0.6 * reach_m),
+        ylim=(centre[0] - 0.6 * reach_m, centre[0] + 0.6 * reach_m),
+        aspect="equal", xlabel="east [m]", ylabel="north [m]",
+    )  # fmt: skip
+    axes.legend(fontsize=8)
+
+
+def _over_time_marks(axes: Axes, place_m: NDArray[np.floating], colour: str, dash: Any, label: str) -> None:
+    axes.plot(place_m[:, 1], place_m[:, 0], color=colour, ls=dash, lw=1.6, label=label)
+    marks = place_m[::100]  # every ten seconds
+    axes.plot(marks[:, 1], marks[:, 0], ".", color=colour, ms=5)
+
+
+def _over_time(
+    axes: Axes,
+    times_s: NDArray[np.floating],
+    places: Sequence[NDArray[np.floating]],
+    of: Callable[[NDArray[np.floating]], NDArray[np.floating]],
+) -> None:
+    for i, place_m in enumerate(places):
+        colour, dash = (_OWN, "-") if i == 0 else (_COLOURS[(i - 1) % 4], _DASHES[(i - 1) % 4])
+        axes.plot(times_s, of(place_m), color=colour, ls=dash, lw=1.6)

@@ -1,0 +1,177 @@
+"""An aircraft for campaigns: the fake vehicle's dynamics, and of ArduPlane just what an engine talks to.
+
+It flies its mission line in AUTO, and in GUIDED what the 4300x commands say, which is all that ArduPlane
+obeys. What it tells are facts, so that nothing is packed and unpacked; the fake vehicle shows that the bytes
+are right.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from companion.autopilots.ardupilot import GUIDED
+from companion.geodesy import LocalFrame
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import (
+    AirData,
+    CommandResult,
+    Fact,
+    Heartbeat,
+    LandedState,
+    NavigationTarget,
+    OwnPosition,
+    Sender,
+    Wind,
+)
+from companion.model import Vec3
+from companion.units import STANDARD_GRAVITY_MPS2
+from sim.dynamics import Airframe, FixedWing
+from sim.vehicle.navigation import line_bank_rad
+
+AUTOPILOT = Sender(1, 1)
+AUTO = 10
+# The mission's next place: so far ahead that a flight never reaches it.
+_MISSION_M = 50_000.0
+# The middle of nowhere: the campaigns' own flat frame lies around it.
+FRAME = LocalFrame(45.0, 10.0)
+_ACTIVE = 4  # MAV_STATE_ACTIVE
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the aircraft of a campaign can do, as in the comparison of the peers: 30 degrees, 2.54 m/s.
+
+    `slack_m`: with the height locked, how much there is between floor and ceiling and the mission's height.
+    """
+
+    min_airspeed_mps: float = 20.0
+    max_airspeed_mps: float = 30.0
+    max_bank_rad: float = math.radians(30.0)
+    max_climb_mps: float = 2.54
+    slack_m: float | None = None
+
+    def airframe(self) -> Airframe:
+        """The dynamics within these limits."""
+        return Airframe(
+            bank_limit_rad=self.max_bank_rad,
+            airspeed_min_mps=self.min_airspeed_mps,
+            airspeed_max_mps=self.max_airspeed_mps,
+            climb_limit_mps=self.max_climb_mps,
+            sink_limit_mps=self.max_climb_mps,
+        )
+
+
+class Plane:
+    """One aircraft on a straight level mission line, in the campaign's frame (north-east-down)."""
+
+    def __init__(self, position_m: Vec3, course_rad: float, airspeed_mps: float, limits: Limits) -> None:
+        self._wing = FixedWing(position_m, course_rad, airspeed_mps, airframe=limits.airframe())
+        self._start_m, self._course_rad = position_m, course_rad
+        self._airspeed_mps = airspeed_mps
+        self._end_m = (
+            position_m[0] + _MISSION_M * math.cos(course_rad),
+            position_m[1] + _MISSION_M * math.sin(course_rad),
+        )
+        self._end = FRAME.to_geo(*self._end_m, position_m[2])
+        self.mode = AUTO
+        self.entered_guided = 0
+        self._answers: list[Fact] = []
+
+    @property
+    def position_m(self) -> Vec3:
+        """North, east, down [m]."""
+        return self._wing.position_m
+
+    @property
+    def velocity_mps(self) -> Vec3:
+        """Over ground, north-east-down [m/s]."""
+        return self._wing.velocity_mps
+
+    def off_line_m(self) -> tuple[float, float]:
+        """How far beside the mission line and above its height [m]."""
+        north_m, east_m, down_m = self._wing.position_m
+        north_m, east_m = north_m - self._start_m[0], east_m - self._start_m[1]
+        aside_m = east_m * math.cos(self._course_rad) - north_m * math.sin(self._course_rad)
+        return aside_m, self._start_m[2] - down_m
+
+    def step(self, dt_s: float) -> None:
+        """Fly on."""
+        wing = self._wing
+        if self.mode == AUTO:
+            here_m, moving_mps = (wing.north_m, wing.east_m), wing.velocity_mps[:2]
+            wing.hold_bank(line_bank_rad(here_m, moving_mps, self._start_m[:2], self._end_m))
+        wing.step(dt_s)
+
+    def facts(self, now_s: float) -> list[Fact]:
+        """What the autopilot tells of itself, and its answers since the last call."""
+        wing = self._wing
+        place = FRAME.to_geo(*wing.position_m)
+        answers, self._answers = self._answers, []
+        return [
+            *answers,
+            Heartbeat(
+                AUTOPILOT,
+                mavlink.MAV_TYPE_FIXED_WING,
+                mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+                True,
+                self.mode,
+                _ACTIVE,
+            ),
+            OwnPosition(
+                AUTOPILOT,
+                now_s,
+                place.lat_deg,
+                place.lon_deg,
+                place.altitude_m,
+                place.altitude_m,
+                wing.velocity_mps,
+                wing.heading_rad,
+            ),
+        ]
+
+    def rare_facts(self) -> list[Fact]:
+        """What changes slowly, or not at all."""
+        return [
+            AirData(AUTOPILOT, self._wing.airspeed_mps),
+            Wind(AUTOPILOT, 0.0, 0.0),
+            LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR),
+            NavigationTarget(AUTOPILOT, self._end.lat_deg, self._end.lon_deg, self._end.altitude_m),
+        ]
+
+    def hear(self, messages: Iterable[Message]) -> bool:
+        """Obey what is commanded; true when the mode changed."""
+        before = self.mode
+        for message in messages:
+            kind = message.get_type()
+            if kind == "COMMAND_LONG" and message.command == mavlink.MAV_CMD_DO_SET_MODE:
+                self._enter(int(message.param2))
+                self._answer(message.command, mavlink.MAV_RESULT_ACCEPTED)
+            elif kind == "COMMAND_INT":
+                self._obey(message)
+        return self.mode != before
+
+    def _enter(self, mode: int) -> None:
+        if mode == GUIDED and self.mode != GUIDED:
+            self.entered_guided += 1
+        self.mode = mode
+        if mode == AUTO:
+            self._wing.hold_altitude(-self._start_m[2])
+            self._wing.hold_airspeed(self._airspeed_mps)
+
+    def _obey(self, message: Message) -> None:
+        if self.mode != GUIDED:
+            self._answer(message.command, mavlink.MAV_RESULT_FAILED)
+            return
+        if message.command == mavlink.MAV_CMD_GUIDED_CHANGE_HEADING:
+            bank_rad = math.atan(message.param3 / STANDARD_GRAVITY_MPS2)
+            self._wing.hold_course(math.radians(message.param2), bank_rad)
+        elif message.command == mavlink.MAV_CMD_GUIDED_CHANGE_SPEED:
+            self._wing.hold_airspeed(message.param2)
+        elif message.command == mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE:
+            self._wing.hold_altitude(message.z)
+        else:
+            return
+        self._answer(message.command, mavlink.MAV_RESULT_ACCEPTED)
+
+    def _answer(self, command: int, result: int) -> None:
+        self._answers.append(CommandResult(AUTOPILOT, command, result, None))

@@ -1,0 +1,94 @@
+"""Flies a campaign: here on all cores, or on a cluster; the results are the same."""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from functools import lru_cache
+from itertools import islice
+
+from companion.errors import CompanionError
+from sim.campaign.flight import Flown, fly, undisturbed
+from sim.campaign.plan import NONE, Plan
+from sim.campaign.results import Result, Results, result_of
+from sim.encounters import Encounter
+
+Task = tuple[Plan, str, tuple[int, ...]]
+
+# So many at a time: seconds of work, so that passing them around costs nothing and little is lost with one.
+_TASK_SIZE = 20
+_WAITING_PER_WORKER = 3
+
+
+def tasks_of(plan: Plan, results: Results) -> Iterator[Task]:
+    """What is still to be flown, in portions."""
+    for avoider in plan.avoiders:
+        left = (number for number in plan.numbers() if (avoider, number) not in results.done)
+        while portion := tuple(islice(left, _TASK_SIZE)):
+            yield plan, avoider, portion
+
+
+def fly_task(task: Task) -> list[Result]:
+    """Fly a portion, in whatever process this is."""
+    plan, avoider, numbers = task
+    source, make_engine = _source(plan), plan.engine_for(avoider)
+    flown: list[Result] = []
+    for number in numbers:
+        encounter = source(number)
+        nominal = undisturbed(encounter)
+        if avoider == NONE:
+            one = Flown(nominal, back_s=encounter.duration_s)
+        else:
+            one = fly(encounter, make_engine, plan.known, plan.limits, seed=plan.seed + number)
+        flown.append(result_of(number, avoider, encounter, nominal, one))
+    return flown
+
+
+@lru_cache(maxsize=1)
+def _source(plan: Plan) -> Callable[[int], Encounter]:
+    return plan.source()
+
+
+def run_here(
+    plan: Plan, results: Results, *, workers: int | None = None, tell: Callable[[int], None] = lambda _: None
+) -> None:
+    """Fly what is left of a campaign in processes of this machine; `tell` hears how many more are flown.
+
+    `CompanionError` when a process died, as of too little memory; what was flown until then is kept.
+    """
+    workers = workers or len(os.sched_getaffinity(0))
+    tasks = tasks_of(plan, results)
+    if workers == 1:
+        for task in tasks:
+            _keep(results, fly_task(task), tell)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        flying: set[Future[list[Result]]] = set()
+        try:
+            for task in tasks:
+                flying.add(pool.submit(fly_task, task))
+                if len(flying) >= workers * _WAITING_PER_WORKER:
+                    flying = _take_done(flying, results, tell)
+            while flying:
+                flying = _take_done(flying, results, tell)
+        except BrokenProcessPool as error:
+            raise CompanionError(
+                f"campaign: a worker process died; {len(results.done)} results are kept, start again to go on"
+            ) from error
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _take_done(
+    flying: set[Future[list[Result]]], results: Results, tell: Callable[[int], None]
+) -> set[Future[list[Result]]]:
+    done, left = wait(flying, return_when=FIRST_COMPLETED)
+    for future in done:
+        _keep(results, future.result(), tell)
+    return left
+
+
+def _keep(results: Results, flown: list[Result], tell: Callable[[int], None]) -> None:
+    results.add(flown)
+    tell(len(flown))

@@ -1,0 +1,26 @@
+"""Encounters: built backwards from the closest approach, drawn from models, read from files."""
+
+from sim.encounters.encounter import Encounter, Passing, Path, passing
+from sim.encounters.files import read_encounters, write_encounters
+from sim.encounters.generators import KINDS, generate
+from sim.encounters.model import EncounterModel, read_model
+from sim.encounters.sampling import sample
+from sim.encounters.surveillance import SURVEILLANCE_PRESETS, Heard, Observer, Surveillance
+
+__all__ = [
+    "KINDS",
+    "SURVEILLANCE_PRESETS",
+    "Encounter",
+    "EncounterModel",
+    "Heard",
+    "Observer",
+    "Passing",
+    "Path",
+    "Surveillance",
+    "generate",
+    "passing",
+    "read_encounters",
+    "read_model",
+    "sample",
+    "write_encounters",
+]

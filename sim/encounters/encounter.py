@@ -1,0 +1,130 @@
+"""The nouns: the path of an intruder, and an encounter of some of them with an aircraft on its mission."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.model import Vec3
+
+Array = NDArray[np.floating]
+
+DURATION_S = 120.0
+_AHEAD_RAD, _BEHIND_RAD = math.radians(30.0), math.radians(110.0)
+_HOVERING_MPS = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Where an intruder is at some times: `time_s` (n,) rising, north-east-down (n, 3) [m] and [m/s]."""
+
+    time_s: Array
+    position_m: Array
+    velocity_mps: Array
+
+    def positions_m(self, times_s: Array) -> Array:
+        """Positions at many times, (m, 3): cubic between the points, straight on outside them."""
+        inside = np.clip(times_s, self.time_s[0], self.time_s[-1])
+        place = np.clip(np.searchsorted(self.time_s, inside, side="right") - 1, 0, len(self.time_s) - 2)
+        step_s = (self.time_s[place + 1] - self.time_s[place])[:, None]
+        share = (inside - self.time_s[place])[:, None] / step_s
+        left, right = self.position_m[place], self.position_m[place + 1]
+        pull_left, pull_right = self.velocity_mps[place] * step_s, self.velocity_mps[place + 1] * step_s
+        square, cube = share**2, share**3
+        position = (
+            (2.0 * cube - 3.0 * square + 1.0) * left
+            + (cube - 2.0 * square + share) * pull_left
+            + (3.0 * square - 2.0 * cube) * right
+            + (cube - square) * pull_right
+        )
+        beyond = (times_s - inside)[:, None]
+        edge = np.where(beyond > 0.0, self.velocity_mps[-1], self.velocity_mps[0])
+        result: Array = position + beyond * edge
+        return result
+
+    def state_at(self, time_s: float) -> tuple[Vec3, Vec3]:
+        """Position and velocity at a time."""
+        position = self.positions_m(np.array([time_s]))[0]
+        velocity = [np.interp(time_s, self.time_s, self.velocity_mps[:, axis]) for axis in range(3)]
+        return _vec3(position), _vec3(velocity)
+
+    def moved(self, by_m: Sequence[float] | Array) -> "Path":
+        """The same path elsewhere."""
+        return Path(self.time_s, self.position_m + np.asarray(by_m), self.velocity_mps)
+
+
+def _vec3(numbers: Sequence[float] | Array) -> Vec3:
+    north, east, down = (float(x) for x in numbers)
+    return north, east, down
+
+
+@dataclass(frozen=True, slots=True)
+class Encounter:
+    """An aircraft on a straight level mission line, and those who come near it.
+
+    Positions are north-east-down [m] in one flat frame. `weight` is how often such an encounter happens,
+    relative to how often it is drawn. `nominal_horizontal_m` and `nominal_vertical_m` are the distances at
+    which the first intruder passes when nobody avoids.
+    """
+
+    encounter_id: str
+    own_position_m: Vec3
+    own_course_rad: float
+    own_airspeed_mps: float
+    intruders: tuple[Path, ...]
+    duration_s: float = DURATION_S
+    weight: float = 1.0
+    geometry: str = ""
+    closing_mps: float = 0.0
+    nominal_horizontal_m: float = 0.0
+    nominal_vertical_m: float = 0.0
+    source: str = ""
+
+    @property
+    def own_velocity_mps(self) -> Vec3:
+        """Over ground, on the mission line."""
+        north, east = math.cos(self.own_course_rad), math.sin(self.own_course_rad)
+        return self.own_airspeed_mps * north, self.own_airspeed_mps * east, 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """How an intruder passes an aircraft that flies straight on."""
+
+    geometry: str
+    closing_mps: float
+    horizontal_m: float
+    vertical_m: float
+    time_s: float
+
+
+def passing(own_position_m: Vec3, own_velocity_mps: Vec3, path: Path, duration_s: float) -> Passing:
+    """When and how near it passes, to a tenth of a second, and from where it comes by its course then."""
+    times_s = np.arange(round(duration_s * 10.0) + 1) * 0.1
+    own_m = np.array(own_position_m) + times_s[:, None] * np.array(own_velocity_mps)
+    off_m = path.positions_m(times_s) - own_m
+    across_m = np.hypot(off_m[:, 0], off_m[:, 1])
+    nearest = int(np.argmin(across_m))
+    time_s = float(times_s[nearest])
+    _, theirs = path.state_at(time_s)
+    relative_mps = math.hypot(theirs[0] - own_velocity_mps[0], theirs[1] - own_velocity_mps[1])
+    geometry = geometry_of(own_velocity_mps, theirs)
+    return Passing(geometry, relative_mps, float(across_m[nearest]), float(abs(off_m[nearest, 2])), time_s)
+
+
+def geometry_of(own_mps: Vec3, other_mps: Vec3) -> str:
+    """In words, by the directions of flight: head-on, crossing from one side, overtaking."""
+    if math.hypot(other_mps[0], other_mps[1]) < _HOVERING_MPS:
+        return "hovering"
+    # Where it comes from, seen from us: opposite to where it goes relative to our course.
+    from_rad = math.remainder(
+        math.atan2(other_mps[1], other_mps[0]) + math.pi - math.atan2(own_mps[1], own_mps[0]), math.tau
+    )
+    if abs(from_rad) < _AHEAD_RAD:
+        return "head-on"
+    if abs(from_rad) > _BEHIND_RAD:
+        faster = math.hypot(*other_mps[:2]) > math.hypot(*own_mps[:2])
+        return "overtaken" if faster else "overtaking"
+    return "crossing from the right" if from_rad > 0.0 else "crossing from the left"

@@ -1,0 +1,124 @@
+"""How well traffic is known: errors, delay and loss of the reports, repeatable by seed."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.model import Vec3
+from sim.encounters.encounter import Encounter
+
+
+@dataclass(frozen=True, slots=True)
+class Surveillance:
+    """Errors of reports: standard deviations of each axis, drawn anew for each report unless said otherwise.
+
+    `latency_s` is how old a report is when it is heard, which the receiver tells when `age_is_told`.
+    `height_bias_sigma_m` is drawn once for each intruder. Losses come in bursts: a report is lost with
+    probability `loss` in the long run, in bursts of `burst_reports` on average. `first_heard_m`: nothing is
+    heard from further away.
+    """
+
+    period_s: float = 1.0
+    latency_s: float = 0.0
+    age_is_told: bool = True
+    position_sigma_m: float = 0.0
+    height_sigma_m: float = 0.0
+    velocity_sigma_mps: float = 0.0
+    climb_sigma_mps: float = 0.0
+    height_bias_sigma_m: float = 0.0
+    loss: float = 0.0
+    burst_reports: float = 1.0
+    first_heard_m: float = math.inf
+
+
+SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
+    # One second old, as in the comparison of the peers, and without any error.
+    "perfect": Surveillance(latency_s=1.0),
+    # One sigma as in the noisy comparison of the peers: GPS of NACp 8 to 9, heights in steps of 25 ft, NACv 1
+    # to 2. A second from the antenna to us is usual, and no receiver tells it. A twentieth is lost.
+    "adsb-out": Surveillance(
+        latency_s=1.0,
+        age_is_told=False,
+        position_sigma_m=15.0,
+        height_sigma_m=8.0,
+        velocity_sigma_mps=1.5,
+        climb_sigma_mps=0.8,
+        height_bias_sigma_m=7.0,
+        loss=0.05,
+        burst_reports=2.0,
+        first_heard_m=10_000.0,
+    ),
+    # NACp 7, two seconds old, an altimeter at the edge of what is allowed, a third lost in bursts, late.
+    "poor": Surveillance(
+        latency_s=2.0,
+        age_is_told=False,
+        position_sigma_m=50.0,
+        height_sigma_m=15.0,
+        velocity_sigma_mps=4.0,
+        climb_sigma_mps=2.0,
+        height_bias_sigma_m=20.0,
+        loss=0.3,
+        burst_reports=4.0,
+        first_heard_m=4_000.0,
+    ),
+}
+
+# Which intruder, when it was there, where and how fast by the report (north-east-down), and its age as told.
+Heard = tuple[int, float, Vec3, Vec3, float]
+
+
+class Observer:
+    """What is heard of an encounter's intruders; ask with times that never run backwards."""
+
+    def __init__(self, encounter: Encounter, surveillance: Surveillance, seed: int = 0) -> None:
+        self._encounter, self._how = encounter, surveillance
+        self._next_s = 0.0
+        self._lost = [False] * len(encounter.intruders)
+        self._rng = np.random.default_rng([seed, 77])
+        self._bias_m = self._rng.normal(0.0, 1.0, len(encounter.intruders)) * surveillance.height_bias_sigma_m
+
+    def reports(self, now_s: float) -> list[Heard]:
+        """What arrived since the last call."""
+        heard: list[Heard] = []
+        while self._next_s <= now_s + 1e-9:
+            for index in range(len(self._lost)):
+                report = self._report(index, self._next_s)
+                if report is not None:
+                    heard.append(report)
+            self._next_s += self._how.period_s
+        return heard
+
+    def _report(self, index: int, arrives_s: float) -> Heard | None:
+        how = self._how
+        noise = self._rng.normal(0.0, 1.0, 6)
+        lost = self._is_lost(index)
+        sent_s = arrives_s - how.latency_s
+        (north, east, down), (north_mps, east_mps, down_mps) = self._encounter.intruders[index].state_at(
+            sent_s
+        )
+        own, moving = self._encounter.own_position_m, self._encounter.own_velocity_mps
+        away_m = math.hypot(north - own[0] - moving[0] * sent_s, east - own[1] - moving[1] * sent_s)
+        if lost or away_m > how.first_heard_m:
+            return None
+        position = (
+            north + how.position_sigma_m * float(noise[0]),
+            east + how.position_sigma_m * float(noise[1]),
+            down + how.height_sigma_m * float(noise[2]) + float(self._bias_m[index]),
+        )
+        velocity = (
+            north_mps + how.velocity_sigma_mps * float(noise[3]),
+            east_mps + how.velocity_sigma_mps * float(noise[4]),
+            down_mps + how.climb_sigma_mps * float(noise[5]),
+        )
+        return index, sent_s, position, velocity, how.latency_s if how.age_is_told else 0.0
+
+    def _is_lost(self, index: int) -> bool:
+        """Gilbert's model: two states, so that losses come together."""
+        how, chance = self._how, self._rng.random()
+        if how.loss <= 0.0:
+            return False
+        ends = 1.0 / how.burst_reports
+        begins = ends * how.loss / (1.0 - how.loss)
+        self._lost[index] = chance >= ends if self._lost[index] else chance < begins
+        return self._lost[index]

@@ -1,0 +1,189 @@
+"""Campaigns: the same result however they are flown, nothing lost, and figures that count what they say."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from companion.errors import ConfigError
+from sim.campaign.command import page_of, run
+from sim.campaign.flight import Closeness, closeness, fly, undisturbed
+from sim.campaign.plan import Part, Plan
+from sim.campaign.results import Result, Results, percentile_ms, read_results
+from sim.campaign.summary import Figures, gather, summary_of
+from sim.encounters import generate
+
+QUIET = Console(quiet=True)
+
+
+def without_timing(path: Path) -> list[Result]:
+    results = sorted(read_results(path), key=lambda result: (result["avoider"], result["number"]))
+    return [{key: value for key, value in result.items() if key != "timing"} for result in results]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
+    plan, out = (
+        Plan(12, seed=3, avoiders=("companion", "none")),
+        tmp_path_factory.mktemp("c") / "flown.ndjson",
+    )
+    run(plan, out, QUIET, workers=1)
+    return plan, out
+
+
+def test_what_is_flown_by_the_engine_is_avoided(flown: tuple[Plan, Path]) -> None:
+    plan, out = flown
+    by_avoider = gather(read_results(out))
+    ours, nobody = summary_of(by_avoider["companion"]), summary_of(by_avoider["none"])
+    assert nobody["p_nmac"] > 0.2
+    assert nobody["risk_ratio"] == nobody["lowc_ratio"] == 1.0
+    # One of these turns into us at 110 m/s in the last seconds.
+    assert ours["p_nmac"] < 0.2 * nobody["p_nmac"]
+    assert ours["not_back_on_line"] == 0
+    assert ours["decision_ms"]["p99"] > ours["decision_ms"]["p50"] > 0.0
+    assert len(by_avoider["companion"].rows) == plan.encounters
+
+
+def test_more_workers_give_the_same_results(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, out = flown
+    run(plan, tmp_path / "two.ndjson", QUIET, workers=2)
+    assert without_timing(tmp_path / "two.ndjson") == without_timing(out)
+
+
+def test_an_interrupted_campaign_goes_on(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+    """Killed in the middle of a line: that one is flown again, the others are not."""
+    plan, out = flown
+    cut = tmp_path / "cut.ndjson"
+    lines = out.read_text().splitlines(keepends=True)
+    marked = json.loads(lines[2]) | {"deviation_m": -1.0}
+    cut.write_text("".join([*lines[:2], json.dumps(marked) + "\n", *lines[3:9], lines[9][:40]]))
+    run(plan, cut, QUIET, workers=1)
+    again = without_timing(cut)
+    assert [r["number"] for r in again] == [r["number"] for r in without_timing(out)]
+    differing = [a for a, b in zip(again, without_timing(out), strict=True) if a != b]
+    assert [one["deviation_m"] for one in differing] == [-1.0], "what was there is kept, not flown again"
+
+
+def test_results_of_another_campaign_are_left_alone(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+    _, out = flown
+    before = out.read_bytes()
+    with pytest.raises(ConfigError, match="another campaign"):
+        run(Plan(12, seed=4), out, QUIET, workers=1)
+    assert out.read_bytes() == before
+    damaged = tmp_path / "damaged.ndjson"
+    damaged.write_text(out.read_text().splitlines()[0] + "\nnot json\n")
+    with pytest.raises(ConfigError, match="line 2"):
+        run(Plan(12, seed=3), damaged, QUIET, workers=1)
+
+
+def test_nothing_counts_twice(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, out = flown
+    results = Results.open(tmp_path / "r.ndjson", plan.identity())
+    first = list(read_results(out))[:3]
+    results.add(first)
+    results.add(first)
+    results.close()
+    assert len(list(read_results(tmp_path / "r.ndjson"))) == 3
+
+
+def test_the_undisturbed_flight_is_what_nobody_flies() -> None:
+    """The plane that flies its mission passes as near as the straight line says."""
+    plan = Plan(1, avoiders=("none",))
+    for number in range(3):
+        encounter = generate("mix", 8, number)
+        flight = fly(encounter, plan.engine_for("none"), plan.known, plan.limits)
+        assert flight.closeness.severity == pytest.approx(undisturbed(encounter).severity, abs=0.01)
+        assert not flight.avoided
+
+
+def test_with_the_height_locked_it_stays_there() -> None:
+    plan = Plan(1, lock_height=True)
+    heights = [
+        fly(
+            generate("level", 9, n, hits=True), plan.engine_for("companion"), plan.known, plan.limits
+        ).height_m
+        for n in range(3)
+    ]
+    assert max(heights) < 4.0
+
+
+def test_halves_are_disjoint() -> None:
+    tuning, evaluation = (set(Plan(50, part=part).numbers()) for part in (Part.TUNING, Part.EVALUATION))
+    assert len(tuning) == len(evaluation) == 50
+    assert not tuning & evaluation
+    assert Plan(3).numbers() == [0, 1, 2]
+
+
+def test_an_unknown_avoider_or_surveillance_is_refused() -> None:
+    for options in ({"avoiders": ("wizard",)}, {"surveillance": "magic"}):
+        with pytest.raises(ConfigError, match=r"wizard|magic"):
+            Plan(1, **options)  # type: ignore[arg-type]
+
+
+def result(number: int, *, weight: float = 1.0, lost: bool = True, kept: bool = True) -> Result:
+    near = {"horizontal_m": 0.0, "vertical_m": 0.0, "severity": 0.5}
+    return {
+        "number": number, "avoider": "x", "weight": weight, "geometry": "head-on", "closing_mps": 50.0,
+        "nominal": near | {"nmac": lost, "lowc": lost}, "flown": near | {"nmac": not kept, "lowc": not kept},
+        "deviation_m": float(number), "height_m": 10.0, "avoided": True, "engagements": 1, "back_s": 120.0,
+        "timing": {"10": 5, "100": 1},
+    }  # fmt: skip
+
+
+def figures_of(results: list[Result]) -> Figures:
+    return gather(results)["x"]
+
+
+def test_ratios_honour_weights() -> None:
+    """Of conflicts that weigh 1, 1 and 2 the last is lost: half, not a third."""
+    figures = figures_of([result(1), result(2), result(3, weight=2.0, kept=False), result(4, lost=False)])
+    summary = summary_of(figures)
+    assert summary["risk_ratio"] == 0.5
+    assert summary["p_nmac"] == 0.4
+    assert summary["nuisance_rate"] == 1.0
+    assert summary["median_max_deviation_m"] == 2.0
+    assert summary["conflicts"] == 3
+
+
+def test_intervals_are_those_of_a_binomial() -> None:
+    """With equal weights, 100 conflicts and 20 lost: about 0.2 +- 1.96 sqrt(0.2 0.8 / 100)."""
+    figures = figures_of([result(n, kept=n % 5 > 0) for n in range(100)])
+    low, high = summary_of(figures)["risk_ratio_ci95"]
+    assert low == pytest.approx(0.2 - 0.078, abs=0.02)
+    assert high == pytest.approx(0.2 + 0.078, abs=0.02)
+
+
+def test_none_seen_is_not_none_possible() -> None:
+    low, high = summary_of(figures_of([result(n) for n in range(300)]))["risk_ratio_ci95"]
+    assert (low, high) == (0.0, 0.01)
+
+
+def test_percentiles_of_binned_durations() -> None:
+    assert percentile_ms({"0": 98, "100": 2}, 0.5) == 0.01
+    assert percentile_ms({"0": 98, "100": 2}, 0.99) == pytest.approx(0.01 * 1.05**100, rel=0.01)
+
+
+def test_closeness_is_of_one_moment() -> None:
+    """High above first, beside us later: never both near, so well clear."""
+    encounter = generate("level", 1, 1, hits=True)
+    straight = undisturbed(encounter)
+    assert straight.nmac
+    own_m = np.array(encounter.own_position_m) + np.arange(1201)[:, None] * 0.1 * np.array(
+        encounter.own_velocity_mps
+    )
+    above: Closeness = closeness(own_m - (0.0, 0.0, 100.0), encounter)
+    assert not above.lowc
+    assert above.severity == pytest.approx(100.0 / 76.2, abs=0.01)
+
+
+def test_the_page_opens_offline(flown: tuple[Plan, Path]) -> None:
+    plan, out = flown
+    report = {"avoiders": {name: summary_of(one) for name, one in gather(read_results(out)).items()}}
+    page = page_of(plan, out, report)
+    assert page.startswith("<!doctype html>")
+    assert "companion" in page
+    assert "head-on" in page or "crossing" in page
+    assert "http://" not in page
+    assert "https://" not in page

@@ -1,0 +1,61 @@
+"""`companion-sim campaign` and `encounter` as a user runs them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+KEYS = {
+    "encounters", "p_nmac", "p_lowc", "risk_ratio", "risk_ratio_ci95", "lowc_ratio", "lowc_ratio_ci95",
+    "median_max_deviation_m", "nuisance_rate", "median_max_height_m", "decision_ms", "encounters_per_s",
+}  # fmt: skip
+
+
+def companion_sim(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", "from sim.cli import main; main()", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+def test_a_campaign_reports_and_goes_on(tmp_path: Path) -> None:
+    options = ("--seed", "2", "--report", "r.json", "--page", "p.html", "--workers", "2")
+    first = companion_sim("campaign", "--encounters", "10", *options, folder=tmp_path)
+    assert first.returncode == 0, first.stderr
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert set(report["avoiders"]["companion"]) >= KEYS
+    assert report["avoiders"]["companion"]["encounters"] == 10
+    assert (tmp_path / "p.html").read_text().startswith("<!doctype html>")
+    more = companion_sim("campaign", "--encounters", "12", *options, folder=tmp_path)
+    assert more.returncode == 0, more.stderr
+    assert len((tmp_path / "campaign.ndjson").read_text().splitlines()) == 13
+
+
+def test_one_encounter_is_shown(tmp_path: Path) -> None:
+    shown = companion_sim("encounter", "3", "--seed", "2", "--out", "e.png", folder=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert "undisturbed: nearest" in shown.stdout
+    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--avoider", "wizard"), "wizard"),
+        (("--surveillance", "magic"), "magic"),
+        (("--model", "missing.txt"), "missing.txt"),
+        (("--report", "no/such/folder/r.json"), "no/such/folder"),
+        (("--encounters", "0"), "encounters"),
+    ],
+)
+def test_bad_usage_is_one_line_and_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+    refused = companion_sim("campaign", *options, folder=tmp_path)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+    assert "Traceback" not in refused.stderr
