@@ -20,13 +20,13 @@ from companion.supervisor import SupervisorParams
 from sim.clock import ScaledClock
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
+from tests.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
 HOME = GeoPoint(-35.363261, 149.1652299, 584.1)
 IN_THE_AIR = GeoPoint(-35.363261, 149.1652299, 884.1)
 MISSION = (takeoff_item(50.0), waypoint_item(GeoPoint(-35.28, 149.1652299, 884.1)))
-SPEEDUP = 6.0
 VEHICLES = [FakeArduPlane, FakePx4]
 MISSION_MODE = {FakeArduPlane: "AUTO", FakePx4: "MISSION"}
 
@@ -79,8 +79,9 @@ async def looked_at(
     *,
     stream_rate_hz: float = 2.0,
 ) -> tuple[Preflight, dict[str, str], list[Message]]:
-    """What is found in so many seconds of a faster time, by topic too, and what the vehicle was sent."""
-    port, clock = free_port(), ScaledClock(SPEEDUP, start_s=vehicle.time_s)
+    """What is found in so many seconds of simulated time, by topic too, and what the vehicle was sent."""
+    loop = asyncio.get_running_loop()
+    port, clock = free_port(), ScaledClock(1.0, start_s=vehicle.time_s, monotonic_s=loop.time)
     config = Config((f"udpin:127.0.0.1:{port}",), supervisor=supervisor or SupervisorParams())
     async with talking(vehicle, port, clock, stream_rate_hz) as heard:
         found = await look(config, [open_link(config.links[0])], seconds, clock)
@@ -123,6 +124,7 @@ def commands_anything(message: Message) -> bool:
 
 
 @pytest.mark.parametrize("kind", VEHICLES)
+@in_virtual_time
 async def test_on_the_ground_it_says_why_it_would_not_fly(kind: type[FakeArduPlane] | type[FakePx4]) -> None:
     found, said, _ = await looked_at(kind(HOME, now_s(), mission=MISSION), 4.0)
     assert found.heard
@@ -131,6 +133,7 @@ async def test_on_the_ground_it_says_why_it_would_not_fly(kind: type[FakeArduPla
     assert found.hindrances == ("its mode is MANUAL, not AUTO or MISSION", "it is disarmed")
 
 
+@in_virtual_time
 async def test_armed_on_the_ground_it_says_how_high_it_would_have_to_be() -> None:
     vehicle = FakeArduPlane(HOME, now_s(), mission=MISSION)
     vehicle.arm()
@@ -139,6 +142,7 @@ async def test_armed_on_the_ground_it_says_how_high_it_would_have_to_be() -> Non
 
 
 @pytest.mark.parametrize("kind", VEHICLES)
+@in_virtual_time
 async def test_in_the_air_it_would_fly_and_commands_nothing_all_the_same(
     kind: type[FakeArduPlane] | type[FakePx4],
 ) -> None:
@@ -156,6 +160,7 @@ async def test_in_the_air_it_would_fly_and_commands_nothing_all_the_same(
     assert [message for message in heard if commands_anything(message)] == []
 
 
+@in_virtual_time
 async def test_another_avoider_keeps_it_from_flying() -> None:
     found, said, _ = await looked_at(in_the_air(FakePx4, parameters={"NAV_TRAFF_AVOID": 2}), 10.0)
     assert said["second avoider"] == "NAV_TRAFF_AVOID 2"
@@ -163,6 +168,7 @@ async def test_another_avoider_keeps_it_from_flying() -> None:
     assert found.hindrances == ("another avoider acts: NAV_TRAFF_AVOID 2",)
 
 
+@in_virtual_time
 async def test_a_message_that_never_comes_is_shown_as_such() -> None:
     vehicle = in_the_air(FakeArduPlane)
     vehicle.refuse(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED)
@@ -170,6 +176,7 @@ async def test_a_message_that_never_comes_is_shown_as_such() -> None:
     assert said["rate GPS_RAW_INT"] == "0.0 Hz, asked for 1.0 Hz"
 
 
+@in_virtual_time
 async def test_its_configured_role_keeps_it_from_flying() -> None:
     found, said, _ = await looked_at(in_the_air(FakeArduPlane), 3.0, SupervisorParams(role="advise"))
     assert said["role"] == "advise"
