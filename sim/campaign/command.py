@@ -5,8 +5,9 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -67,29 +68,25 @@ def _progress(console: Console, plan: Plan, results: Results) -> Iterator[Callab
 
 def print_figures(console: Console, report: dict[str, Any]) -> None:
     """The table that a reader wants first: what remains, and at what price."""
-    table = Table(
-        title=f"Pass lines for cooperative traffic: risk {RISK_RATIO_LINE}, well clear {LOWC_RATIO_LINE}",
-        title_justify="left",
-    )
-    headings = (
-        "avoider", "encounters", "risk ratio", "well clear ratio", "aside", "height", "nuisance", "not back"
-    )  # fmt: skip
+    table = Table(box=box.SIMPLE, padding=(0, 1))  # within eighty columns
+    headings = ("avoider", "risk ratio", "well clear", "aside\nheight", "nuisance", "not\nback")
     for heading in headings:
-        table.add_column(heading, justify="left" if heading == "avoider" else "right")
+        side: Literal["left", "right"] = "left" if heading == "avoider" else "right"
+        table.add_column(heading, justify=side, no_wrap=True)
     for name, figures in report["avoiders"].items():
         table.add_row(
-            name,
-            f"{figures['encounters']:,}",
+            f"{name}\n{figures['encounters']:,} flown",
             _with_interval(figures, "risk_ratio"),
             _with_interval(figures, "lowc_ratio"),
-            _metres(figures["median_max_deviation_m"]),
-            _metres(figures["median_max_height_m"]),
+            f"{_metres(figures['median_max_deviation_m'])}\n{_metres(figures['median_max_height_m'])}",
             _with_interval(figures, "nuisance_rate"),
             str(figures["not_back_on_line"]),
         )
     console.print(table)
     console.print(
-        "Ratios against nobody avoiding, with 95 % intervals; aside and height: medians over conflicts."
+        f"Ratios against nobody avoiding, with 95 % intervals; the pass lines are\n"
+        f"{RISK_RATIO_LINE} and {LOWC_RATIO_LINE}. Aside and height are medians over conflicts.\n"
+        "Not back: on the mission line, minutes after the encounter."
     )
 
 
@@ -97,7 +94,7 @@ def _with_interval(figures: dict[str, Any], name: str) -> str:
     value, interval = figures[name], figures[f"{name}_ci95"]
     if value is None:
         return "-"
-    return f"{value:.3f} ({interval[0]:.3f}-{interval[1]:.3f})"
+    return f"{value:.3f}\n{interval[0]:.3f}-{interval[1]:.3f}"
 
 
 def _metres(value: float | None) -> str:
