@@ -83,8 +83,8 @@ class Results:
         try:
             if path.exists() and path.stat().st_size > 0:
                 _cut_unfinished(path)
-                first, *_ = [*_lines(path), (0, None)]
-                if first[1] is None or first[1].get("campaign") != json.loads(json.dumps(identity)):
+                _, first = next(_lines(path), (0, {}))
+                if first.get("campaign") != json.loads(json.dumps(identity)):
                     raise ConfigError(f"{path}: results of another campaign; name another file, or remove it")
                 done = {(result["avoider"], result["number"]) for result in read_results(path)}
                 return cls(path, done, path.open("a", encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Flies a campaign: here on all cores, or on a cluster; the results are the same."""
+"""Flies a campaign on all cores of this machine; on how many does not change the results."""
 
 import os
 from collections.abc import Callable, Iterator
