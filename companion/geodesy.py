@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 # WGS 84
 _SEMI_MAJOR_AXIS_M = 6_378_137.0
@@ -31,7 +32,7 @@ class LocalFrame:
 
     def to_ned_m(self, point: GeoPoint) -> tuple[float, float, float]:
         """North, east and down of a place [m]."""
-        north_m_per_deg, east_m_per_deg = self._metres_per_degree()
+        north_m_per_deg, east_m_per_deg = _metres_per_degree(self.lat_deg)
         dlon_deg = (point.lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0  # the short way over the date line
         return (
             (point.lat_deg - self.lat_deg) * north_m_per_deg,
@@ -41,14 +42,18 @@ class LocalFrame:
 
     def to_geo(self, north_m: float, east_m: float, down_m: float) -> GeoPoint:
         """The place at the given north, east and down [m]: the inverse of `to_ned_m`."""
-        north_m_per_deg, east_m_per_deg = self._metres_per_degree()
+        north_m_per_deg, east_m_per_deg = _metres_per_degree(self.lat_deg)
         lon_deg = self.lon_deg + east_m / east_m_per_deg
         return GeoPoint(self.lat_deg + north_m / north_m_per_deg, (lon_deg + 180.0) % 360.0 - 180.0, -down_m)
 
-    def _metres_per_degree(self) -> tuple[float, float]:
-        lat_rad = math.radians(self.lat_deg)
-        w2 = 1.0 - _ECCENTRICITY_SQUARED * math.sin(lat_rad) ** 2
-        meridian_m = _SEMI_MAJOR_AXIS_M * (1.0 - _ECCENTRICITY_SQUARED) / w2**1.5
-        # A pole has no east: keep the frame invertible there.
-        parallel_m = max(_SEMI_MAJOR_AXIS_M / math.sqrt(w2) * math.cos(lat_rad), 1.0)
-        return math.radians(meridian_m), math.radians(parallel_m)
+
+# Far more places are looked at in a frame than there are frames: the local one, one for each aircraft heard.
+@lru_cache(maxsize=256)
+def _metres_per_degree(lat_deg: float) -> tuple[float, float]:
+    """Length of a degree of latitude and of one of longitude at a latitude [m]."""
+    lat_rad = math.radians(lat_deg)
+    w2 = 1.0 - _ECCENTRICITY_SQUARED * math.sin(lat_rad) ** 2
+    meridian_m = _SEMI_MAJOR_AXIS_M * (1.0 - _ECCENTRICITY_SQUARED) / w2**1.5
+    # A pole has no east: keep the frame invertible there.
+    parallel_m = max(_SEMI_MAJOR_AXIS_M / math.sqrt(w2) * math.cos(lat_rad), 1.0)
+    return math.radians(meridian_m), math.radians(parallel_m)
