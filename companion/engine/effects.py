@@ -1,9 +1,15 @@
-"""Effects: what the engine wants done. The shell does them; nothing in the engine touches the world."""
+"""Effects: what the engine wants done. The shell does them; nothing in the engine touches the world.
+
+What is written is made into text when it is asked for: a flight of a campaign writes nothing.
+"""
 
 from dataclasses import dataclass
 
+from companion.engine.held import Held
+from companion.engine.record import decision_line
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Sender
+from companion.model import Decision, Ownship
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,9 +22,17 @@ class Transmit:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Keep this line: one decision as JSON."""
+    """Keep `line`, one decision as JSON: made at `time_s`, among so many tracks."""
 
-    line: str
+    time_s: float
+    decision: Decision
+    own: Ownship
+    tracks: int
+
+    @property
+    def line(self) -> str:
+        """One line, without the newline; the same every time."""
+        return decision_line(self.time_s, self.decision, self.own, self.tracks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +45,14 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Keep:
-    """Keep this for the next run, in place of what was kept before; `None`: nothing needs to be known."""
+    """Keep `text` for the next run, in place of what was kept before; `None`: nothing needs to be known."""
 
-    text: str | None
+    held: Held | None
+
+    @property
+    def text(self) -> str | None:
+        """One line of JSON; the same every time."""
+        return None if self.held is None else self.held.to_text()
 
 
 Effect = Transmit | Record | Say | Keep

@@ -25,7 +25,6 @@ from companion.engine.onboard import Onboard
 from companion.engine.operator import Operator
 from companion.engine.rates import RateKeeper
 from companion.engine.readiness import Readiness
-from companion.engine.record import decision_line
 from companion.engine.surroundings import Surroundings
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone, LocalFence
@@ -270,7 +269,7 @@ class Engine:
         effects += self._keep_up_manners(now_s)
         effects += self._keep(now_s)
         if self._own is not None:
-            effects.append(Record(decision_line(now_s, self._decision, self._own, len(self._tracks))))
+            effects.append(Record(now_s, self._decision, self._own, len(self._tracks)))
         self._prompted = False
         return effects
 
@@ -321,7 +320,7 @@ class Engine:
             self._decision = Decision(Layer.CLEAR, because=because)
             return
         self._limit(now_s)
-        self._decision = self._avoider.decide(now_s, self._own, self._tracks, self._goal)
+        self._decision = _sound(self._avoider.decide(now_s, self._own, self._tracks, self._goal))
 
     def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
         """What the mission wants; while the aircraft is ours, what it wanted then."""
@@ -411,7 +410,7 @@ class Engine:
         if self._kept_s is not None and now_s - self._kept_s < _KEEP_INTERVAL_S - 1e-3:
             return []
         self._kept_s = now_s
-        return [Keep(held.to_text())]
+        return [Keep(held)]
 
     # --- receiving
 
@@ -442,6 +441,16 @@ class Engine:
     def _tell_adapter(self, fact: Fact, now_s: float) -> None:
         if self.aircraft.adapter is not None:
             self.aircraft.adapter.observe(fact, now_s)
+
+
+def _sound(decision: Decision) -> Decision:
+    """The same; `ValueError` when nobody could fly it: a bug, which ends the service before it is sent."""
+    guidance = decision.guidance
+    if guidance is not None and not all(
+        map(math.isfinite, (guidance.course_rad, guidance.airspeed_mps, guidance.altitude_m))
+    ):
+        raise ValueError("guidance is not finite")
+    return decision
 
 
 def _fence_of(local: LocalFence) -> Fence | None:

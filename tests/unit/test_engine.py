@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from companion.engine import Engine, EngineConfig, EngineParams, Record, Stepper, Transmit
+from companion.avoidance import AvoidanceParams, Avoider
+from companion.engine import Engine, EngineConfig, EngineParams, Keep, Record, Stepper, Transmit
+from companion.engine.held import Held
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
@@ -20,7 +22,7 @@ from companion.mavlink.facts import (
     Sender,
     Traffic,
 )
-from companion.model import AltitudeReference, Layer, TrafficReport, TrafficSource
+from companion.model import AltitudeReference, Decision, Guidance, Layer, TrafficReport, TrafficSource
 from companion.supervisor import Role, State, SupervisorParams
 
 AUTOPILOT, OTHER, GCS = Sender(1, 1), Sender(7, 1), Sender(255, 190)
@@ -292,6 +294,36 @@ def test_one_record_for_each_tick_once_the_position_is_known() -> None:
     assert line["layer"] == "clear"
     assert line["time_us"] == round((T0 + 0.1) * 1e6)
     assert line["own"]["altitude_m"] == 884.0
+
+
+def test_what_is_written_is_that_of_its_own_tick_however_late_it_is_asked_for() -> None:
+    engine = new_engine()
+    engine.receive(heartbeat(), T0)
+    engine.receive(position(T0), T0)
+    engine.operator.role = Role.ADVISE
+    effects = engine.tick(T0 + 0.1)
+    (record,) = [effect for effect in effects if isinstance(effect, Record)]
+    (keep,) = [effect for effect in effects if isinstance(effect, Keep)]
+    line, text = record.line, keep.text
+    engine.operator.role = Role.OFF
+    run(engine, [heartbeat(), position(T0 + 5.0)], T0 + 5.0)
+    assert record.line == line
+    assert keep.text == text
+    assert text is not None
+    held = Held.from_text(text)
+    assert held is not None
+    assert (held.time_s, held.role) == (T0 + 0.1, Role.ADVISE)
+
+
+@pytest.mark.parametrize("bad", [(math.nan, 22.0, 884.0), (0.0, math.inf, 884.0), (0.0, 22.0, math.nan)])
+def test_guidance_that_nobody_could_fly_is_never_sent(bad: tuple[float, float, float]) -> None:
+    class Broken(Avoider):
+        def decide(self, *_: object) -> Decision:
+            return Decision(Layer.OUTER, Guidance(*bad))
+
+    engine = Engine(avoider=Broken(AvoidanceParams()))
+    with pytest.raises(ValueError, match="guidance is not finite"):
+        fly(engine, 20.0)
 
 
 def test_stepper_ticks_on_tenths_and_before_the_facts_that_come_later() -> None:
