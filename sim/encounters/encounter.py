@@ -11,6 +11,9 @@ from companion.model import Vec3
 
 Array = NDArray[np.floating]
 
+State = tuple[Vec3, Vec3]
+"""Position [m] and velocity [m/s], north-east-down."""
+
 DURATION_S = 120.0
 _AHEAD_RAD, _BEHIND_RAD = math.radians(30.0), math.radians(110.0)
 _HOVERING_MPS = 2.0
@@ -44,20 +47,19 @@ class Path:
         result: Array = position + beyond * edge
         return result
 
-    def state_at(self, time_s: float) -> tuple[Vec3, Vec3]:
+    def state_at(self, time_s: float) -> State:
         """Position and velocity at a time."""
-        position = self.positions_m(np.array([time_s]))[0]
-        velocity = [np.interp(time_s, self.time_s, self.velocity_mps[:, axis]) for axis in range(3)]
-        return _vec3(position), _vec3(velocity)
+        return self.states_at(np.array([time_s]))[0]
+
+    def states_at(self, times_s: Array) -> list[State]:
+        """Position and velocity at each of many times (m,)."""
+        axes = [np.interp(times_s, self.time_s, self.velocity_mps[:, axis]) for axis in range(3)]
+        numbers = np.column_stack([self.positions_m(times_s), *axes]).tolist()
+        return [((n, e, d), (n_mps, e_mps, d_mps)) for n, e, d, n_mps, e_mps, d_mps in numbers]
 
     def moved(self, by_m: Sequence[float] | Array) -> "Path":
         """The same path elsewhere."""
         return Path(self.time_s, self.position_m + np.asarray(by_m), self.velocity_mps)
-
-
-def _vec3(numbers: Sequence[float] | Array) -> Vec3:
-    north, east, down = (float(x) for x in numbers)
-    return north, east, down
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,16 @@
 """How well traffic is known: errors, delay and loss of the reports, repeatable by seed."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from companion.model import Vec3
-from sim.encounters.encounter import Encounter
+from sim.encounters.encounter import Encounter, State
+
+# So many reports are looked up at once: those of an encounter, and a few of the way back.
+_LOOKED_UP = 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +76,11 @@ class Observer:
     """What is heard of an encounter's intruders; ask with times that never run backwards."""
 
     def __init__(self, encounter: Encounter, surveillance: Surveillance, seed: int = 0) -> None:
-        self._encounter, self._how = encounter, surveillance
-        self._next_s = 0.0
+        self._how = surveillance
+        self._intruders = encounter.intruders
+        self._own_m, self._own_mps = encounter.own_position_m, encounter.own_velocity_mps
+        self._arrivals = self._all_arrivals()
+        self._next = next(self._arrivals)
         self._lost = [False] * len(encounter.intruders)
         self._rng = np.random.default_rng([seed, 77])
         self._bias_m = self._rng.normal(0.0, 1.0, len(encounter.intruders)) * surveillance.height_bias_sigma_m
@@ -81,23 +88,34 @@ class Observer:
     def reports(self, now_s: float) -> list[Heard]:
         """What arrived since the last call."""
         heard: list[Heard] = []
-        while self._next_s <= now_s + 1e-9:
-            for index in range(len(self._lost)):
-                report = self._report(index, self._next_s)
+        while self._next[0] <= now_s + 1e-9:
+            arrives_s, states = self._next
+            for index, state in enumerate(states):
+                report = self._report(index, arrives_s - self._how.latency_s, state)
                 if report is not None:
                     heard.append(report)
-            self._next_s += self._how.period_s
+            self._next = next(self._arrivals)
         return heard
 
-    def _report(self, index: int, arrives_s: float) -> Heard | None:
+    def _all_arrivals(self) -> Iterator[tuple[float, list[State]]]:
+        """When reports arrive, for ever, and the states that the intruders had when they were sent."""
+        arrives_s = 0.0
+        while True:
+            arrivals_s = []
+            for _ in range(_LOOKED_UP):
+                arrivals_s.append(arrives_s)
+                arrives_s += self._how.period_s
+            sent_s = np.array(arrivals_s) - self._how.latency_s
+            paths = [path.states_at(sent_s) for path in self._intruders]
+            for place, at_s in enumerate(arrivals_s):
+                yield at_s, [states[place] for states in paths]
+
+    def _report(self, index: int, sent_s: float, state: State) -> Heard | None:
         how = self._how
         noise = self._rng.normal(0.0, 1.0, 6)
         lost = self._is_lost(index)
-        sent_s = arrives_s - how.latency_s
-        (north, east, down), (north_mps, east_mps, down_mps) = self._encounter.intruders[index].state_at(
-            sent_s
-        )
-        own, moving = self._encounter.own_position_m, self._encounter.own_velocity_mps
+        (north, east, down), (north_mps, east_mps, down_mps) = state
+        own, moving = self._own_m, self._own_mps
         away_m = math.hypot(north - own[0] - moving[0] * sent_s, east - own[1] - moving[1] * sent_s)
         if lost or away_m > how.first_heard_m:
             return None

@@ -274,7 +274,12 @@ def test_perfect_reports_are_one_second_old_and_exact() -> None:
     ((index, sent_s, position_m, velocity_mps, age_s),) = observer.reports(0.0)
     assert (index, sent_s, age_s) == (0, -1.0, 1.0)
     assert (position_m, velocity_mps) == encounter.intruders[0].state_at(-1.0)
-    assert [len(observer.reports(float(second))) for second in range(1, 5)] == [1, 1, 1, 1]
+    later = [heard for now_s in range(1, 300) for heard in observer.reports(float(now_s))]
+    assert [sent_s for _, sent_s, *_ in later] == [float(sent_s) for sent_s in range(299)]
+    assert all(
+        (position_m, velocity_mps) == encounter.intruders[0].state_at(sent_s)
+        for _, sent_s, position_m, velocity_mps, _ in later
+    )
 
 
 def test_errors_losses_and_range_are_as_stated() -> None:
