@@ -67,6 +67,7 @@ class Onboard:
         self._mission_items: tuple[MissionItem, ...] | None = None
         self._fence_items: tuple[MissionItem, ...] | None = None
         self._uploaded_zones: tuple[FenceZone, ...] = ()
+        self._fence_settings = FenceSettings()  # by the parameters alone
         self._fence_heard_s = -math.inf
         self._fence: tuple[_FenceSource, LocalFence] | None = None
         self._home: HomePosition | None = None
@@ -186,7 +187,7 @@ class Onboard:
         """What the autopilot makes of its fence; one that is known to be off is none at all."""
         if self._adapter is None:
             return FenceSettings()
-        settings = self._adapter.parameters.fence(self.parameters)
+        settings = self._fence_settings
         heard = now_s - self._fence_heard_s <= _FENCE_HEARD_S
         if settings.on is False and not heard:
             return FenceSettings(on=False, zones=False)
@@ -198,6 +199,7 @@ class Onboard:
         if self._adapter is not adapter:
             self._adapter = adapter
             self._parameters = ParameterReader(adapter.parameters.questions())
+            self._fence_settings = adapter.parameters.fence(self.parameters)
             self._untold_since_s = now_s
 
     def _requests(self, adapter: Adapter, now_s: float) -> list[Message]:
@@ -221,6 +223,7 @@ class Onboard:
                 self._missions.changed(MISSION, now_s)
             elif fact.name == table.fence_total:
                 self._missions.changed(FENCE, now_s)
+        self._fence_settings = table.fence(self.parameters)
         self.belief = believe(self.parameters, table)
         limits = effective(self._assumed, self._configured, self.belief)
         if limits != self.limits:

@@ -43,6 +43,7 @@ class ParameterReader:
         self._questions = [_Question(names) for names in questions]
         self._by_name = {name: question for question in self._questions for name in question.names}
         self._refreshed_s = -math.inf
+        self._next_due_s = -math.inf  # nothing is due before
 
     def settled(self, names: Iterable[str]) -> bool:
         """Whether these parameters are answered or given up."""
@@ -53,6 +54,7 @@ class ParameterReader:
         for question in self._questions:
             question.tries, question.answered_s = 0, None
             question.sent_s = question.due_s = -math.inf
+        self._next_due_s = -math.inf
 
     def observe(self, name: str, value: float, now_s: float) -> bool:
         """Take a value in; true when it is one of ours and differs from what was known."""
@@ -70,11 +72,14 @@ class ParameterReader:
         return None if name is None else request(name)
 
     def _due(self, now_s: float) -> str | None:
+        if now_s < self._next_due_s:
+            return None
         unanswered = [question for question in self._questions if question.open]
         if sum(now_s - question.sent_s < _ANSWER_S for question in unanswered) >= _AT_A_TIME:
             return None
         due = [question for question in unanswered if now_s >= question.due_s]
         if not due:
+            self._next_due_s = min((question.due_s for question in unanswered), default=math.inf)
             return None
         question = min(due, key=lambda q: (q.tries, q.due_s))
         name = question.names[question.tries % len(question.names)]
@@ -85,8 +90,10 @@ class ParameterReader:
         return name
 
     def _stale(self, now_s: float) -> str | None:
+        if now_s - self._refreshed_s < _REFRESH_S:
+            return None
         answered = [(q.answered_s, q) for q in self._questions if q.answered_s is not None]
-        if not answered or now_s - self._refreshed_s < _REFRESH_S:
+        if not answered:
             return None
         _, oldest = min(answered, key=lambda pair: pair[0])
         self._refreshed_s = now_s
