@@ -1,7 +1,6 @@
 """Our aircraft: the autopilot we belong to, and the newest of everything it said."""
 
 import math
-from dataclasses import replace
 
 from companion.autopilots import Adapter, choose
 from companion.autopilots.adapter import Before, Flown
@@ -281,10 +280,11 @@ class Aircraft:
 
     def flown(self, guidance: Guidance, *, max_bank_rad: float) -> Flown | None:
         """Guidance with what a setpoint needs beside it."""
-        place = self.place()
-        if place is None:
+        position = self.position
+        if position is None:
             return None
-        place = replace(place, altitude_m=place.altitude_m + self._climbed_since_m())
+        altitude_m = position.altitude_m + self._climbed_since_m()
+        place = GeoPoint(position.lat_deg, position.lon_deg, altitude_m)
         return Flown(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
 
     def flying_now(self) -> Guidance:

@@ -40,8 +40,7 @@ class Announcer:
 
     def transmit(self, messages: Sequence[Message]) -> list[Effect]:
         """These messages, from us."""
-        sender = self._sender()
-        return [Transmit(sender, message) for message in messages]
+        return [Transmit(self._sender(), message) for message in messages]
 
     def tell(
         self, severity: int, text: str, now_s: float, topic: str | None = None, *, once: bool = False

@@ -192,7 +192,8 @@ class Engine:
 
     def receive(self, fact: Fact, now_s: float) -> bool:
         """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
-        if fact.sender == self.sender:
+        us = self.sender
+        if fact.sender == us:
             return False
         if isinstance(fact, CommandRequest | ParameterRequest | ParameterSet):
             self._answers += self.operator.receive(fact)
@@ -204,7 +205,7 @@ class Engine:
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
         if self.aircraft.adapter is not None:
-            self.onboard.observe(fact, self.aircraft.adapter, self.sender, now_s)
+            self.onboard.observe(fact, self.aircraft.adapter, us, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
             return self._is_of_another_system(fact) and self._hear(fact, now_s)
@@ -373,13 +374,14 @@ class Engine:
 
     def _command(self, now_s: float) -> list[Effect]:
         """Setpoints while flying; entering and leaving the guided mode, what the autopilot wants then."""
-        adapter, aircraft = self.aircraft.adapter, self.aircraft
+        adapter, aircraft, state = self.aircraft.adapter, self.aircraft, self.supervisor.state
+        if adapter is None or not self._authority.holds:
+            return []
         bank_rad = self._avoider.envelope.max_bank_rad
         level = aircraft.flown(aircraft.flying_now(), max_bank_rad=bank_rad)
-        if adapter is None or level is None:
+        if level is None:
             return []
         # PX4 would enter OFFBOARD by itself with the first setpoint that comes through again, and wrongly so.
-        state = self.supervisor.state
         releasing = state in (State.RELEASING, State.STOPPING)
         contact = aircraft.in_contact(now_s) or not (releasing or adapter.left_to_itself_is_safe)
         if not (contact and aircraft.heard(now_s)):

@@ -1,6 +1,6 @@
 """Whether the aircraft is one to take over, and if not, why: in words that an operator understands."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from companion.engine.aircraft import Aircraft
 from companion.engine.operator import Operator
@@ -30,27 +30,37 @@ class Readiness:
 
     def hindrances(self, now_s: float, *, role: Role | None = None) -> list[str]:
         """Why the aircraft would not be taken over now (were the role `role`); empty when it would."""
-        aircraft, rules = self._aircraft, self._rules
         role = self._operator.role if role is None else role
         if role is not Role.FLY:
             return [f"told to {'advise only' if role is Role.ADVISE else 'be off'}"]
-        if aircraft.adapter is None:
+        if self._aircraft.adapter is None:
             return ["no autopilot that can be flown is heard"]
+        return list(self._of_the_aircraft(now_s))
+
+    def _of_the_aircraft(self, now_s: float) -> Iterator[str]:
+        """What speaks against it, once the operator says fly; asked at every tick, so told only where so."""
+        aircraft, rules = self._aircraft, self._rules
         other = self._other_avoider()
-        checks = {
-            "it is no fixed wing": not aircraft.fixed_wing,
-            "the autopilot is not heard": not aircraft.heard(now_s),
-            "its position is old": now_s - aircraft.position_s > self._position_fresh_s,
-            f"another avoider acts: {other}": other is not None and rules.beside_other_avoider == "advise",
-            f"its mode is {aircraft.mode}, not {' or '.join(rules.take_over_from)}": aircraft.mode
-            not in rules.take_over_from,
-            "it is disarmed": not aircraft.armed,
-            self._why_not_flying(): aircraft.armed and not aircraft.flying(rules.min_height_m),
-            "it has not said yet whether it is landing": not aircraft.known(now_s),
-            "it is in a failsafe": aircraft.failsafe,
-            "it has breached its fence": aircraft.fence_breached,
-        }
-        return [words for words, so in checks.items() if so]
+        if not aircraft.fixed_wing:
+            yield "it is no fixed wing"
+        if not aircraft.heard(now_s):
+            yield "the autopilot is not heard"
+        if now_s - aircraft.position_s > self._position_fresh_s:
+            yield "its position is old"
+        if other is not None and rules.beside_other_avoider == "advise":
+            yield f"another avoider acts: {other}"
+        if aircraft.mode not in rules.take_over_from:
+            yield f"its mode is {aircraft.mode}, not {' or '.join(rules.take_over_from)}"
+        if not aircraft.armed:
+            yield "it is disarmed"
+        elif not aircraft.flying(rules.min_height_m):
+            yield self._why_not_flying()
+        if not aircraft.known(now_s):
+            yield "it has not said yet whether it is landing"
+        if aircraft.failsafe:
+            yield "it is in a failsafe"
+        if aircraft.fence_breached:
+            yield "it has breached its fence"
 
     def _why_not_flying(self) -> str:
         """What keeps an armed aircraft from flying, where anything does."""
