@@ -32,13 +32,13 @@ class LocalFrame:
 
     def to_ned_m(self, point: GeoPoint) -> tuple[float, float, float]:
         """North, east and down of a place [m]."""
+        return *self.to_north_east_m(point.lat_deg, point.lon_deg), -point.altitude_m
+
+    def to_north_east_m(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """North and east of a latitude and longitude [m]."""
         north_m_per_deg, east_m_per_deg = _metres_per_degree(self.lat_deg)
-        dlon_deg = (point.lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0  # the short way over the date line
-        return (
-            (point.lat_deg - self.lat_deg) * north_m_per_deg,
-            dlon_deg * east_m_per_deg,
-            -point.altitude_m,
-        )
+        dlon_deg = (lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0  # the short way over the date line
+        return (lat_deg - self.lat_deg) * north_m_per_deg, dlon_deg * east_m_per_deg
 
     def to_geo(self, north_m: float, east_m: float, down_m: float) -> GeoPoint:
         """The place at the given north, east and down [m]: the inverse of `to_ned_m`."""

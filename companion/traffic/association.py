@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficSource
 from companion.traffic.gates import AssociationParams
 from companion.traffic.heights import Datums, compare
@@ -203,7 +203,7 @@ def gap(one: Target, other: Target, params: AssociationParams, datums: Datums) -
 
 def _horizontal_gap(a: Motion, b: Motion, params: AssociationParams, now_s: float) -> float:
     frame = LocalFrame(a.lat_deg, a.lon_deg)
-    north_m, east_m, _ = frame.to_ned_m(GeoPoint(b.lat_deg, b.lon_deg, 0.0))
+    north_m, east_m = frame.to_north_east_m(b.lat_deg, b.lon_deg)
     north_m += b.north_mps * (now_s - b.place_s) - a.north_mps * (now_s - a.place_s)
     east_m += b.east_mps * (now_s - b.place_s) - a.east_mps * (now_s - a.place_s)
     speed_mps = math.hypot(a.north_mps, a.east_mps)

@@ -8,7 +8,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import LocalFrame
 from companion.model import TrafficKind
 from companion.traffic.gates import EchoParams
 from companion.traffic.heights import Datums, compare
@@ -120,7 +120,7 @@ class OwnEcho:
         vertical_m = params.vertical_m + height.uncertainty_m
         smallest = math.inf
         for own in then:
-            north_m, east_m, _ = frame.to_ned_m(GeoPoint(own.lat_deg, own.lon_deg, 0.0))
+            north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
             apart = max(
                 math.hypot(north_m, east_m) / params.radius_m,
                 math.hypot(own.north_mps - motion.north_mps, own.east_mps - motion.east_mps)
