@@ -103,8 +103,9 @@ class Track:
     `protected_horizontal_m` and `protected_vertical_m` are the volume to keep out of; `None` takes the
     well-clear volume of the avoidance parameters. `member`: it is one of our group, and tells. A `kind` of
     OBSTACLE stands on the ground: its position is its top, and nothing flies under it.
-    `vertical_uncertainty_m`: by how much its height and ours may be wrong against each other, beyond what the
-    avoidance's own margin covers (an unknown altimeter setting, different references).
+    `turn_radps`: how fast its course turns, positive to the right. `vertical_uncertainty_m`: by how much its
+    height and ours may be wrong against each other, beyond what the avoidance's own margin covers (an unknown
+    altimeter setting, different references).
     """
 
     track_id: str
@@ -119,6 +120,7 @@ class Track:
     protected_vertical_m: float | None = None
     member: "Member | None" = None
     vertical_uncertainty_m: float = 0.0
+    turn_radps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

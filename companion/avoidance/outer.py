@@ -82,17 +82,14 @@ def resultant_command(situation: Situation, threats: Threats, params: FieldParam
 
 
 def field_commands(situation: Situation, threats: Threats, params: FieldParams, *, heights: bool) -> Commands:
-    """Rows of the field: the mission's course, over and under (`heights`), the resultant and the ladder."""
+    """Rows of the field: the mission's course, the resultant, the ladder; with `heights` over and under."""
     course_rad = situation.mission.course_rad
     plain_rad = _limited(course_rad, np.array([resultant_rad(course_rad, 1.0, threats, params)]), params)
     courses_rad = np.concatenate([[course_rad], plain_rad, _ladder(course_rad, threats, params)])
-    around = np.arange(1, len(courses_rad))
-    straight = 3 if heights else 1  # on the mission's course: at its height, over, and under
-    ground_of = np.concatenate([np.zeros(straight, dtype=np.intp), around])
-    height_of = np.concatenate([np.arange(straight), np.zeros(len(around), dtype=np.intp)])
-    heights_m = np.array(
-        [height_m(choice, situation) for choice in (Height.MISSION, Height.OVER, Height.UNDER)]
-    )
+    choices = (Height.MISSION, Height.OVER, Height.UNDER) if heights else (Height.MISSION,)
+    ground_of = np.repeat(np.arange(len(courses_rad)), len(choices))
+    height_of = np.tile(np.arange(len(choices)), len(courses_rad))
+    heights_m = np.array([height_m(choice, situation) for choice in choices])
     speeds_mps = np.full(len(courses_rad), speed_mps(Speed.MISSION, situation))
     return Commands(courses_rad, speeds_mps, heights_m, ground_of, height_of)
 

@@ -12,6 +12,7 @@ from companion.avoidance.envelope import Envelope
 from companion.avoidance.formation import FormationParams
 from companion.avoidance.outer import FieldParams, OuterMethod
 from companion.avoidance.strategies import CostWeights
+from companion.avoidance.surprises import SurpriseParams
 
 
 class Layers(StrEnum):
@@ -44,8 +45,8 @@ class AvoidanceParams:
     delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(90.0)
     # An avoidance begins when the mission would come nearer than this share of the volume with its margin:
     # the first when closest approach is within `inner_time_s`, the second from `outer_time_s` on.
-    begin_near: Annotated[float, Gt(0), Le(1)] = 1.0
-    begin_far: Annotated[float, Gt(0), Le(1)] = 1.0
+    begin_near: Annotated[float, Gt(0), Le(1)] = 0.87
+    begin_far: Annotated[float, Gt(0), Le(1)] = 0.55
     # Back to the mission only when its flight keeps clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
@@ -67,6 +68,7 @@ class AvoidanceParams:
     formation: FormationParams = field(default_factory=FormationParams)
     field_gains: FieldParams = field(default_factory=FieldParams)
     weights: CostWeights = field(default_factory=CostWeights)
+    surprises: SurpriseParams = field(default_factory=SurpriseParams)
 
     @property
     def clears_inner_layer(self) -> bool:

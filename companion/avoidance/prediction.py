@@ -4,12 +4,12 @@ The motion is the paper's (§2.1, eq. 1-2; its print has the cosine twice, y tak
 flies where its nose points, with the limits of §3.2.3 and lags added. Rows come first, then tracks, then
 time: (K, N, T). The aircraft answers a command after `response_s`, turns at its bank limit, climbs and sinks
 at its limits and holds what it reached. It does so in the air, which the wind carries along; a course is over
-ground, and holding it takes a crab angle. Tracks fly straight on.
+ground, and holding it takes a crab angle. Tracks fly on, and go on for a while with the turn they are in.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,17 @@ from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
-_TIMES_S = np.concatenate([np.arange(0.0, 12.0, 1.0), np.arange(12.0, 60.0, 2.0), np.arange(60.0, 91.0, 3.0)])
-_STEPS_S = np.diff(_TIMES_S)
-_MIDDLES_S = _TIMES_S[:-1] + 0.5 * _STEPS_S
-HORIZON_S = float(_TIMES_S[-1])
+TIMES_S = np.concatenate([np.arange(0.0, 12.0, 1.0), np.arange(12.0, 60.0, 2.0), np.arange(60.0, 91.0, 3.0)])
+_STEPS_S = np.diff(TIMES_S)
+_MIDDLES_S = TIMES_S[:-1] + 0.5 * _STEPS_S
+HORIZON_S = float(TIMES_S[-1])
 # Millimetres over ten kilometres, and half the memory to walk through.
 _Float = np.float32
+# Turns end at a time that nobody knows: in the encounter models of MIT Lincoln Laboratory an aircraft that is
+# in a turn goes on, in the mean, like one whose rate of turn fades with this time constant.
+_TURN_FADES_S = 35.0
+# What is left of a rate of turn, as a time: with it the course has changed by the middle of each step.
+_TURNED_S = _TURN_FADES_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_FADES_S))
 # Of the whole time, what lies before each moment but the first.
 TIME_SHARES = _STEPS_S / HORIZON_S
 _EXPOSURE_WEIGHTS = TIME_SHARES.astype(_Float)
@@ -136,7 +141,10 @@ class Paths:
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
-    """The predicted traffic: positions and velocities (N, 3) now, protected volumes (N,)."""
+    """The predicted traffic: positions and velocities (N, 3) now, protected volumes (N,).
+
+    `turn_radps`, (N,), is positive to the right.
+    """
 
     ids: tuple[str, ...]
     position_m: Array
@@ -145,6 +153,7 @@ class Tracks:
     protected_vertical_m: Array
     grounded: NDArray[np.bool_]
     shell_m: Array  # around the volume, to be kept clear of where possible; 0 where there is none
+    turn_radps: Array
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -153,7 +162,8 @@ class Tracks:
     def none(cls) -> "Tracks":
         """No traffic."""
         nothing = np.zeros(0)
-        return cls((), np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, np.zeros(0, dtype=bool), nothing)
+        nowhere, none = np.zeros((0, 3)), np.zeros(0, dtype=bool)
+        return cls((), nowhere, nowhere, nothing, nothing, none, nothing, nothing)
 
     def subset(self, index: NDArray[np.intp]) -> "Tracks":
         """The tracks at the given places, in that order."""
@@ -165,7 +175,44 @@ class Tracks:
             self.protected_vertical_m[index],
             self.grounded[index],
             self.shell_m[index],
+            self.turn_radps[index],
         )
+
+    def but(self, *, turn_radps: Array | None = None, climb_mps: Array | None = None) -> "Tracks":
+        """The same with other rates of turn, or of climb, (N,)."""
+        velocity_mps = self.velocity_mps
+        if climb_mps is not None:
+            velocity_mps = np.column_stack([velocity_mps[:, :2], -climb_mps])
+        return replace(
+            self,
+            velocity_mps=velocity_mps,
+            turn_radps=self.turn_radps if turn_radps is None else turn_radps,
+        )
+
+    def followed_by(self, *others: "Tracks") -> "Tracks":
+        """These, and others after them."""
+        listed = (self, *others)
+        return Tracks(
+            tuple(track_id for tracks in listed for track_id in tracks.ids),
+            np.concatenate([tracks.position_m for tracks in listed]),
+            np.concatenate([tracks.velocity_mps for tracks in listed]),
+            np.concatenate([tracks.protected_horizontal_m for tracks in listed]),
+            np.concatenate([tracks.protected_vertical_m for tracks in listed]),
+            np.concatenate([tracks.grounded for tracks in listed]),
+            np.concatenate([tracks.shell_m for tracks in listed]),
+            np.concatenate([tracks.turn_radps for tracks in listed]),
+        )
+
+    def ground_m(self) -> Array:
+        """Where they are at the times of the prediction, north and east, shape (N, T, 2)."""
+        ahead: Array = self.position_m[:, None, :2] + self.velocity_mps[:, None, :2] * TIMES_S[:, None]
+        for track in np.flatnonzero(self.turn_radps).tolist():
+            north_mps, east_mps = self.velocity_mps[track, :2].tolist()
+            turned = np.exp(1j * self.turn_radps[track] * _TURNED_S) * complex(north_mps, east_mps)
+            flown = np.cumsum(turned * _STEPS_S)
+            ahead[track, 1:, 0] = self.position_m[track, 0] + flown.real
+            ahead[track, 1:, 1] = self.position_m[track, 1] + flown.imag
+        return ahead
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +231,7 @@ class Separation:
 
 def times_until(time_s: float) -> Array:
     """The times of the prediction until the first that is not before `time_s`, two at least, (T,)."""
-    return _TIMES_S[: max(int(np.searchsorted(_TIMES_S, time_s)) + 1, 2)]
+    return TIMES_S[: max(int(np.searchsorted(TIMES_S, time_s)) + 1, 2)]
 
 
 def turn_around_s(own: OwnState, envelope: Envelope) -> float:
@@ -236,10 +283,10 @@ def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Env
         turn_rad = turn_rad + crab_rad - _crab_rad(target_rad[:, None], airspeed_mps, own.wind_mps)
     heading_rad = own.course_rad - crab_rad + _within(turn_rad, -most_rad, most_rad)
     through_m = _STEPS_S * airspeed_mps
-    path = np.empty((len(target_rad), len(_TIMES_S), 2))
+    path = np.empty((len(target_rad), len(TIMES_S), 2))
     path[:, 0] = own.position_m[:2]
     for axis, direction in enumerate((np.cos(heading_rad), np.sin(heading_rad))):
-        carried_m = own.position_m[axis] + own.wind_mps[axis] * _TIMES_S[1:]
+        carried_m = own.position_m[axis] + own.wind_mps[axis] * TIMES_S[1:]
         path[:, 1:, axis] = carried_m + np.cumsum(through_m * direction, axis=1)
     return path
 
@@ -284,8 +331,8 @@ def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
     """Heights, shape (Z, T): the present climb until the command bites, then at the limit, then hold."""
     now_m = -float(own.position_m[2])
     climb_mps = min(max(own.climb_mps, -2.0 * envelope.max_sink_mps), 2.0 * envelope.max_climb_mps)
-    before_m = now_m + climb_mps * np.minimum(_TIMES_S, envelope.response_s)
-    acting_s = np.maximum(_TIMES_S - envelope.response_s, 0.0)
+    before_m = now_m + climb_mps * np.minimum(TIMES_S, envelope.response_s)
+    acting_s = np.maximum(TIMES_S - envelope.response_s, 0.0)
     to_go_m = target_m[:, None] - (now_m + climb_mps * envelope.response_s)
     gained_m = _within(to_go_m, -envelope.max_sink_mps * acting_s, envelope.max_climb_mps * acting_s)
     altitude: Array = before_m + gained_m
@@ -295,23 +342,24 @@ def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
 def separation(
     paths: Paths, tracks: Tracks, *, horizon_s: float = HORIZON_S, shells: bool = False
 ) -> Separation:
-    """How rows keep clear of the tracks flying straight on, and of the shells around them if asked for.
+    """How rows keep clear of the tracks flying on, and of the shells around them if asked for.
 
     Only what happens within `horizon_s` counts.
     """
-    count = max(int(np.searchsorted(_TIMES_S, horizon_s, side="right")), 2)
+    count = max(int(np.searchsorted(TIMES_S, horizon_s, side="right")), 2)
     # Single precision needs numbers of moderate size, so all is measured from where we are.
     here = np.array([*paths.ground_m[0, 0], -paths.altitude_m[0, 0]])
-    start = (tracks.position_m - here).astype(_Float)
-    rate = tracks.velocity_mps.astype(_Float)
-    times = _TIMES_S[:count].astype(_Float)
+    others = (tracks.ground_m()[:, :count] - here[:2]).astype(_Float)
+    start_down = (tracks.position_m[:, 2:3] - here[2]).astype(_Float)
+    rate_down = tracks.velocity_mps[:, 2:3].astype(_Float)
+    times = TIMES_S[:count].astype(_Float)
     ground = (paths.ground_m[:, :count] - here[:2]).astype(_Float)
     height = (paths.altitude_m[:, :count] + here[2]).astype(_Float)
-    north = ground[:, None, :, 0] - (start[:, 0:1] + rate[:, 0:1] * times)
-    east = ground[:, None, :, 1] - (start[:, 1:2] + rate[:, 1:2] * times)
+    north = ground[:, None, :, 0] - others[..., 0]
+    east = ground[:, None, :, 1] - others[..., 1]
     horizontal = np.sqrt(north * north + east * east)
     horizontal *= (1.0 / tracks.protected_horizontal_m).astype(_Float)[:, None]
-    above = height[:, None, :] + (start[:, 2:3] + rate[:, 2:3] * times)
+    above = height[:, None, :] + (start_down + rate_down * times)
     vertical = vertical_distance_m(above, tracks.grounded[:, None])
     vertical *= (1.0 / tracks.protected_vertical_m).astype(_Float)[:, None]
     ratio = np.maximum(horizontal[paths.ground_of], vertical[paths.height_of])

@@ -57,6 +57,14 @@ class Refusals:
         """Whether nothing of a guidance was refused."""
         return not self.refused or len(self._kept(Commands.of([guidance]))) > 0
 
+    def instead(self, held: Guidance, mission: Guidance, commands: Commands) -> Guidance | None:
+        """What is held, with the mission's own value in the place of a refused one.
+
+        `None` when that is refused as well, while there are rows that are not: they begin anew.
+        """
+        held = self.without(Commands.of([held]), mission).row(0)
+        return held if self.allow(held) or not len(self._kept(commands)) else None
+
     def without(self, commands: Commands, mission: Guidance) -> Commands:
         """The rows that ask for nothing refused.
 

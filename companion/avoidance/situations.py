@@ -1,12 +1,13 @@
 """From what was surveyed to what rows are made from and priced against; and the outcome in words."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.params import AvoidanceParams
-from companion.avoidance.prediction import HORIZON_S, OwnState
+from companion.avoidance.prediction import HORIZON_S, OwnState, times_until
 from companion.avoidance.strategies import Situation
 from companion.avoidance.survey import Survey, distance_m
 from companion.model import Goal, Guidance, Threat
@@ -37,6 +38,7 @@ def conflict(
     highest_m = max(usual_m) + params.largest_height_change_m
     lowest_m = min(usual_m) - params.largest_height_change_m
     to_goal_m = params.outer_radius_m if goal.position_m is None else distance_m(state, goal.position_m)
+    passed_s = float(np.minimum(closest_s + crossing_s, HORIZON_S).max())
     return Situation(
         own=state,
         mission=mission,
@@ -48,7 +50,9 @@ def conflict(
         right_preferred=_right_preferred(mission, survey),
         envelope=envelope,
         weights=params.weights,
-        passed_s=float(np.minimum(closest_s + crossing_s, HORIZON_S).max()),
+        surprises=params.surprises,
+        passed_s=passed_s,
+        mission_then_m=survey.mission_ahead_m[len(times_until(passed_s)) - 1],
     )
 
 
@@ -64,7 +68,7 @@ def way_back(state: OwnState, mission: Guidance, params: AvoidanceParams, envelo
         lost=1.0,
         right_preferred=False,
         envelope=envelope,
-        weights=params.weights,
+        weights=replace(params.weights, switch=params.weights.ease),
         rule_course_rad=mission.course_rad,
     )
 

@@ -20,17 +20,22 @@ from numpy.typing import NDArray
 from companion.avoidance.control import Control
 from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.fence import Breach, Fence
-from companion.avoidance.geometry import Array, wrap_pi
+from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
 from companion.avoidance.prediction import (
     HORIZON_S,
+    TIMES_S,
     Commands,
     OwnState,
     Paths,
+    Separation,
     Tracks,
     fly_ahead,
+    ground_velocity_mps,
     separation,
+    times_until,
 )
 from companion.avoidance.refusals import Refusals
+from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, surprises
 from companion.model import Guidance
 
 
@@ -106,6 +111,9 @@ GROUNDS: tuple[Ground, ...] = (
 TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height in product(GROUNDS, Height))
 
 
+# Commands that differ by no more than this are flown alike.
+_SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
+
 # A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
 _NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
 
@@ -123,10 +131,15 @@ class CostWeights:
     nearness: Annotated[float, Ge(0)] = 0.0
     turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
     deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
+    # Times the distance from where the mission would be when all is passed, per 100 m.
+    aside: Annotated[float, Ge(0)] = 0.6
+    # Times how deep the mission would lead into a volume from there, 0 at its edge, 1 through its middle.
+    unresolved: Annotated[float, Ge(0)] = 8.0
     height: Annotated[float, Ge(0)] = 0.8  # times the height off the mission's, per 100 m
     descent: Annotated[float, Ge(0)] = 0.2  # flat, for going below the mission: ground is there
     speed: Annotated[float, Ge(0)] = 0.5  # times the speed off the mission's, per 10 m/s
-    switch: Annotated[float, Ge(0)] = 0.6  # flat, for anything but what is flown already
+    switch: Annotated[float, Ge(0)] = 2.0  # flat, for anything but what is flown already
+    ease: Annotated[float, Ge(0)] = 0.6  # the same, for the same with less of it: nearer to the mission
     wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
     # Where there is a fence. Leaving it outweighs the loss of many volumes, as the autopilot then takes the
     # aircraft away from us or ends its flight, and whoever is out there has not been asked; only a near
@@ -157,7 +170,10 @@ class Situation:
     fence: Fence | None = None
     fence_look_ahead_s: float = 0.0  # within it the fence must be kept
     passed_s: float = HORIZON_S  # when all threats are passed
+    # Where the mission flown on is at that time, north and east, (2,); `None`: nobody is to be passed.
+    mission_then_m: Array | None = None
     refusals: Refusals = field(default_factory=Refusals)
+    surprises: SurpriseParams = NO_SURPRISES
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,32 +260,33 @@ class StrategyTable:
 def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidance | None) -> Priced:
     """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0.
 
+    Separation has its price in what is predicted, and by its share in every surprise. How rows keep clear
+    (`Priced.closest`) is told of what is predicted alone.
     Rows that ask for what the autopilot refused are left out.
     """
-    if held is not None and not situation.refusals.allow(held):
-        held = None
+    refusals, mission = situation.refusals, _mission_within_limits(situation)
+    if held is not None and refusals.refused:
+        held = refusals.instead(held, mission, commands)
     if held is not None:
         commands = commands.after(held)
-    if situation.refusals.refused:
-        commands = situation.refusals.without(commands, _mission_within_limits(situation))
+    if refusals.refused:
+        commands = refusals.without(commands, mission)
     weights = situation.weights
     paths = fly_ahead(situation.own, commands, situation.envelope)
     kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
-    # The margin is priced by how much of it is used, without a step: a flight planned along its edge is
-    # flown a little differently, and must not be thrown over for that.
-    depth = np.maximum(situation.lost - kept.closest, 0.0)
-    cost = (
-        weights.margin * np.maximum(1.0 - kept.closest, 0.0)
-        + weights.loss * (depth > 0.0)
-        + weights.depth * depth
-        + weights.exposure * kept.exposure
-    ).sum(axis=1)
+    cost = _separation_price(situation, kept).sum(axis=1)
+    if situation.surprises != NO_SURPRISES:
+        surprised, shares = surprises(tracks, situation.surprises)
+        within_s = min(situation.surprises.within_s, situation.horizon_s)
+        cost += _separation_price(situation, separation(paths, surprised, horizon_s=within_s)) @ shares
     # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
     # goal.
     cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
     cost += effort(situation, commands)
+    if situation.mission_then_m is not None:
+        cost += _outcome_price(situation, situation.mission_then_m, paths, tracks)[commands.ground_of]
     if held is not None:
-        cost[1:] += weights.switch
+        cost[1:] += np.where(_eases(situation, commands, held), weights.ease, weights.switch)[1:]
     closest, contained = kept.closest.min(axis=1, initial=np.inf), np.ones(len(commands), dtype=bool)
     if situation.fence is not None:
         breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
@@ -278,6 +295,51 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         if not contained.all():
             cost += _near_miss_price(situation, paths, tracks)
     return Priced(commands, cost, closest, contained)
+
+
+def _separation_price(situation: Situation, kept: Separation) -> Array:
+    """What it costs rows how they keep clear of each track, (K, N).
+
+    The margin is priced by how much of it is used, without a step: a flight planned along its edge is flown a
+    little differently, and must not be thrown over for that.
+    """
+    weights, depth = situation.weights, np.maximum(situation.lost - kept.closest, 0.0)
+    cost: Array = (
+        weights.margin * np.maximum(1.0 - kept.closest, 0.0)
+        + weights.loss * (depth > 0.0)
+        + weights.depth * depth
+        + weights.exposure * kept.exposure
+    )
+    return cost
+
+
+def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tracks: Tracks) -> Array:
+    """What ground paths cost by where they are when the mission would have passed all threats, (H,).
+
+    That is the distance from where the mission would be, and what is left to do: who flies on beside a threat
+    keeps clear of it for as long as he likes, but is no nearer to passing it.
+    """
+    weights, then = situation.weights, len(times_until(situation.passed_s)) - 1
+    off_m = paths.ground_m[:, then] - mission_then_m
+    cost: Array = weights.aside / 100.0 * np.hypot(off_m[:, 0], off_m[:, 1])
+    if weights.unresolved <= 0.0:
+        return cost
+    others_m = tracks.ground_m()[:, then - 1 : then + 1]
+    theirs_mps = (others_m[:, 1] - others_m[:, 0]) / (TIMES_S[then] - TIMES_S[then - 1])
+    mission = situation.mission
+    ours_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps)
+    approach_mps = theirs_mps - ours_mps  # (N, 2)
+    rel_m = others_m[None, :, 1] - paths.ground_m[:, None, then]  # (H, N, 2)
+    speed2 = np.maximum((approach_mps * approach_mps).sum(axis=1), 1.0)
+    to_go_s = -(rel_m * approach_mps).sum(axis=2) / speed2
+    missed_m = rel_m + approach_mps * np.maximum(to_go_s, 0.0)[..., None]
+    horizontal = np.hypot(missed_m[..., 0], missed_m[..., 1]) / tracks.protected_horizontal_m
+    then_m = -tracks.position_m[:, 2] - tracks.velocity_mps[:, 2] * TIMES_S[then]
+    above_m = mission.altitude_m - then_m
+    vertical = vertical_distance_m(above_m, tracks.grounded) / tracks.protected_vertical_m
+    left = np.maximum(1.0 - np.maximum(horizontal, vertical), 0.0) * (to_go_s > 0.0)
+    cost += weights.unresolved * left.max(axis=1, initial=0.0)
+    return cost
 
 
 def _fence_price(situation: Situation, fence: Fence, breach: Breach) -> Array:
@@ -310,6 +372,25 @@ def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Arra
     closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1, initial=np.inf)
     cost: Array = situation.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
     return cost
+
+
+def _eases(situation: Situation, commands: Commands, held: Guidance) -> NDArray[np.bool_]:
+    """Which rows lie between what is held and the mission, in course and in height, (K,)."""
+    mission = situation.mission
+    course = _between(
+        wrap_pi(commands.course_rad - mission.course_rad),
+        float(wrap_pi(np.array(held.course_rad - mission.course_rad))),
+        _SAME_COURSE_RAD,
+    )
+    height = _between(
+        commands.altitude_m - mission.altitude_m, held.altitude_m - mission.altitude_m, _SAME_HEIGHT_M
+    )
+    return course[commands.ground_of] & height[commands.height_of]
+
+
+def _between(values: Array, end: float, slack: float) -> NDArray[np.bool_]:
+    """Which values lie between 0 and an end, or as near to that as makes no difference."""
+    return (values >= min(end, 0.0) - slack) & (values <= max(end, 0.0) + slack)
 
 
 def effort(situation: Situation, commands: Commands) -> Array:

@@ -20,8 +20,10 @@ from companion.avoidance.outer import OuterMethod
 from companion.avoidance.params import AvoidanceParams, Layers
 from companion.avoidance.prediction import (
     HORIZON_S,
+    TIMES_S,
     Commands,
     OwnState,
+    Paths,
     Tracks,
     fly_ahead,
     ground_velocity_mps,
@@ -51,6 +53,7 @@ class Survey:
     emergency: NDArray[np.bool_]  # what calls for the inner layer
     conflict: NDArray[np.bool_]
     horizon_s: float  # how far ahead flights are judged
+    mission_ahead_m: Array  # where the mission flown on leads, north and east, (T, 2)
 
     def pressing(self, most: int) -> NDArray[np.intp]:
         """Places of the tracks to price against: conflicts first, then those soonest reached."""
@@ -84,13 +87,14 @@ def take(
     rel_position = tracks.position_m - state.position_m
     own_velocity = np.zeros(3)
     own_velocity[:2] = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-    rel_velocity = tracks.velocity_mps - own_velocity
+    ahead = fly_ahead(state, Commands.of([mission]), envelope)
+    velocity = _until_closest_mps(tracks, ahead)
+    rel_velocity = velocity - own_velocity
     closing = closing_speed_mps(rel_position[:, :2], rel_velocity[:, :2])
     distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
     surface = distance - tracks.protected_horizontal_m
     outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * closing)
     inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * closing)
-    ahead = fly_ahead(state, Commands.of([mission]), envelope)
     closest = separation(ahead, tracks, horizon_s=horizon_s).closest[0]
     needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
     to_closest_s = time_to_closest_s(rel_position, rel_velocity)
@@ -102,7 +106,7 @@ def take(
         approach = -rel_velocity
         reached &= lost
     else:
-        approach = flown_mps(state) - tracks.velocity_mps
+        approach = flown_mps(state) - velocity
     if params.outer_method is OuterMethod.FIELD:
         outer = reached
     else:
@@ -124,7 +128,25 @@ def take(
         emergency=inner,
         conflict=conflict,
         horizon_s=horizon_s,
+        mission_ahead_m=ahead.ground_m[0],
     )
+
+
+def _until_closest_mps(tracks: Tracks, ahead: Paths) -> Array:
+    """Velocities until the closest approach to the mission flown ahead, (N, 3): the mean, where one turns.
+
+    So cones, closing speeds and times mean for who turns towards us what they mean for who flies at us.
+    """
+    turning = np.flatnonzero(tracks.turn_radps)
+    if not len(turning):
+        return tracks.velocity_mps
+    velocity = tracks.velocity_mps.copy()
+    others_m = tracks.subset(turning).ground_m()
+    off_m = others_m - ahead.ground_m[0]
+    closest = np.maximum(np.hypot(off_m[..., 0], off_m[..., 1]).argmin(axis=1), 1)
+    flown_m = others_m[np.arange(len(turning)), closest] - others_m[:, 0]
+    velocity[turning, :2] = flown_m / TIMES_S[closest][:, None]
+    return velocity
 
 
 def _begins(to_closest_s: Array, params: AvoidanceParams) -> Array:
@@ -172,6 +194,7 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
         (np.maximum(vertical, 1.0) + uncertain) * (1.0 + params.vertical_margin),
         grounded,
         _shells_m(position, horizontal, params, goal),
+        np.array([track.turn_radps for track in relevant]),
     )
 
 

@@ -52,10 +52,12 @@ class WayBack:
         north_mps, east_mps, _ = position.velocity_mps
         if self.place is not None:
             near_m = _NEAR_M + _LEAD_S * math.hypot(north_mps, east_mps)
-            return math.hypot(*self._to_go_m(aircraft)) <= near_m
-        off_rad = wrap_pi(math.atan2(east_mps, north_mps) - self.before.course_rad)
-        off_m = position.altitude_m - self.before.altitude_m
-        return abs(off_rad) <= _ON_COURSE_RAD and abs(off_m) <= _ON_HEIGHT_M
+            is_there = math.hypot(*self._to_go_m(aircraft)) <= near_m
+        else:
+            off_rad = wrap_pi(math.atan2(east_mps, north_mps) - self.before.course_rad)
+            is_there = abs(off_rad) <= _ON_COURSE_RAD
+        # These modes stay at the height at which they are entered.
+        return is_there and abs(position.altitude_m - self.before.altitude_m) <= _ON_HEIGHT_M
 
     def _to_go_m(self, aircraft: Aircraft) -> tuple[float, float]:
         place = aircraft.place()

@@ -11,6 +11,7 @@ from companion.traffic.heights import Height
 from companion.traffic.params import TrafficParams
 from companion.traffic.repeats import RepeatMemory, content_of
 from companion.traffic.track_filter import HorizontalEstimate, HorizontalFix, VerticalEstimate, VerticalFix
+from companion.traffic.turning import TurnEstimate
 
 
 class Dropped(StrEnum):
@@ -33,7 +34,7 @@ class Dropped(StrEnum):
 class Motion(NamedTuple):
     """All that flying a target on to now needs: velocities [m/s], and its height in each reference it gave.
 
-    `sigma_m` is what the sender states of its position's accuracy.
+    `turn_radps` is positive to the right; `sigma_m` is what the sender states of its position's accuracy.
     """
 
     lat_deg: float
@@ -41,6 +42,7 @@ class Motion(NamedTuple):
     place_s: float
     north_mps: float
     east_mps: float
+    turn_radps: float
     sigma_m: float | None
     heights: tuple[Height, ...]
 
@@ -58,6 +60,7 @@ class Target:
         "_horizontal",
         "_params",
         "_repeats",
+        "_turn",
         "_verticals",
         "callsign",
         "forget_s",
@@ -82,6 +85,7 @@ class Target:
         self._dropped = dropped
         self._repeats = RepeatMemory(params.repeat_window_s)
         self._horizontal: Guarded[HorizontalEstimate, HorizontalFix] | None = None
+        self._turn = TurnEstimate(params.estimate)
         # References are not mixed: two zeros would look like climbs.
         self._verticals: dict[AltitudeReference, _Vertical] = {}
 
@@ -103,6 +107,7 @@ class Target:
         elif not self._horizontal.receive(fix):
             self._dropped[Dropped.JUMPED] += 1
             return False
+        self._turn.receive(time_s, fix.velocity_mps)
         self._receive_height(report, time_s)
         self.measured_s = time_s
         self.forget_s = time_s + self._params.stale_after_s(self.kind)
@@ -115,7 +120,14 @@ class Target:
             for reference, vertical in self._verticals.items()
         )
         return Motion(
-            here.lat_deg, here.lon_deg, here.time_s, here.north_mps, here.east_mps, sigma_m, heights
+            here.lat_deg,
+            here.lon_deg,
+            here.time_s,
+            here.north_mps,
+            here.east_mps,
+            self._turn.rate_radps,
+            sigma_m,
+            heights,
         )
 
     def _height(self, reference: AltitudeReference, here: VerticalEstimate, sigma_m: float) -> Height:

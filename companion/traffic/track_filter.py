@@ -36,6 +36,10 @@ class EstimateParams:
     # By how much a velocity wanders in one second (root of q). More follows turns faster, less smooths more.
     manoeuvre_mps: Annotated[float, Gt(0)] = 2.0
     climb_manoeuvre_mps: Annotated[float, Gt(0)] = 0.5
+    # Turns: what a first course leaves open, and by how much the rate wanders in one second. Standard rate
+    # turns of 3 degrees a second begin and end at once, so a second must be able to change much of that.
+    turn_sigma_radps: Annotated[float, Gt(0)] = math.radians(3.0)
+    turn_manoeuvre_radps: Annotated[float, Gt(0)] = math.radians(1.0)
     # Fastest traffic: what a first position without velocity leaves open, and what a report may claim.
     max_speed_mps: Annotated[float, Gt(0)] = 400.0
     max_climb_mps: Annotated[float, Gt(0)] = 60.0

@@ -1,5 +1,6 @@
 """Reports to tracks: who is out there now, in the local frame."""
 
+import cmath
 import math
 from collections import Counter
 from operator import attrgetter
@@ -102,7 +103,7 @@ class Tracker:
             height = compare(heights, self.datums, steady_now_s)
             if motion is None or height is None:
                 continue
-            lat_deg, lon_deg, place_s, north_mps, east_mps, _, _ = motion
+            lat_deg, lon_deg, place_s, north_mps, east_mps, turn_radps, _, _ = motion
             flown_s = steady_now_s - place_s
             dlon_deg = (lon_deg - frame.lon_deg + 180.0) % 360.0 - 180.0  # the short way over the date line
             position_m = (
@@ -110,6 +111,10 @@ class Tracker:
                 dlon_deg * east_m_per_deg + east_mps * flown_s,
                 -height.altitude_m,
             )
+            if turn_radps != 0.0:
+                # The place is some metres wrong for that, the course is some degrees.
+                turned = cmath.rect(1.0, turn_radps * flown_s) * complex(north_mps, east_mps)
+                north_mps, east_mps = turned.real, turned.imag
             velocity_mps = (north_mps, east_mps, -height.climb_mps)
             age_s = steady_now_s - led_by.measured_s
             # By position: with a thousand tracks, keywords cost as much as the arithmetic.
@@ -127,6 +132,7 @@ class Tracker:
                     None,
                     None,
                     height.uncertainty_m,
+                    turn_radps,
                 )
             )
         return tuple(tracks)

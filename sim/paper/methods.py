@@ -8,6 +8,7 @@ from companion.avoidance.control import Control
 from companion.avoidance.formation import FormationParams
 from companion.avoidance.outer import FieldParams, OuterMethod
 from companion.avoidance.params import Layers
+from companion.avoidance.surprises import NO_SURPRISES
 from sim.paper.scene import Scene, Uav
 
 # Price of the inner sphere. On random fields 10000 to 10059 the clearance of two layers grew with it (0.77,
@@ -62,7 +63,12 @@ class Method:
             outer_method=self.outer,
             controls=self.controls,
             field_gains=gains,
-            weights=replace(defaults.weights, nearness=self.nearness),
+            # The paper's obstacles fly straight on and pass soon: nothing surprises, and a course is judged
+            # by its angle. A conflict begins where its cone does.
+            begin_near=1.0,
+            begin_far=1.0,
+            surprises=NO_SURPRISES,
+            weights=replace(defaults.weights, nearness=self.nearness, aside=0.0, unresolved=0.0, switch=0.6),
             envelope=envelope_of(scene, uav),
             formation=FormationParams(
                 own_id=uav.id,

@@ -8,7 +8,7 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
-from tests.closed_loop.encounter import ALTITUDE_M, fly, straight
+from tests.closed_loop.encounter import ALTITUDE_M, Traffic, fly, straight
 
 SIDES_DEG = range(0, 360, 45)
 SPEEDS_MPS = (30.0, 60.0, 90.0)
@@ -139,3 +139,43 @@ def test_old_tracks_are_extrapolated() -> None:
 def test_layers_that_contradict_each_other_are_refused() -> None:
     with pytest.raises(ValueError, match="inner layer"):
         AvoidanceParams(inner_time_s=70.0, outer_time_s=60.0)
+
+
+def turning(
+    from_deg: float, speed_mps: float, turn_deg: float, *, begins_s: float, meet_s: float = 90.0
+) -> Traffic:
+    """An aircraft that would meet us, but turns at 3 degrees a second on its way."""
+    course_rad, step_s, turned_rad = math.radians(from_deg) + math.pi, 0.5, 0.0
+    north_m = 22.0 * meet_s - speed_mps * meet_s * math.cos(course_rad)
+    east_m = -speed_mps * meet_s * math.sin(course_rad)
+    flown = []
+    for step in range(1200):
+        velocity = (speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad), 0.0)
+        flown.append(((north_m, east_m, -ALTITUDE_M), velocity))
+        north_m, east_m = north_m + velocity[0] * step_s, east_m + velocity[1] * step_s
+        if step * step_s >= begins_s and turned_rad < abs(math.radians(turn_deg)):
+            turned_rad += math.radians(3.0) * step_s
+            course_rad += math.copysign(math.radians(3.0) * step_s, turn_deg)
+
+    def at(time_s: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        (north, east, down), (north_mps, east_mps, _) = flown[int(time_s / step_s)]
+        since_s = time_s % step_s
+        return (north + north_mps * since_s, east + east_mps * since_s, down), (north_mps, east_mps, 0.0)
+
+    return at
+
+
+@pytest.mark.parametrize("turn_deg", [30.0, -30.0])
+@pytest.mark.parametrize("speed_mps", [20.0, 24.0])
+def test_nobody_is_followed_who_turns_to_fly_beside_us(speed_mps: float, turn_deg: float) -> None:
+    """Keeping clear beside somebody is no end of a conflict: the mission lies behind him."""
+    envelope = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
+    outcome = fly(
+        [turning(270.0, speed_mps, turn_deg, begins_s=40.0)],
+        params=AvoidanceParams(envelope=envelope),
+        seconds=500.0,
+    )
+    assert outcome.well_clear >= 1.0
+    assert outcome.arrived
+    assert sum(decision.layer is not Layer.CLEAR for decision in outcome.decisions) < 150
+    assert outcome.deviation_m < 1500.0

@@ -46,6 +46,15 @@ def test_what_is_flown_by_the_engine_is_avoided(flown: tuple[Plan, Path]) -> Non
     assert len(by_avoider["companion"].rows) == plan.encounters
 
 
+@pytest.mark.parametrize("number", [9, 11, 18])
+def test_who_turns_into_us_is_seen_to_turn(number: int) -> None:
+    """Flying straight on they would miss us; as they fly, they meet us."""
+    encounter, plan = generate("turning", 3, number, hits=True), Plan(1)
+    assert undisturbed(encounter).nmac
+    flown = fly(encounter, plan.engine_for("companion"), plan.known, plan.limits, seed=number)
+    assert flown.closeness.severity > 0.5
+
+
 def test_more_workers_give_the_same_results(flown: tuple[Plan, Path], tmp_path: Path) -> None:
     plan, out = flown
     run(plan, tmp_path / "two.ndjson", QUIET, workers=2)

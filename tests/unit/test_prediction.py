@@ -9,6 +9,7 @@ import pytest
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.prediction import (
     HORIZON_S,
+    TIMES_S,
     Commands,
     OwnState,
     Tracks,
@@ -48,6 +49,7 @@ def tracks(*states: tuple[tuple[float, float, float], tuple[float, float, float]
         np.full(count, 600.0),
         np.full(count, 75.0),
         np.zeros(count, dtype=bool),
+        np.zeros(count),
         np.zeros(count),
     )
 
@@ -156,3 +158,26 @@ def test_an_envelope_that_contradicts_itself_is_refused(low: float, high: float)
         Envelope(min_airspeed_mps=low, max_airspeed_mps=high)
     with pytest.raises(ValueError, match="min_altitude_m"):
         Envelope(min_altitude_m=low, max_altitude_m=high)
+
+
+def test_a_track_in_a_turn_flies_a_circle_at_first_and_straightens_out() -> None:
+    rate_radps, speed_mps = math.radians(3.0), 60.0
+    turning = replace(tracks(((0.0, 0.0, -300.0), (speed_mps, 0.0, 0.0))), turn_radps=np.array([rate_radps]))
+    north_m, east_m = turning.ground_m()[0].T
+    radius_m = speed_mps / rate_radps
+    ten_s = int(np.searchsorted(TIMES_S, 10.0))
+    off_m = math.hypot(north_m[ten_s], east_m[ten_s] - radius_m) - radius_m
+    assert abs(off_m) < 25.0
+    assert east_m[ten_s] > 0.0, "to the right"
+    courses_rad = np.unwrap(np.arctan2(np.diff(east_m), np.diff(north_m)))
+    assert (np.diff(courses_rad) > 0.0).all()
+    # As far as a time constant of 35 s lets it come: 97 degrees of 105.
+    assert math.degrees(courses_rad[-1]) == pytest.approx(97.0, abs=2.0)
+    lengths_m = np.hypot(np.diff(north_m), np.diff(east_m))
+    assert lengths_m == pytest.approx(speed_mps * np.diff(TIMES_S))
+
+
+def test_who_does_not_turn_flies_straight_beside_one_who_does() -> None:
+    both = tracks(((0.0, 0.0, -300.0), (60.0, 0.0, 0.0)), ((100.0, 50.0, -300.0), (10.0, -20.0, 0.0)))
+    ahead_m = replace(both, turn_radps=np.array([0.05, 0.0])).ground_m()
+    assert ahead_m[1] == pytest.approx(np.array([100.0, 50.0]) + TIMES_S[:, None] * np.array([10.0, -20.0]))

@@ -58,6 +58,7 @@ def traffic(chance: np.random.Generator, count: int, shell_m: float = 0.0) -> Tr
         chance.uniform(40.0, 90.0, count),
         chance.random(count) < 0.3,
         np.full(count, shell_m),
+        np.zeros(count),
     )
 
 
@@ -226,7 +227,12 @@ def test_what_is_flown_already_is_cheaper_by_the_price_of_a_change() -> None:
     going_on = emergency(at, StrategyTable(TABLE), others, held)
     assert going_on.commands.row(0) == held
     assert going_on.cost[0] == pytest.approx(price_of(held, at, others), abs=5e-3)
-    assert going_on.cost[1:] == pytest.approx(fresh.cost + at.weights.switch)
+    for row in range(len(fresh.cost)):
+        asked = fresh.commands.row(row)
+        # Between the mission and what is held, in course (10 to 40.1 degrees) and height (320 to 350 m).
+        eases = 8.0 <= math.degrees(asked.course_rad) <= 42.2 and 315.0 <= asked.altitude_m <= 355.0
+        change = at.weights.ease if eases else at.weights.switch
+        assert going_on.cost[1 + row] == pytest.approx(fresh.cost[row] + change), asked
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -256,6 +262,7 @@ def test_the_volume_itself_has_a_flat_price_from_its_edge_on(miss_m: float, is_l
         np.array([50.0]),
         np.zeros(1, dtype=bool),
         np.zeros(1),
+        np.zeros(1),
     )
     cost = emergency(at, StrategyTable.within(frozenset()), beside, None).cost[0]
     assert cost == pytest.approx(at.weights.loss if is_lost else 0.0, abs=0.5)
@@ -273,9 +280,36 @@ def test_beyond_the_horizon_nothing_costs() -> None:
         np.array([50.0]),
         np.zeros(1, dtype=bool),
         np.zeros(1),
+        np.zeros(1),
     )
     table = StrategyTable(TABLE)
     whole = emergency(situation(own=own, mission=mission), table, threat, None)
     short = emergency(situation(own=own, mission=mission, horizon_s=40.0), table, threat, None)
     assert whole.cost[0] > 100.0
     assert short.cost[0] == 0.0
+
+
+def test_whoever_flies_on_beside_a_threat_has_it_still_before_him() -> None:
+    """Somebody slower crosses from the left: turning along keeps clear as well as passing behind him does."""
+    own = OwnState(np.array([0.0, 0.0, -300.0]), 0.0, 22.0, 0.0, np.zeros(2))
+    threat = replace(
+        traffic(np.random.default_rng(0), 1),
+        position_m=np.array([[1200.0, -1200.0, -300.0]]),
+        velocity_mps=np.array([[0.0, 20.0, 0.0]]),
+        protected_horizontal_m=np.array([700.0]),
+        protected_vertical_m=np.array([95.0]),
+        grounded=np.zeros(1, dtype=bool),
+    )
+    mission = Guidance(0.0, 22.0, 300.0)
+    usual = situation(own=own, mission=mission, passed_s=75.0)
+    usual = replace(usual, mission_then_m=np.array([22.0 * 75.0, 0.0]))
+    rows = Commands.of([Guidance(math.radians(deg), 22.0, 300.0) for deg in (90.0, -90.0)])
+    cost = {
+        unresolved: price(
+            replace(usual, weights=replace(usual.weights, unresolved=unresolved)), rows, threat, None
+        ).cost
+        for unresolved in (0.0, 10.0)
+    }
+    added = cost[10.0] - cost[0.0]
+    assert added[0] > 3.0, "beside him: the mission leads through him still"
+    assert added[1] == 0.0, "behind him: passed"

@@ -1,0 +1,55 @@
+"""What others may do that nobody can predict: begin a turn, end one, climb, sink or level off.
+
+A flight is priced against each of these with the share of the time that it comes true. So of two flights
+that keep clear of what is predicted, the one wins that also keeps clear of what is merely likely: rather
+ninety metres higher than along the very edge of the volume for a minute.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from companion.avoidance.geometry import Array
+from companion.avoidance.prediction import Tracks
+
+# Slower turns and climbs than these are none.
+_STRAIGHT_RADPS = math.radians(0.2)
+_LEVEL_MPS = 0.5
+# Who is in a turn or a climb already may also make more of it.
+_TIGHTER = 1.5
+
+
+@dataclass(frozen=True)
+class SurpriseParams:
+    """How likely surprises are, each of the two ways, and what they are.
+
+    In the encounter models of MIT Lincoln Laboratory 8 % of the aircraft that fly straight have turned by
+    more than 20 degrees half a minute later, 11 % after 40 s, and 30 % climb or sink at any time.
+    """
+
+    turn_share: Annotated[float, Ge(0), Le(0.2)] = 0.03
+    turn_radps: Annotated[float, Ge(0), Le(0.5)] = math.radians(3.0)
+    climb_share: Annotated[float, Ge(0), Le(0.2)] = 0.03
+    climb_mps: Annotated[float, Ge(0), Le(50)] = 2.5
+    # What would come of a surprise later than this can be seen to when it has happened.
+    within_s: Annotated[float, Ge(0), Le(90)] = 40.0
+
+
+NO_SURPRISES = SurpriseParams(turn_share=0.0, climb_share=0.0)
+
+
+def surprises(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
+    """What tracks (N,) may do but what is predicted, and how likely each of it is, (4 N,)."""
+    turns_radps, climbs_mps = tracks.turn_radps, -tracks.velocity_mps[:, 2]
+    straight, level = np.abs(turns_radps) < _STRAIGHT_RADPS, np.abs(climbs_mps) < _LEVEL_MPS
+    surprised = tracks.but(turn_radps=np.where(straight, params.turn_radps, 0.0)).followed_by(
+        tracks.but(turn_radps=np.where(straight, -params.turn_radps, _TIGHTER * turns_radps)),
+        tracks.but(climb_mps=np.where(level, params.climb_mps, 0.0)),
+        tracks.but(climb_mps=np.where(level, -params.climb_mps, _TIGHTER * climbs_mps)),
+    )
+    flies = np.where(tracks.grounded, 0.0, 1.0)  # what stands on the ground stays there
+    turn, climb = params.turn_share, params.climb_share
+    return surprised, np.concatenate([share * flies for share in (turn, turn, climb, climb)])
