@@ -39,19 +39,21 @@ class TransitionDomain:
         self._delta_beta_rad = delta_beta_rad
         self._inside: frozenset[str] = frozenset()
 
-    def update(
-        self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array, reached: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Which obstacles repel now, shape (N,); obstacles that are not listed any more are forgotten.
+    def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> NDArray[np.bool_]:
+        """In whose cone we are, shape (N,): in the wider one of those entered before."""
+        if self._inside:
+            was_inside = np.array([i in self._inside for i in ids], dtype=np.bool_)
+            beta1_rad = np.where(was_inside, beta1_rad + self._delta_beta_rad, beta1_rad)
+        covered: NDArray[np.bool_] = np.abs(alpha_rad) <= beta1_rad
+        return covered
 
-        `reached` is def. 3's conflict by distance: the domain is entered and kept only within it.
+    def keep(self, ids: Sequence[str], inside: NDArray[np.bool_]) -> None:
+        """These are entered, shape (N,), and no others any more.
+
+        That is for those covered within reach, which is def. 3's conflict by distance: the domain is entered
+        and kept only there.
         """
-        inside = self._inside
-        was_inside = np.fromiter((i in inside for i in ids), dtype=bool, count=len(ids))
-        beta = np.where(was_inside, beta1_rad + self._delta_beta_rad, beta1_rad)
-        now_inside = reached & (np.abs(alpha_rad) <= beta)
-        self._inside = frozenset(i for i, is_in in zip(ids, now_inside.tolist(), strict=True) if is_in)
-        return now_inside
+        self._inside = frozenset(i for i, is_in in zip(ids, inside.tolist(), strict=True) if is_in)
 
     def reset(self) -> None:
         """Forget all obstacles."""

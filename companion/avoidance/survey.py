@@ -53,7 +53,7 @@ class Survey:
     emergency: NDArray[np.bool_]  # what calls for the inner layer
     conflict: NDArray[np.bool_]
     horizon_s: float  # how far ahead flights are judged
-    mission_ahead_m: Array  # where the mission flown on leads, north and east, (T, 2)
+    mission_ahead_m: Array  # where the mission flown on leads, north and east, (T, 2); (0, 2): nobody minds
 
     def pressing(self, most: int) -> NDArray[np.intp]:
         """Places of the tracks to price against: conflicts first, then those soonest reached."""
@@ -87,34 +87,37 @@ def take(
     rel_position = tracks.position_m - state.position_m
     own_velocity = np.zeros(3)
     own_velocity[:2] = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-    ahead = fly_ahead(state, Commands.of([mission]), envelope)
-    velocity = _until_closest_mps(tracks, ahead)
+    # Most of the time nobody turns, nor is in the way as it is: then the mission need not be flown ahead.
+    ahead = fly_ahead(state, Commands.of([mission]), envelope) if tracks.turn_radps.any() else None
+    velocity = tracks.velocity_mps if ahead is None else _until_closest_mps(tracks, ahead)
     rel_velocity = velocity - own_velocity
     closing = closing_speed_mps(rel_position[:, :2], rel_velocity[:, :2])
     distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
     surface = distance - tracks.protected_horizontal_m
     outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * closing)
     inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * closing)
-    closest = separation(ahead, tracks, horizon_s=horizon_s).closest[0]
-    needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
     to_closest_s = time_to_closest_s(rel_position, rel_velocity)
-    lost = closest < needed * (1.0 + params.release_margin if avoiding else _begins(to_closest_s, params))
-    reached = surface < outer_reach
-    radius = tracks.protected_horizontal_m
-    if params.outer_method is OuterMethod.PRICED:
-        radius = radius + tracks.shell_m
-        approach = -rel_velocity
-        reached &= lost
-    else:
-        approach = flown_mps(state) - velocity
-    if params.outer_method is OuterMethod.FIELD:
-        outer = reached
-    else:
+    by_flight = params.outer_method is OuterMethod.PRICED
+    has_cone = params.outer_method is not OuterMethod.FIELD
+    outer = surface < outer_reach
+    if has_cone:
+        approach = -rel_velocity if by_flight else flown_mps(state) - velocity
+        radius = tracks.protected_horizontal_m + (tracks.shell_m if by_flight else 0.0)
         alpha = approach_angle_rad(rel_position, approach)
-        beta1 = half_angle_rad(distance, radius)
-        outer = domain.update(tracks.ids, alpha, beta1, reached)
+        outer &= domain.covers(tracks.ids, alpha, half_angle_rad(distance, radius))
     # Near by, a turn back to the mission may lead through the volume although its far end does not.
-    inner = surface < tracks.shell_m if params.clears_inner_layer else lost & (surface < inner_reach)
+    inner = surface < (tracks.shell_m if params.clears_inner_layer else inner_reach)
+    if outer.any() or inner.any():
+        ahead = ahead or fly_ahead(state, Commands.of([mission]), envelope)
+        needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
+        needed *= 1.0 + params.release_margin if avoiding else _begins(to_closest_s, params)
+        lost = separation(ahead, tracks, horizon_s=horizon_s).closest[0] < needed
+        if by_flight:
+            outer &= lost
+        if not params.clears_inner_layer:
+            inner &= lost
+    if has_cone:
+        domain.keep(tracks.ids, outer)
     conflict = {Layers.BOTH: outer | inner, Layers.OUTER: outer, Layers.INNER: inner}[params.layers]
     return Survey(
         tracks=tracks,
@@ -128,7 +131,7 @@ def take(
         emergency=inner,
         conflict=conflict,
         horizon_s=horizon_s,
-        mission_ahead_m=ahead.ground_m[0],
+        mission_ahead_m=np.zeros((0, 2)) if ahead is None else ahead.ground_m[0],
     )
 
 

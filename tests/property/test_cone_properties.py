@@ -1,10 +1,12 @@
 """What must hold everywhere of the collision cone and of the transition domain, its memory."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
 from companion.avoidance.geometry import Array
@@ -14,10 +16,19 @@ from tests.property.avoidance_cases import (
 )
 
 
+def enter(
+    domain: TransitionDomain, ids: Sequence[str], alpha: Array, beta1: Array, reached: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """One look: in whose domain we are."""
+    inside: NDArray[np.bool_] = reached & domain.covers(ids, alpha, beta1)
+    domain.keep(ids, inside)
+    return inside
+
+
 def in_cone(place: Array, velocity: Array, radius_m: float) -> bool:
     alpha = approach_angle_rad(place[None], velocity[None])
     beta = half_angle_rad(np.array([math.hypot(*place)]), np.array([radius_m]))
-    return bool(TransitionDomain(0.0).update(["A"], alpha, beta, np.array([True]))[0])
+    return bool(enter(TransitionDomain(0.0), ["A"], alpha, beta, np.array([True]))[0])
 
 
 @settings(deadline=None, derandomize=True)
@@ -90,7 +101,8 @@ def test_each_obstacle_has_its_own_memory_and_loses_it_when_it_leaves(
     domain, last = TransitionDomain(delta), dict.fromkeys(IDS, False)
     for seen in moments:
         listed = list(seen)
-        answers = domain.update(
+        answers = enter(
+            domain,
             listed,
             np.array([seen[one][0] for one in listed]),
             np.array([beta1[one] for one in listed]),
@@ -112,8 +124,8 @@ def test_the_order_of_the_obstacles_means_nothing(order: list[str], alphas: list
     by_id = dict(zip(IDS, alphas, strict=True))
     one, other = TransitionDomain(0.1), TransitionDomain(0.1)
     for shift in (0.0, 0.08, 0.15):
-        first = one.update(IDS, np.array(alphas) + shift, beta1, reached)
-        second = other.update(order, np.array([by_id[i] for i in order]) + shift, beta1, reached)
+        first = enter(one, IDS, np.array(alphas) + shift, beta1, reached)
+        second = enter(other, order, np.array([by_id[i] for i in order]) + shift, beta1, reached)
         assert dict(zip(IDS, first.tolist(), strict=True)) == dict(zip(order, second.tolist(), strict=True))
 
 
@@ -124,18 +136,18 @@ def test_an_angle_that_stays_within_the_domain_never_changes_the_answer(
 ) -> None:
     domain, beta1, reached = TransitionDomain(0.1), np.array([0.1]), np.array([True])
     if entered:
-        domain.update(["A"], np.array([0.0]), beta1, reached)
-    assert {bool(domain.update(["A"], np.array([a]), beta1, reached)[0]) for a in alphas} == {entered}
+        enter(domain, ["A"], np.array([0.0]), beta1, reached)
+    assert {bool(enter(domain, ["A"], np.array([a]), beta1, reached)[0]) for a in alphas} == {entered}
 
 
 def test_who_comes_back_into_the_list_has_to_enter_again() -> None:
     domain, beta1, reached = TransitionDomain(0.1), np.array([0.1]), np.array([True])
     within, between = np.array([0.05]), np.array([0.15])
-    assert domain.update(["A"], within, beta1, reached)[0]
-    assert domain.update(["A"], between, beta1, reached)[0]
-    assert not domain.update(["B"], between, beta1, reached)[0]
-    assert not domain.update(["A"], between, beta1, reached)[0]
-    assert domain.update(["A"], within, beta1, reached)[0]
+    assert enter(domain, ["A"], within, beta1, reached)[0]
+    assert enter(domain, ["A"], between, beta1, reached)[0]
+    assert not enter(domain, ["B"], between, beta1, reached)[0]
+    assert not enter(domain, ["A"], between, beta1, reached)[0]
+    assert enter(domain, ["A"], within, beta1, reached)[0]
 
 
 @given(st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=40))
@@ -144,7 +156,7 @@ def test_within_the_domain_it_never_chatters(alphas: list[float]) -> None:
     beta1, delta = math.radians(10.0), math.radians(5.0)
     domain, last = TransitionDomain(delta), False
     for alpha in alphas:
-        now = bool(domain.update(["A"], np.array([alpha]), np.array([beta1]), np.array([True]))[0])
+        now = bool(enter(domain, ["A"], np.array([alpha]), np.array([beta1]), np.array([True]))[0])
         if beta1 < abs(alpha) <= beta1 + delta:
             assert now is last
         else:

@@ -59,8 +59,9 @@ def test_approach_angle_of_a_collision_course_is_zero() -> None:
 
 
 def inside(domain: TransitionDomain, alpha_deg: float, *, reached: bool = True) -> bool:
-    result = domain.update(["A"], np.radians([alpha_deg]), np.radians([10.0]), np.array([reached]))
-    return bool(result[0])
+    covered = reached & domain.covers(["A"], np.radians([alpha_deg]), np.radians([10.0]))
+    domain.keep(["A"], covered)
+    return bool(covered[0])
 
 
 def test_transition_domain_enters_by_beta1_and_leaves_by_beta2() -> None:
@@ -78,7 +79,7 @@ def test_transition_domain_forgets_what_is_out_of_reach_or_gone() -> None:
     assert not inside(domain, 0.0, reached=False)
     assert not inside(domain, 12.0)
     assert inside(domain, 0.0)
-    domain.update([], np.array([]), np.array([]), np.array([], dtype=bool))
+    domain.keep([], np.array([], dtype=bool))
     assert not inside(domain, 12.0)
 
 
