@@ -282,6 +282,10 @@ def campaign(
     workers: Annotated[
         int | None, typer.Option(min=1, max=1024, help="Processes; default: all cores.")
     ] = None,
+    scheduler: Annotated[
+        str,
+        typer.Option(metavar="local|ADDRESS", help="Of dask, as tcp://192.168.1.7:8786: its workers fly."),
+    ] = "local",
     page: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Write a page, with the worst encounters drawn.")
     ] = None,
@@ -301,7 +305,7 @@ def campaign(
         surveillance, intruders, lock_height, part,
     )  # fmt: skip
     console = Console(highlight=False)
-    figures = command.run(plan, results, console, workers=workers)
+    figures = command.run(plan, results, console, workers=workers, scheduler=scheduler)
     command.print_figures(console, figures)
     if report is not None:
         command.write_report(report, figures)

@@ -4,6 +4,7 @@ import contextlib
 import json
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from companion.errors import CompanionError
+from companion.errors import CompanionError, ConfigError
+from sim.campaign.cluster import place_of, run_on
 from sim.campaign.flight import Flown, fly, undisturbed
 from sim.campaign.page import figure_of, page
 from sim.campaign.plan import NONE, Plan
@@ -21,17 +23,32 @@ from sim.campaign.runner import run_here
 from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, gather, summary_of
 from sim.encounters import Encounter
 
+# Flown by the processes of this machine.
+LOCAL = "local"
 _DRAWN = 6
 
 
-def run(plan: Plan, out: Path, console: Console, *, workers: int | None = None) -> dict[str, Any]:
-    """Fly what is left of a campaign, with a progress bar on a terminal; the figures by avoider."""
+def run(
+    plan: Plan, out: Path, console: Console, *, workers: int | None = None, scheduler: str = LOCAL
+) -> dict[str, Any]:
+    """Fly what is left of a campaign, with a progress bar on a terminal; the figures by avoider.
+
+    `scheduler`: `LOCAL`, in so many `workers` processes of this machine, or the address of one of dask's.
+    """
+    if scheduler != LOCAL:
+        if workers is not None:
+            raise ConfigError("--workers: of this machine; how many a scheduler has is said where they start")
+        place_of(scheduler)
     plan.check()
     results = Results.open(out, plan.identity())
     before, begun = len(results.done), time.perf_counter()
     try:
         with _progress(console, plan, results) as tell:
-            run_here(plan, results, workers=workers, tell=tell)
+            if scheduler == LOCAL:
+                run_here(plan, results, workers=workers, tell=tell)
+            else:
+                say = partial(console.print, markup=False, soft_wrap=True)
+                run_on(scheduler, plan, results, tell=tell, say=say)
     except KeyboardInterrupt:
         kept = f"campaign: interrupted; {len(results.done)} results are kept in {out}, start again to go on"
         raise CompanionError(kept) from None

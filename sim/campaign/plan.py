@@ -38,6 +38,14 @@ class Part(StrEnum):
     EVALUATION = "evaluation"  # odd numbers
 
 
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What a plan's models or files hold, so that whoever flies it elsewhere needs none of them."""
+
+    models: tuple[EncounterModel, ...] = ()
+    encounters: tuple[Encounter, ...] = ()
+
+
 @dataclass(frozen=True)
 class Plan:
     """A campaign. The same plan and number give the same encounter, flight and result, wherever flown."""
@@ -80,21 +88,27 @@ class Plan:
             return list(range(self.encounters))
         return list(range(self.part is Part.EVALUATION, 2 * self.encounters, 2))
 
-    def source(self) -> Callable[[int], Encounter]:
-        """From a number to its encounter; reads models or files. `ConfigError` when it cannot."""
+    def given(self) -> Given:
+        """Read the models or files. `ConfigError` when it cannot."""
         paths = [Path(name) for name in self.models]
         files = [path for path in paths if path.suffix.lower() in _FILES]
-        if files:
-            if len(files) < len(paths):
-                raise ConfigError("--model: either models, or files of encounters")
-            listed = [encounter for path in files for encounter in read_encounters(path)]
+        if not files:
+            return Given(models=tuple(read_model(path) for path in paths))
+        if len(files) < len(paths):
+            raise ConfigError("--model: either models, or files of encounters")
+        return Given(encounters=tuple(one for path in files for one in read_encounters(path)))
+
+    def source(self, given: Given | None = None) -> Callable[[int], Encounter]:
+        """From a number to its encounter; reads what it is not given. `ConfigError` when it cannot."""
+        given = given or self.given()
+        listed, models = given.encounters, given.models
+        if listed:
             # A file's encounters are flown over and over, each time with other errors of surveillance.
             return lambda number: replace(
                 listed[number % len(listed)],
                 encounter_id=f"{listed[number % len(listed)].encounter_id}#{number}",
             )
-        if paths:
-            models: list[EncounterModel] = [read_model(path) for path in paths]
+        if models:
             return lambda number: sample(models, self.seed, number, intruders=self.intruders)
         return lambda number: generate("mix", self.seed, number)
 

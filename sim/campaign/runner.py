@@ -17,7 +17,7 @@ Task = tuple[Plan, str, tuple[int, ...]]
 
 # So many at a time: seconds of work, so that passing them around costs nothing and little is lost with one.
 _TASK_SIZE = 20
-_WAITING_PER_WORKER = 3
+WAITING_PER_WORKER = 3
 
 
 def tasks_of(plan: Plan, results: Results) -> Iterator[Task]:
@@ -28,10 +28,10 @@ def tasks_of(plan: Plan, results: Results) -> Iterator[Task]:
             yield plan, avoider, portion
 
 
-def fly_task(task: Task) -> list[Result]:
-    """Fly a portion, in whatever process this is."""
+def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> list[Result]:
+    """Fly a portion, in whatever process this is; the encounters are read here unless there is a `source`."""
     plan, avoider, numbers = task
-    source, make_engine = _source(plan), plan.engine_for(avoider)
+    source, make_engine = source or _source(plan), plan.engine_for(avoider)
     flown: list[Result] = []
     for number in numbers:
         encounter = source(number)
@@ -60,14 +60,14 @@ def run_here(
     tasks = tasks_of(plan, results)
     if workers == 1:
         for task in tasks:
-            _keep(results, fly_task(task), tell)
+            keep(results, fly_task(task), tell)
         return
     with ProcessPoolExecutor(workers) as pool:
         flying: set[Future[list[Result]]] = set()
         try:
             for task in tasks:
                 flying.add(pool.submit(fly_task, task))
-                if len(flying) >= workers * _WAITING_PER_WORKER:
+                if len(flying) >= workers * WAITING_PER_WORKER:
                     flying = _take_done(flying, results, tell)
             while flying:
                 flying = _take_done(flying, results, tell)
@@ -85,10 +85,11 @@ def _take_done(
 ) -> set[Future[list[Result]]]:
     done, left = wait(flying, return_when=FIRST_COMPLETED)
     for future in done:
-        _keep(results, future.result(), tell)
+        keep(results, future.result(), tell)
     return left
 
 
-def _keep(results: Results, flown: list[Result], tell: Callable[[int], None]) -> None:
+def keep(results: Results, flown: list[Result], tell: Callable[[int], None]) -> None:
+    """Add what came, and tell how many."""
     results.add(flown)
     tell(len(flown))

@@ -1,0 +1,60 @@
+"""What results depend on besides the plan: a campaign is flown only where it is the same."""
+
+import platform
+from collections.abc import Iterator, Sequence
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import companion
+import sim
+
+# By name, in the words a reader is shown.
+Environment = dict[str, str]
+
+# Those that have a part in a flight. Another version of the others cannot change a result.
+_PACKAGES = ("numpy", "pymavlink")
+# What one avoider needs besides.
+_PACKAGES_OF = {"orca": ("pyrvo",)}
+
+
+def environment(avoiders: Sequence[str]) -> Environment:
+    """What is installed here of what these avoiders' results depend on."""
+    packages = (*_PACKAGES, *(name for avoider in avoiders for name in _PACKAGES_OF.get(avoider, ())))
+    return {
+        "companion": f"{companion.__version__} ({_digest()})",
+        "Python": ".".join(platform.python_version_tuple()[:2]),
+        **{name: _version(name) for name in packages},
+    }
+
+
+def difference(here: Environment, there: Environment) -> str | None:
+    """What differs first, in words; `None` when all is the same."""
+    for name, wanted in here.items():
+        if (found := there.get(name, "none")) != wanted:
+            return f"{name} {found}, here {wanted}"
+    return None
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "none"
+
+
+@cache
+def _digest() -> str:
+    """Of the source text: the version number stays the same while somebody changes the avoidance."""
+    whole = sha256()
+    for name, path in sorted(_sources()):
+        whole.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return whole.hexdigest()[:10]
+
+
+def _sources() -> Iterator[tuple[str, Path]]:
+    for package in (companion, sim):
+        root = Path(package.__path__[0])
+        for path in root.rglob("*.py"):
+            yield f"{root.name}/{path.relative_to(root).as_posix()}", path
