@@ -78,3 +78,15 @@ def test_reports_without_a_velocity_change_nothing() -> None:
     before_radps = estimate.rate_radps
     estimate.receive(12.0, None)
     assert estimate.rate_radps == before_radps
+
+
+@pytest.mark.parametrize("sigma_mps", [0.3, 1.5, 4.0])
+def test_the_noise_of_a_sender_is_learnt(sigma_mps: float) -> None:
+    """Who is noisier than usual does not seem to turn for that."""
+    chance = np.random.default_rng(7)
+    learnt, rates_radps = TurnEstimate(EstimateParams()), []
+    for second in range(400):
+        north_mps, east_mps = np.array([60.0, 0.0]) + chance.normal(0.0, sigma_mps, 2)
+        learnt.receive(float(second), (north_mps, east_mps))
+        rates_radps.append(abs(learnt.rate_radps))
+    assert np.mean(np.array(rates_radps[100:]) < math.radians(1.0)) > 0.9
