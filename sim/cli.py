@@ -255,7 +255,10 @@ ModelOption = Annotated[
         "--model", metavar="FILE", help="MIT Lincoln Laboratory model (.txt), or encounters (.csv, .daa)."
     ),
 ]
-SurveillanceOption = Annotated[str, typer.Option(metavar="PRESET", help="perfect, adsb-out or poor.")]
+SurveillanceOption = Annotated[
+    list[str] | None,
+    typer.Option("--surveillance", metavar="PRESET", help="perfect (default), adsb-out or poor."),
+]
 IntrudersOption = Annotated[int, typer.Option(min=1, max=4, help="At once, from the models.")]
 LockOption = Annotated[
     bool, typer.Option("--lock-height", help="A ceiling just above the mission's height, a floor just below.")
@@ -270,7 +273,7 @@ def campaign(
     seed: SeedOption = 0,
     avoider: AvoiderOption = None,
     model: ModelOption = None,
-    surveillance: SurveillanceOption = "perfect",
+    surveillance: SurveillanceOption = None,
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     part: Annotated[
@@ -302,7 +305,7 @@ def campaign(
             writable(path)
     plan = Plan(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
-        surveillance, intruders, lock_height, part,
+        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part,
     )  # fmt: skip
     console = Console(highlight=False)
     figures = command.run(plan, results, console, workers=workers, scheduler=scheduler)
@@ -321,7 +324,7 @@ def encounter(
     seed: SeedOption = 0,
     avoider: Annotated[str, typer.Option(metavar="NAME", help="As of the campaign.")] = "companion",
     model: ModelOption = None,
-    surveillance: SurveillanceOption = "perfect",
+    surveillance: Annotated[str, typer.Option(metavar="PRESET", help="As of the campaign.")] = "perfect",
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     out: Annotated[
@@ -334,7 +337,7 @@ def encounter(
     if out is not None:
         writable(out)
     models = tuple(map(str, model or ()))
-    plan = Plan(number + 1, seed, (avoider,), models, surveillance, intruders, lock_height)
+    plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height)
     command.show_encounter(plan, number, Console(highlight=False), out)
 
 

@@ -179,7 +179,7 @@ class _Cluster:
         from distributed import KilledWorker
 
         error: BaseException = future.exception()
-        _, avoider, numbers = self._flying[future]
+        _, avoider, _, numbers = self._flying[future]
         if isinstance(error, KilledWorker):
             killed = f"{error.allowed_failures + 1} workers died of it, the last {error.last_worker.address}"
             portion = f"encounters {numbers[0]} to {numbers[-1]} by {avoider}"

@@ -18,10 +18,10 @@ from sim.campaign.cluster import place_of, run_on
 from sim.campaign.flight import Flown, fly, undisturbed
 from sim.campaign.page import figure_of, page
 from sim.campaign.plan import NONE, Plan
-from sim.campaign.results import Result, Results, read_results
+from sim.campaign.results import Key, Result, Results, key_of, read_results
 from sim.campaign.runner import run_here
 from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, gather, summary_of
-from sim.encounters import Encounter
+from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
 # Flown by the processes of this machine.
 LOCAL = "local"
@@ -56,15 +56,23 @@ def run(
         results.close()
     flown, took_s = len(results.done) - before, time.perf_counter() - begun
     rate = round(flown / took_s, 1) if flown else None
-    wanted = set(plan.numbers())
-    lines = (result for result in read_results(out) if result["number"] in wanted)
-    figures = gather(result for result in lines if result["avoider"] in plan.avoiders)
-    return {"avoiders": {name: summary_of(figures[name], rate) for name in plan.avoiders if name in figures}}
+    return {"avoiders": _report(plan, out, rate)}
+
+
+def _report(plan: Plan, out: Path, rate: float | None) -> dict[str, Any]:
+    """The figures by avoider; where traffic was known in several ways, by these too."""
+    lines = [result for result in read_results(out) if plan.wants(result)]
+    report = {name: summary_of(figures, rate) for name, figures in gather(lines).items()}
+    if len(plan.surveillance) > 1:
+        for name in report:
+            by_known = gather((line for line in lines if line["avoider"] == name), "surveillance")
+            report[name]["by_surveillance"] = {known: summary_of(by_known[known]) for known in by_known}
+    return {name: report[name] for name in plan.avoiders if name in report}
 
 
 @contextlib.contextmanager
 def _progress(console: Console, plan: Plan, results: Results) -> Iterator[Callable[[int], None]]:
-    total = plan.encounters * len(plan.avoiders)
+    total = plan.flights
     if not console.is_terminal:
         yield lambda _: None
         return
@@ -90,9 +98,14 @@ def print_figures(console: Console, report: dict[str, Any]) -> None:
     for heading in headings:
         side: Literal["left", "right"] = "left" if heading == "avoider" else "right"
         table.add_column(heading, justify=side, no_wrap=True)
-    for name, figures in report["avoiders"].items():
+    rows = [
+        (name, known, figures)
+        for name, whole in report["avoiders"].items()
+        for known, figures in whole.get("by_surveillance", {"": whole}).items()
+    ]
+    for name, known, figures in rows:
         table.add_row(
-            f"{name}\n{figures['encounters']:,} flown",
+            f"{name}\n{known or format(figures['encounters'], ',') + ' flown'}",
             _with_interval(figures, "risk_ratio"),
             _with_interval(figures, "lowc_ratio"),
             f"{_metres(figures['median_max_deviation_m'])}\n{_metres(figures['median_max_height_m'])}",
@@ -125,31 +138,34 @@ def write_report(path: Path, report: dict[str, Any]) -> None:
 
 def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
     """The page of a campaign that is flown; its worst encounters are flown again to be drawn."""
-    wanted = set(plan.numbers())
-    lines = [result for result in read_results(out) if result["number"] in wanted]
-    figures = {name: one for name, one in gather(lines).items() if name in report["avoiders"]}
+    lines = [result for result in read_results(out) if plan.wants(result)]
+    source, figures = plan.source(), gather(lines)
     worst = {
-        name: [_fly_again(plan, name, n) for n in _worst(lines, name)] for name in figures if name != NONE
+        name: [_fly_again(plan, source, key_of(line)) for line in _worst(lines, name)]
+        for name in figures
+        if name != NONE
     }
     return page(plan, report, figures, worst)
 
 
-def _worst(lines: list[Result], avoider: str) -> list[int]:
-    """The numbers of the encounters that came nearest, of those that lost well clear."""
+def _worst(lines: list[Result], avoider: str) -> list[Result]:
+    """The flights that came nearest, of those that lost well clear."""
     lost = [line for line in lines if line["avoider"] == avoider and line["flown"]["lowc"]]
     lost.sort(key=lambda line: (line["flown"]["severity"], line["number"]))
-    return [line["number"] for line in lost[:_DRAWN]]
+    return lost[:_DRAWN]
 
 
-def _fly_again(plan: Plan, avoider: str, number: int) -> tuple[Encounter, Flown]:
-    encounter = plan.source()(number)
-    flown = fly(encounter, plan.engine_for(avoider), plan.known, plan.limits, seed=plan.seed + number)
+def _fly_again(plan: Plan, source: Callable[[int], Encounter], key: Key) -> tuple[Encounter, Flown]:
+    avoider, known, number = key
+    encounter, surveillance = source(number), SURVEILLANCE_PRESETS[known]
+    flown = fly(encounter, plan.engine_for(avoider), surveillance, plan.limits, seed=plan.seed + number)
     return encounter, flown
 
 
 def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) -> None:
     """One encounter in words, and drawn where `out` says."""
-    encounter, flown = _fly_again(plan, plan.avoiders[0], number)
+    key = plan.avoiders[0], plan.surveillance[0], number
+    encounter, flown = _fly_again(plan, plan.source(), key)
     for name, near in (("undisturbed", undisturbed(encounter)), ("flown", flown.closeness)):
         outcome = "near mid-air collision" if near.nmac else "well clear lost" if near.lowc else "well clear"
         console.print(

@@ -60,6 +60,7 @@ def page(
     for name, one in figures.items():
         parts += [f"<h2>{html.escape(name)}</h2>", _group_table("geometry", _by_geometry(one))]
         parts.append(_group_table("closing speed", _by_closing(one)))
+        parts.append(_group_table("surveillance", _by_surveillance(one)))
         for encounter, flown in worst.get(name, ()):
             parts.append(_drawn(encounter, flown))
     return "\n".join(parts) + "\n</html>\n"
@@ -73,7 +74,7 @@ def _in_words(plan: Plan) -> str:
     locked = "; height locked by floor and ceiling" if plan.lock_height else ""
     return (
         f"{plan.encounters:,} encounters ({plan.part}), seed {plan.seed}, from: {source}; "
-        f"surveillance: {plan.surveillance}{locked}."
+        f"surveillance: {', '.join(plan.surveillance)}{locked}."
     )
 
 
@@ -118,6 +119,11 @@ Groups = list[tuple[str, NDArray[np.bool_], Figures]]
 def _by_geometry(figures: Figures) -> Groups:
     geometries = np.array(figures.geometries)
     return [(name, geometries == name, figures) for name in sorted(set(figures.geometries))]
+
+
+def _by_surveillance(figures: Figures) -> Groups:
+    known = np.array(figures.surveillance)
+    return [(name, known == name, figures) for name in dict.fromkeys(figures.surveillance)]
 
 
 def _by_closing(figures: Figures) -> Groups:

@@ -12,6 +12,7 @@ from companion.errors import ConfigError
 from companion.supervisor import SupervisorParams
 from sim.campaign.peer_avoider import PeerAvoider
 from sim.campaign.plane import Limits
+from sim.campaign.results import Result
 from sim.encounters import (
     SURVEILLANCE_PRESETS,
     Encounter,
@@ -54,7 +55,7 @@ class Plan:
     seed: int = 0
     avoiders: tuple[str, ...] = (COMPANION,)
     models: tuple[str, ...] = ()
-    surveillance: str = "perfect"
+    surveillance: tuple[str, ...] = ("perfect",)
     intruders: int = 1
     lock_height: bool = False
     part: Part = Part.ALL
@@ -63,10 +64,9 @@ class Plan:
         for name in self.avoiders:
             if name != COMPANION and name not in PEERS:
                 raise ConfigError(f"--avoider {name}: there are {COMPANION}, {', '.join(PEERS)}")
-        if self.surveillance not in SURVEILLANCE_PRESETS:
-            raise ConfigError(
-                f"--surveillance {self.surveillance}: there are {', '.join(SURVEILLANCE_PRESETS)}"
-            )
+        for name in self.surveillance:
+            if name not in SURVEILLANCE_PRESETS:
+                raise ConfigError(f"--surveillance {name}: there are {', '.join(SURVEILLANCE_PRESETS)}")
 
     @property
     def limits(self) -> Limits:
@@ -75,18 +75,31 @@ class Plan:
 
     @property
     def known(self) -> Surveillance:
-        """How well the traffic is known."""
-        return SURVEILLANCE_PRESETS[self.surveillance]
+        """How well the traffic is known, in the first of what is flown."""
+        return SURVEILLANCE_PRESETS[self.surveillance[0]]
+
+    @property
+    def flights(self) -> int:
+        """How many are flown: each encounter by each avoider with each surveillance."""
+        return self.encounters * len(self.avoiders) * len(self.surveillance)
 
     def identity(self) -> dict[str, object]:
-        """What must be the same for results to belong together: all but how many, and whose."""
-        return {k: v for k, v in asdict(self).items() if k not in ("encounters", "avoiders")}
+        """What must be the same for results to belong together: all but how many, whose, and how known."""
+        return {k: v for k, v in asdict(self).items() if k not in ("encounters", "avoiders", "surveillance")}
 
-    def numbers(self) -> list[int]:
+    def wants(self, result: Result) -> bool:
+        """Whether a result is one of this plan's."""
+        return (
+            result["avoider"] in self.avoiders
+            and result["surveillance"] in self.surveillance
+            and result["number"] in self.numbers()
+        )
+
+    def numbers(self) -> range:
         """The numbers of the encounters, `encounters` of them."""
         if self.part is Part.ALL:
-            return list(range(self.encounters))
-        return list(range(self.part is Part.EVALUATION, 2 * self.encounters, 2))
+            return range(self.encounters)
+        return range(int(self.part is Part.EVALUATION), 2 * self.encounters, 2)
 
     def given(self) -> Given:
         """Read the models or files. `ConfigError` when it cannot."""

@@ -15,14 +15,16 @@ from sim.encounters import Encounter
 _SHORTEST_MS, _WIDER = 0.01, 1.05
 
 Result = dict[str, Any]
-Key = tuple[str, int]
+Key = tuple[str, str, int]  # by whom, how known, which
 
 
-def result_of(number: int, avoider: str, encounter: Encounter, nominal: Closeness, flown: Flown) -> Result:
+def result_of(key: Key, encounter: Encounter, nominal: Closeness, flown: Flown) -> Result:
     """One line of the results. All but `timing` is the same whenever and wherever the encounter is flown."""
+    avoider, surveillance, number = key
     return {
         "number": number,
         "avoider": avoider,
+        "surveillance": surveillance,
         "id": encounter.encounter_id,
         "weight": encounter.weight,
         "geometry": encounter.geometry,
@@ -86,7 +88,7 @@ class Results:
                 _, first = next(_lines(path), (0, {}))
                 if first.get("campaign") != json.loads(json.dumps(identity)):
                     raise ConfigError(f"{path}: results of another campaign; name another file, or remove it")
-                done = {(result["avoider"], result["number"]) for result in read_results(path)}
+                done = {key_of(result) for result in read_results(path)}
                 return cls(path, done, path.open("a", encoding="utf-8"))
             file = path.open("w", encoding="utf-8")
             file.write(json.dumps({"campaign": identity}) + "\n")
@@ -98,7 +100,7 @@ class Results:
     def add(self, results: list[Result]) -> None:
         """Keep these, each once, whatever becomes of the campaign."""
         for result in results:
-            key = result["avoider"], result["number"]
+            key = key_of(result)
             if key not in self.done:
                 self.done.add(key)
                 self._file.write(json.dumps(result) + "\n")
@@ -109,12 +111,17 @@ class Results:
         self._file.close()
 
 
+def key_of(result: Result) -> Key:
+    """Which flight a result is of."""
+    return result["avoider"], result["surveillance"], result["number"]
+
+
 def read_results(path: Path) -> Iterator[Result]:
     """The results of a file, one at a time."""
     for number, line in _lines(path):
         if "campaign" in line:
             continue
-        if "avoider" not in line or "number" not in line:
+        if not line.keys() >= {"avoider", "surveillance", "number"}:
             raise ConfigError(f"{path}, line {number}: no result of a campaign")
         yield line
 

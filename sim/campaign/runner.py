@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, product
 
 from companion.errors import CompanionError
 from sim.campaign.flight import Flown, fly, undisturbed
 from sim.campaign.plan import NONE, Plan
 from sim.campaign.results import Result, Results, result_of
-from sim.encounters import Encounter
+from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
-Task = tuple[Plan, str, tuple[int, ...]]
+Task = tuple[Plan, str, str, tuple[int, ...]]  # by whom, how well known, which
 
 # So many at a time: seconds of work, so that passing them around costs nothing and little is lost with one.
 _TASK_SIZE = 20
@@ -22,15 +22,20 @@ WAITING_PER_WORKER = 3
 
 def tasks_of(plan: Plan, results: Results) -> Iterator[Task]:
     """What is still to be flown, in portions."""
-    for avoider in plan.avoiders:
-        left = (number for number in plan.numbers() if (avoider, number) not in results.done)
+    for avoider, known in product(plan.avoiders, plan.surveillance):
+        left = _left(avoider, known, plan, results)
         while portion := tuple(islice(left, _TASK_SIZE)):
-            yield plan, avoider, portion
+            yield plan, avoider, known, portion
+
+
+def _left(avoider: str, known: str, plan: Plan, results: Results) -> Iterator[int]:
+    return (number for number in plan.numbers() if (avoider, known, number) not in results.done)
 
 
 def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> list[Result]:
     """Fly a portion, in whatever process this is; the encounters are read here unless there is a `source`."""
-    plan, avoider, numbers = task
+    plan, avoider, known, numbers = task
+    surveillance = SURVEILLANCE_PRESETS[known]
     source, make_engine = source or _source(plan), plan.engine_for(avoider)
     flown: list[Result] = []
     for number in numbers:
@@ -39,8 +44,8 @@ def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> li
         if avoider == NONE:
             one = Flown(nominal, back_s=encounter.duration_s)
         else:
-            one = fly(encounter, make_engine, plan.known, plan.limits, seed=plan.seed + number)
-        flown.append(result_of(number, avoider, encounter, nominal, one))
+            one = fly(encounter, make_engine, surveillance, plan.limits, seed=plan.seed + number)
+        flown.append(result_of((avoider, known, number), encounter, nominal, one))
     return flown
 
 

@@ -25,6 +25,7 @@ class Figures:
     rows: list[tuple[float, ...]] = field(default_factory=list)
     geometries: list[str] = field(default_factory=list)
     closing_mps: list[float] = field(default_factory=list)
+    surveillance: list[str] = field(default_factory=list)
     timing: dict[str, int] = field(default_factory=dict)
     not_back: int = 0
 
@@ -39,6 +40,7 @@ class Figures:
         )  # fmt: skip
         self.geometries.append(result["geometry"])
         self.closing_mps.append(result["closing_mps"])
+        self.surveillance.append(result["surveillance"])
         self.not_back += result["back_s"] is None
         for place, count in result["timing"].items():
             self.timing[place] = self.timing.get(place, 0) + count
@@ -49,13 +51,18 @@ class Figures:
         return dict(zip(_COLUMNS, table.T, strict=True))
 
 
-def gather(results: Iterable[Result]) -> dict[str, Figures]:
-    """The results by avoider."""
+def gather(results: Iterable[Result], by: str = "avoider") -> dict[str, Figures]:
+    """The results by avoider, or by another of their words."""
     figures: dict[str, Figures] = {}
     # By number, so that sums come out the same in whatever order the results came.
-    for result in sorted(results, key=lambda result: result["number"]):
-        figures.setdefault(result["avoider"], Figures()).add(result)
+    for result in sorted(results, key=key_of_order):
+        figures.setdefault(result[by], Figures()).add(result)
     return figures
+
+
+def key_of_order(result: Result) -> tuple[int, str]:
+    """The order in which results are summed up."""
+    return result["number"], result["surveillance"]
 
 
 def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Campaigns: the same result however they are flown, nothing lost, and figures that count what they say."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,25 @@ def test_an_interrupted_campaign_goes_on(flown: tuple[Plan, Path], tmp_path: Pat
     assert [one["deviation_m"] for one in differing] == [-1.0], "what was there is kept, not flown again"
 
 
+def test_the_same_encounters_are_flown_with_each_surveillance(
+    flown: tuple[Plan, Path], tmp_path: Path
+) -> None:
+    """What was flown counts again; the report and the page tell the ways apart."""
+    plan, out = flown
+    more = replace(plan, avoiders=("companion",), surveillance=("perfect", "poor"))
+    both = tmp_path / "both.ndjson"
+    both.write_bytes(out.read_bytes())
+    report = run(more, both, QUIET, workers=1)
+    ours = report["avoiders"]["companion"]
+    assert ours["encounters"] == 24
+    assert [one["encounters"] for one in ours["by_surveillance"].values()] == [12, 12]
+    perfect = summary_of(gather(read_results(out))["companion"])
+    for figure in ("risk_ratio", "lowc_ratio", "median_max_height_m"):
+        assert ours["by_surveillance"]["perfect"][figure] == perfect[figure]
+    text = page_of(more, both, report)
+    assert "<td>poor</td><td>12</td>" in text
+
+
 def test_results_of_another_campaign_are_left_alone(flown: tuple[Plan, Path], tmp_path: Path) -> None:
     _, out = flown
     before = out.read_bytes()
@@ -122,11 +142,11 @@ def test_halves_are_disjoint() -> None:
     tuning, evaluation = (set(Plan(50, part=part).numbers()) for part in (Part.TUNING, Part.EVALUATION))
     assert len(tuning) == len(evaluation) == 50
     assert not tuning & evaluation
-    assert Plan(3).numbers() == [0, 1, 2]
+    assert list(Plan(3).numbers()) == [0, 1, 2]
 
 
 def test_an_unknown_avoider_or_surveillance_is_refused() -> None:
-    for options in ({"avoiders": ("wizard",)}, {"surveillance": "magic"}):
+    for options in ({"avoiders": ("wizard",)}, {"surveillance": ("magic",)}):
         with pytest.raises(ConfigError, match=r"wizard|magic"):
             Plan(1, **options)  # type: ignore[arg-type]
 
@@ -134,7 +154,8 @@ def test_an_unknown_avoider_or_surveillance_is_refused() -> None:
 def result(number: int, *, weight: float = 1.0, lost: bool = True, kept: bool = True) -> Result:
     near = {"horizontal_m": 0.0, "vertical_m": 0.0, "severity": 0.5}
     return {
-        "number": number, "avoider": "x", "weight": weight, "geometry": "head-on", "closing_mps": 50.0,
+        "number": number, "avoider": "x", "surveillance": "perfect", "weight": weight,
+        "geometry": "head-on", "closing_mps": 50.0,
         "nominal": near | {"nmac": lost, "lowc": lost}, "flown": near | {"nmac": not kept, "lowc": not kept},
         "deviation_m": float(number), "height_m": 10.0, "avoided": True, "engagements": 1, "back_s": 120.0,
         "timing": {"10": 5, "100": 1},
