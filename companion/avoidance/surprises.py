@@ -34,6 +34,8 @@ class SurpriseParams:
     turn_radps: Annotated[float, Ge(0), Le(0.5)] = math.radians(3.0)
     climb_share: Annotated[float, Ge(0), Le(0.2)] = 0.03
     climb_mps: Annotated[float, Ge(0), Le(50)] = 2.5
+    # Of so many tracks, those that press most: in a crowd the others are predicted and no more.
+    tracks: Annotated[int, Ge(1), Le(50)] = 4
     # What would come of a surprise later than this can be seen to when it has happened.
     within_s: Annotated[float, Ge(0), Le(90)] = 40.0
 
@@ -42,7 +44,9 @@ NO_SURPRISES = SurpriseParams(turn_share=0.0, climb_share=0.0)
 
 
 def surprises(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
-    """What tracks (N,) may do but what is predicted, and how likely each of it is, (4 N,)."""
+    """What the first of tracks may do but what is predicted, and how likely each of it is, (4 n,)."""
+    if len(tracks) > params.tracks:
+        tracks = tracks.subset(np.arange(params.tracks))
     turns_radps, climbs_mps = tracks.turn_radps, -tracks.velocity_mps[:, 2]
     straight, level = np.abs(turns_radps) < _STRAIGHT_RADPS, np.abs(climbs_mps) < _LEVEL_MPS
     surprised = tracks.but(turn_radps=np.where(straight, params.turn_radps, 0.0)).followed_by(

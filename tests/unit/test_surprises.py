@@ -39,6 +39,13 @@ def test_each_may_turn_and_climb_either_way_and_what_stands_does_not() -> None:
     assert shares.reshape(4, 3)[:, 2].tolist() == [0.0, 0.0, 0.0, 0.0]
 
 
+def test_in_a_crowd_only_the_first_surprise() -> None:
+    crowd = traffic(np.random.default_rng(4), 30)
+    surprised, shares = surprises(crowd, replace(PARAMS, tracks=2))
+    assert surprised.ids == 4 * crowd.ids[:2]
+    assert len(shares) == 8
+
+
 def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
     at, others = situation(), replace(traffic(np.random.default_rng(3), 3), grounded=np.zeros(3, dtype=bool))
     rows = StrategyTable(TABLE).commands(at)
