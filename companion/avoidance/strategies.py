@@ -337,7 +337,7 @@ def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tr
     then_m = -tracks.position_m[:, 2] - tracks.velocity_mps[:, 2] * TIMES_S[then]
     above_m = mission.altitude_m - then_m
     vertical = vertical_distance_m(above_m, tracks.grounded) / tracks.protected_vertical_m
-    left = np.maximum(1.0 - np.maximum(horizontal, vertical), 0.0) * (to_go_s > 0.0)
+    left = np.maximum(1.0 - np.maximum(horizontal, vertical), 0.0)
     cost += weights.unresolved * left.max(axis=1, initial=0.0)
     return cost
 
