@@ -23,10 +23,11 @@ from companion.avoidance.prediction import (
     separation,
     turn_around_s,
 )
+from companion.avoidance.pricing import Priced, Situation, price
 from companion.avoidance.refusals import Refusals
 from companion.avoidance.rules import heading_rule_rad, speed_rule
 from companion.avoidance.situations import because, conflict, way_back
-from companion.avoidance.strategies import Priced, Situation, StrategyTable, price
+from companion.avoidance.strategies import StrategyTable
 from companion.avoidance.survey import (
     Survey,
     flown_mps,

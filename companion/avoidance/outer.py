@@ -24,7 +24,8 @@ from annotated_types import Gt, Le
 from companion.avoidance.geometry import Array, wrap_pi
 from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
 from companion.avoidance.prediction import Commands
-from companion.avoidance.strategies import Height, Situation, Speed, height_m, speed_mps
+from companion.avoidance.pricing import Situation
+from companion.avoidance.strategies import Height, Speed, height_m, speed_mps
 from companion.model import Guidance
 
 # The repulsion against an attraction of 1: deflections of 10 to 86 degrees, where all push straight across.

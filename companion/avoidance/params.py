@@ -11,7 +11,7 @@ from companion.avoidance.control import ALL_CONTROLS, Control
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.formation import FormationParams
 from companion.avoidance.outer import FieldParams, OuterMethod
-from companion.avoidance.strategies import CostWeights
+from companion.avoidance.pricing import CostWeights
 from companion.avoidance.surprises import SurpriseParams
 
 

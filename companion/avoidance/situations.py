@@ -8,7 +8,7 @@ import numpy as np
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.prediction import HORIZON_S, OwnState, times_until
-from companion.avoidance.strategies import Situation
+from companion.avoidance.pricing import Situation
 from companion.avoidance.survey import Survey, distance_m
 from companion.model import Goal, Guidance, Threat
 from companion.units import wrap_pi

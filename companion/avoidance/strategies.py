@@ -1,42 +1,23 @@
-"""The strategy table (paper §3.2.3, P7-P10): rows of course, height and speed, flown ahead and priced.
+"""The strategy table (paper §3.2.3, P7-P10): rows of course, height and speed.
 
 A row is a choice in each of the three controls. Among the rows are the paper's heading rule (eq. 11), its
-speed rule (eq. 13), height (P9) and their combinations. A row's flight under the aircraft's own limits of
-turn rate, bank, speed and climb is predicted, and its price puts separation first, then effort, deviation
-from the mission, changing one's mind and passing on the wrong side. The cheapest row is flown.
+speed rule (eq. 13), height (P9) and their combinations; `pricing` flies them ahead and finds the cheapest.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge
-from numpy.typing import NDArray
 
 from companion.avoidance.control import Control
-from companion.avoidance.envelope import Envelope, Pace
-from companion.avoidance.fence import Breach, Fence
-from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
+from companion.avoidance.envelope import Pace
 from companion.avoidance.prediction import (
-    HORIZON_S,
-    TIMES_S,
     Commands,
-    OwnState,
-    Paths,
-    Separation,
-    Tracks,
-    fly_ahead,
-    ground_velocity_mps,
-    separation,
-    times_until,
 )
-from companion.avoidance.refusals import Refusals
-from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, surprises
-from companion.model import Guidance
+from companion.avoidance.pricing import Situation
 
 
 class Course(StrEnum):
@@ -111,97 +92,6 @@ GROUNDS: tuple[Ground, ...] = (
 TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height in product(GROUNDS, Height))
 
 
-# Commands that differ by no more than this are flown alike.
-_SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
-
-# A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
-_NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
-
-
-@dataclass(frozen=True)
-class CostWeights:
-    """Prices. Losing the protected volume outweighs all else together."""
-
-    margin: Annotated[float, Ge(0)] = 30.0  # times the penetration of the margin, 0 at its edge
-    loss: Annotated[float, Ge(0)] = 40.0  # flat, for entering the protected volume itself
-    depth: Annotated[float, Ge(0)] = 300.0  # times the deepest penetration, 0 at the edge, 1 at contact
-    exposure: Annotated[float, Ge(0)] = 100.0  # times the mean penetration, so that leaving soon is better
-    # Times the mean depth in the worst inner layer, 0 at its edge and 1 at the volume. The paper's clears its
-    # whole sphere; for traffic that would be miles, and a volume missed by its margin is missed.
-    nearness: Annotated[float, Ge(0)] = 0.0
-    turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
-    deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
-    # Times the distance from where the mission would be when all is passed, per 100 m.
-    aside: Annotated[float, Ge(0)] = 0.6
-    # Times how deep the mission would lead into a volume from there, 0 at its edge, 1 through its middle.
-    unresolved: Annotated[float, Ge(0)] = 8.0
-    height: Annotated[float, Ge(0)] = 0.8  # times the height off the mission's, per 100 m
-    descent: Annotated[float, Ge(0)] = 0.2  # flat, for going below the mission: ground is there
-    speed: Annotated[float, Ge(0)] = 0.5  # times the speed off the mission's, per 10 m/s
-    switch: Annotated[float, Ge(0)] = 2.0  # flat, for anything but what is flown already
-    ease: Annotated[float, Ge(0)] = 0.6  # the same, for the same with less of it: nearer to the mission
-    wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
-    # Where there is a fence. Leaving it outweighs the loss of many volumes, as the autopilot then takes the
-    # aircraft away from us or ends its flight, and whoever is out there has not been asked; only a near
-    # mid-air collision outweighs the fence.
-    fence: Annotated[float, Ge(0)] = 10_000.0  # times the use of its margin, 1 from the fence itself on
-    near_miss: Annotated[float, Ge(0)] = 30_000.0  # flat, and once more times the depth, 1 at contact
-    outside: Annotated[float, Ge(0)] = 100.0  # times the mean depth outside, per 100 m: back soon is better
-    # For a way that would leave the fence later, before the threat is passed: all of it if it left at once.
-    not_to_the_end: Annotated[float, Ge(0)] = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """What rows are made from and priced against."""
-
-    own: OwnState
-    mission: Guidance
-    over_m: float  # the height that passes above every threat
-    under_m: float  # the height that passes below every threat
-    right_preferred: bool
-    horizon_s: float  # how far ahead rows are judged
-    goal_distance: float  # in lengths of the outer layer's radius; 1 where the goal is a direction only
-    lost: float  # the separation, in protected volumes with margin, at which the bare volume is entered
-    envelope: Envelope
-    weights: CostWeights
-    rule_course_rad: float = 0.0  # what eq. 11 asks for, in an emergency
-    rule_pace: Pace = Pace.KEEP  # what eq. 13 asks for
-    fence: Fence | None = None
-    fence_look_ahead_s: float = 0.0  # within it the fence must be kept
-    passed_s: float = HORIZON_S  # when all threats are passed
-    # Where the mission flown on is at that time, north and east, (2,); `None`: nobody is to be passed.
-    mission_then_m: Array | None = None
-    refusals: Refusals = field(default_factory=Refusals)
-    surprises: SurpriseParams = NO_SURPRISES
-
-
-@dataclass(frozen=True, slots=True)
-class Priced:
-    """Rows with their price, shape (K,), and how they keep clear of the nearest track, shape (K,).
-
-    `contained`, (K,): which of them keep to the fence.
-    """
-
-    commands: Commands
-    cost: Array
-    closest: Array
-    contained: NDArray[np.bool_]
-
-    def best(self) -> int:
-        """The cheapest row; the first of equals, so that the same inputs give the same row."""
-        return int(np.argmin(self.cost))
-
-
-def _mission_within_limits(situation: Situation) -> Guidance:
-    """What the mission asks for, as far as it can be flown."""
-    return Guidance(
-        situation.mission.course_rad,
-        speed_mps(Speed.MISSION, situation),
-        height_m(Height.MISSION, situation),
-    )
-
-
 def height_m(choice: Height, situation: Situation) -> float:
     """The altitude a choice of height asks for, within floor and ceiling."""
     wanted_m = {
@@ -255,156 +145,3 @@ class StrategyTable:
             self._ground_of,
             self._height_of,
         )
-
-
-def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidance | None) -> Priced:
-    """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0.
-
-    Separation has its price in what is predicted, and by its share in every surprise. How rows keep clear
-    (`Priced.closest`) is told of what is predicted alone.
-    Rows that ask for what the autopilot refused are left out.
-    """
-    refusals, mission = situation.refusals, _mission_within_limits(situation)
-    if held is not None and refusals.refused:
-        held = refusals.instead(held, mission, commands)
-    if held is not None:
-        commands = commands.after(held)
-    if refusals.refused:
-        commands = refusals.without(commands, mission)
-    weights = situation.weights
-    paths = fly_ahead(situation.own, commands, situation.envelope)
-    kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
-    cost = _separation_price(situation, kept).sum(axis=1)
-    if situation.surprises != NO_SURPRISES:
-        surprised, shares = surprises(tracks, situation.surprises)
-        within_s = min(situation.surprises.within_s, situation.horizon_s)
-        cost += _separation_price(situation, separation(paths, surprised, horizon_s=within_s)) @ shares
-    # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
-    # goal.
-    cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
-    cost += effort(situation, commands)
-    if situation.mission_then_m is not None:
-        cost += _outcome_price(situation, situation.mission_then_m, paths, tracks)[commands.ground_of]
-    if held is not None:
-        cost[1:] += np.where(_eases(situation, commands, held), weights.ease, weights.switch)[1:]
-    closest, contained = kept.closest.min(axis=1, initial=np.inf), np.ones(len(commands), dtype=bool)
-    if situation.fence is not None:
-        breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
-        contained = breach.deepest_m <= 0.0
-        cost += _fence_price(situation, situation.fence, breach)
-        if not contained.all():
-            cost += _near_miss_price(situation, paths, tracks)
-    return Priced(commands, cost, closest, contained)
-
-
-def _separation_price(situation: Situation, kept: Separation) -> Array:
-    """What it costs rows how they keep clear of each track, (K, N).
-
-    The margin is priced by how much of it is used, without a step: a flight planned along its edge is flown a
-    little differently, and must not be thrown over for that.
-    """
-    weights, depth = situation.weights, np.maximum(situation.lost - kept.closest, 0.0)
-    cost: Array = (
-        weights.margin * np.maximum(1.0 - kept.closest, 0.0)
-        + weights.loss * (depth > 0.0)
-        + weights.depth * depth
-        + weights.exposure * kept.exposure
-    )
-    return cost
-
-
-def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tracks: Tracks) -> Array:
-    """What ground paths cost by where they are when the mission would have passed all threats, (H,).
-
-    That is the distance from where the mission would be, and what is left to do: who flies on beside a threat
-    keeps clear of it for as long as he likes, but is no nearer to passing it.
-    """
-    weights, then = situation.weights, len(times_until(situation.passed_s)) - 1
-    off_m = paths.ground_m[:, then] - mission_then_m
-    cost: Array = weights.aside / 100.0 * np.hypot(off_m[:, 0], off_m[:, 1])
-    if weights.unresolved <= 0.0:
-        return cost
-    others_m = tracks.ground_m()[:, then - 1 : then + 1]
-    theirs_mps = (others_m[:, 1] - others_m[:, 0]) / (TIMES_S[then] - TIMES_S[then - 1])
-    mission = situation.mission
-    ours_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps)
-    approach_mps = theirs_mps - ours_mps  # (N, 2)
-    rel_m = others_m[None, :, 1] - paths.ground_m[:, None, then]  # (H, N, 2)
-    speed2 = np.maximum((approach_mps * approach_mps).sum(axis=1), 1.0)
-    to_go_s = -(rel_m * approach_mps).sum(axis=2) / speed2
-    missed_m = rel_m + approach_mps * np.maximum(to_go_s, 0.0)[..., None]
-    horizontal = np.hypot(missed_m[..., 0], missed_m[..., 1]) / tracks.protected_horizontal_m
-    then_m = -tracks.position_m[:, 2] - tracks.velocity_mps[:, 2] * TIMES_S[then]
-    above_m = mission.altitude_m - then_m
-    vertical = vertical_distance_m(above_m, tracks.grounded) / tracks.protected_vertical_m
-    left = np.maximum(1.0 - np.maximum(horizontal, vertical), 0.0)
-    cost += weights.unresolved * left.max(axis=1, initial=0.0)
-    return cost
-
-
-def _fence_price(situation: Situation, fence: Fence, breach: Breach) -> Array:
-    """What the fence costs rows, shape (K,).
-
-    First comes no near mid-air collision, then the fence, then everything else: well clear is there to keep
-    surprises from becoming collisions and has room for that; a fence has none, as beyond it other people,
-    other aircraft and the autopilot's own reaction begin. Once outside, the fence is broken whatever is
-    flown: then well clear counts as ever, against coming back soon.
-    """
-    weights = situation.weights
-    use = breach.deepest_m / fence.margin_m if fence.margin_m > 0.0 else breach.deepest_m > 0.0
-    early = np.maximum(1.0 - breach.first_s / max(situation.passed_s, 1.0), 0.0)
-    cost: Array = (
-        weights.fence * np.minimum(use, 1.0)
-        + weights.outside / 100.0 * breach.mean_m
-        + weights.not_to_the_end * early
-    )
-    return cost
-
-
-def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Array:
-    """What the fence must not make rows do, shape (K,)."""
-    horizontal, vertical = situation.lost * _NEAR_MISS_HORIZONTAL, situation.lost * _NEAR_MISS_VERTICAL
-    cores = replace(
-        tracks,
-        protected_horizontal_m=horizontal * tracks.protected_horizontal_m,
-        protected_vertical_m=vertical * tracks.protected_vertical_m,
-    )
-    closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1, initial=np.inf)
-    cost: Array = situation.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
-    return cost
-
-
-def _eases(situation: Situation, commands: Commands, held: Guidance) -> NDArray[np.bool_]:
-    """Which rows lie between what is held and the mission, in course and in height, (K,)."""
-    mission = situation.mission
-    course = _between(
-        wrap_pi(commands.course_rad - mission.course_rad),
-        float(wrap_pi(np.array(held.course_rad - mission.course_rad))),
-        _SAME_COURSE_RAD,
-    )
-    height = _between(
-        commands.altitude_m - mission.altitude_m, held.altitude_m - mission.altitude_m, _SAME_HEIGHT_M
-    )
-    return course[commands.ground_of] & height[commands.height_of]
-
-
-def _between(values: Array, end: float, slack: float) -> NDArray[np.bool_]:
-    """Which values lie between 0 and an end, or as near to that as makes no difference."""
-    return (values >= min(end, 0.0) - slack) & (values <= max(end, 0.0) + slack)
-
-
-def effort(situation: Situation, commands: Commands) -> Array:
-    """What rows cost apart from separation, shape (K,)."""
-    weights, mission = situation.weights, situation.mission
-    off_course_rad = wrap_pi(commands.course_rad - mission.course_rad)
-    ground = (
-        weights.turn / math.pi * np.abs(wrap_pi(commands.course_rad - situation.own.course_rad))
-        + weights.deviation / math.pi * np.abs(off_course_rad)
-        + weights.speed / 10.0 * np.abs(commands.airspeed_mps - mission.airspeed_mps)
-    )
-    if situation.right_preferred:
-        ground += weights.wrong_side * (off_course_rad < math.radians(-1.0))
-    off_height_m = commands.altitude_m - mission.altitude_m
-    height = weights.height / 100.0 * np.abs(off_height_m) + weights.descent * (off_height_m < -1.0)
-    cost: Array = ground[commands.ground_of] + height[commands.height_of]
-    return cost

@@ -8,7 +8,7 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope, Fence, Zone
 from companion.avoidance.params import Layers
-from companion.avoidance.strategies import CostWeights
+from companion.avoidance.pricing import CostWeights
 from companion.model import Goal, Guidance, Layer, Ownship, Track, Vec2
 from sim.dynamics import FixedWing
 from tests.closed_loop.encounter import ALTITUDE_M, Aircraft, fly, straight

@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.prediction import Tracks
-from companion.avoidance.strategies import (
-    Priced,
-    Situation,
-)
+from companion.avoidance.pricing import Priced, Situation
 from companion.avoidance.survey import Survey
 from companion.model import Layer, Ownship, Vec3
 from companion.units import wrap_pi

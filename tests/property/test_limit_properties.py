@@ -12,12 +12,9 @@ from hypothesis import strategies as st
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.control import ALL_CONTROLS, Control
 from companion.avoidance.prediction import Commands, OwnState, fly_ahead
+from companion.avoidance.pricing import CostWeights, Situation
 from companion.avoidance.rules import Pace
-from companion.avoidance.strategies import (
-    CostWeights,
-    Situation,
-    StrategyTable,
-)
+from companion.avoidance.strategies import StrategyTable
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
 from tests.property.avoidance_cases import (

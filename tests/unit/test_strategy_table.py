@@ -12,17 +12,9 @@ from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array
 from companion.avoidance.inner import emergency
 from companion.avoidance.prediction import HORIZON_S, Commands, OwnState, Tracks, fly_ahead, separation
+from companion.avoidance.pricing import CostWeights, Situation, price
 from companion.avoidance.rules import Pace
-from companion.avoidance.strategies import (
-    TABLE,
-    CostWeights,
-    Course,
-    Height,
-    Situation,
-    Speed,
-    StrategyTable,
-    price,
-)
+from companion.avoidance.strategies import TABLE, Course, Height, Speed, StrategyTable
 from companion.model import Guidance
 
 ENVELOPE = Envelope(min_altitude_m=100.0, max_altitude_m=600.0)

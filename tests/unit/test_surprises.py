@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from companion.avoidance.prediction import Commands, Tracks, fly_ahead, separation
-from companion.avoidance.strategies import TABLE, StrategyTable, price
+from companion.avoidance.pricing import price
+from companion.avoidance.strategies import TABLE, StrategyTable
 from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, surprises
 from companion.model import Guidance
 from tests.unit.test_strategy_table import situation, traffic
