@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from heapq import nsmallest
 from pathlib import Path
 from typing import Any, Literal
 
@@ -61,12 +62,13 @@ def run(
 
 def _report(plan: Plan, out: Path, rate: float | None) -> dict[str, Any]:
     """The figures by avoider; where traffic was known in several ways, by these too."""
-    lines = [result for result in read_results(out) if plan.wants(result)]
-    report = {name: summary_of(figures, rate) for name, figures in gather(lines).items()}
+    report = {name: summary_of(figures, rate) for name, figures in gather(_wanted(plan, out)).items()}
     if len(plan.surveillance) > 1:
         for name in report:
-            by_known = gather((line for line in lines if line["avoider"] == name), "surveillance")
-            report[name]["by_surveillance"] = {known: summary_of(by_known[known]) for known in by_known}
+            by_known = gather(_wanted(plan, out, name), "surveillance")
+            report[name]["by_surveillance"] = {
+                known: summary_of(by_known[known]) for known in plan.surveillance if known in by_known
+            }
     return {name: report[name] for name in plan.avoiders if name in report}
 
 
@@ -138,21 +140,26 @@ def write_report(path: Path, report: dict[str, Any]) -> None:
 
 def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
     """The page of a campaign that is flown; its worst encounters are flown again to be drawn."""
-    lines = [result for result in read_results(out) if plan.wants(result)]
-    source, figures = plan.source(), gather(lines)
+    source, figures = plan.source(), gather(_wanted(plan, out))
     worst = {
-        name: [_fly_again(plan, source, key_of(line)) for line in _worst(lines, name)]
+        name: [_fly_again(plan, source, key_of(line)) for line in _worst(_wanted(plan, out, name))]
         for name in figures
         if name != NONE
     }
     return page(plan, report, figures, worst)
 
 
-def _worst(lines: list[Result], avoider: str) -> list[Result]:
+def _wanted(plan: Plan, out: Path, avoider: str | None = None) -> Iterator[Result]:
+    """A plan's results, of all its avoiders or of one, read one at a time."""
+    return (
+        result for result in read_results(out) if plan.wants(result) and avoider in (None, result["avoider"])
+    )
+
+
+def _worst(lines: Iterator[Result]) -> list[Result]:
     """The flights that came nearest, of those that lost well clear."""
-    lost = [line for line in lines if line["avoider"] == avoider and line["flown"]["lowc"]]
-    lost.sort(key=lambda line: (line["flown"]["severity"], line["number"]))
-    return lost[:_DRAWN]
+    lost = (line for line in lines if line["flown"]["lowc"])
+    return nsmallest(_DRAWN, lost, key=lambda line: (line["flown"]["severity"], line["number"]))
 
 
 def _fly_again(plan: Plan, source: Callable[[int], Encounter], key: Key) -> tuple[Encounter, Flown]:

@@ -58,9 +58,12 @@ def page(
         f"itself.</p>",
     ]
     for name, one in figures.items():
-        parts += [f"<h2>{html.escape(name)}</h2>", _group_table("geometry", _by_geometry(one))]
-        parts.append(_group_table("closing speed", _by_closing(one)))
-        parts.append(_group_table("surveillance", _by_surveillance(one)))
+        parts += [
+            f"<h2>{html.escape(name)}</h2>",
+            _group_table("geometry", one, one.words("geometry")),
+            _group_table("closing speed", one, _by_closing(one)),
+            _group_table("surveillance", one, one.words("surveillance")),
+        ]
         for encounter, flown in worst.get(name, ()):
             parts.append(_drawn(encounter, flown))
     return "\n".join(parts) + "\n</html>\n"
@@ -113,37 +116,24 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines) + "</table>"
 
 
-Groups = list[tuple[str, NDArray[np.bool_], Figures]]
-
-
-def _by_geometry(figures: Figures) -> Groups:
-    geometries = np.array(figures.geometries)
-    return [(name, geometries == name, figures) for name in sorted(set(figures.geometries))]
-
-
-def _by_surveillance(figures: Figures) -> Groups:
-    known = np.array(figures.surveillance)
-    return [(name, known == name, figures) for name in dict.fromkeys(figures.surveillance)]
+Groups = dict[str, NDArray[np.bool_]]
 
 
 def _by_closing(figures: Figures) -> Groups:
-    closing = np.array(figures.closing_mps)
-    return [
-        (
-            f"{low:.0f}–{high:.0f} m/s" if np.isfinite(high) else f"over {low:.0f} m/s",
-            (closing >= low) & (closing < high),
-            figures,
-        )
+    closing = figures.columns()["closing_mps"]
+    return {
+        f"{low:.0f}–{high:.0f} m/s" if np.isfinite(high) else f"over {low:.0f} m/s": (closing >= low)
+        & (closing < high)
         for low, high in pairwise(_CLOSING_EDGES_MPS)
-    ]
+    }
 
 
-def _group_table(what: str, groups: Groups) -> str:
-    rows = []
-    for name, chosen, figures in groups:
+def _group_table(what: str, figures: Figures, groups: Groups) -> str:
+    rows, whole = [], figures.columns()
+    for name, chosen in groups.items():
         if not chosen.any():
             continue
-        columns = {key: values[chosen] for key, values in figures.columns().items()}
+        columns = {key: values[chosen] for key, values in whole.items()}
         risk, lowc = ratio_of(columns, "risk_ratio", "nmac"), ratio_of(columns, "lowc_ratio", "lowc")
         rows.append(
             [

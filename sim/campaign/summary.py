@@ -1,7 +1,7 @@
 """The figures of a campaign: ratios against flying undisturbed, with intervals, and their price."""
 
+from array import array
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,57 +12,64 @@ from sim.campaign.results import Result, percentile_ms
 Array = NDArray[np.floating]
 
 _RESAMPLES = 1000
-_CHUNK = 50  # resamples at a time, so that memory stays flat
-_COLUMNS = ("weight", "nmac0", "lowc0", "nmac", "lowc", "avoided", "deviation_m", "height_m", "engagements")
+_CHUNK = 2_000_000  # encounters resampled at a time, so that memory stays flat
+_COLUMNS = (
+    "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
+    "avoided", "deviation_m", "height_m", "engagements",
+)  # fmt: skip
 # Pass lines for cooperative traffic, of ASTM F3442.
 RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
 
 
-@dataclass
 class Figures:
-    """The results of one avoider, as columns."""
+    """The results of one avoider, as columns of numbers: some hundred bytes each, whatever is in a result."""
 
-    rows: list[tuple[float, ...]] = field(default_factory=list)
-    geometries: list[str] = field(default_factory=list)
-    closing_mps: list[float] = field(default_factory=list)
-    surveillance: list[str] = field(default_factory=list)
-    timing: dict[str, int] = field(default_factory=dict)
-    not_back: int = 0
+    def __init__(self) -> None:
+        self._numbers = array("d")
+        self._words: dict[str, int] = {}
+        self.timing: dict[str, int] = {}
+        self.not_back = 0
+
+    def __len__(self) -> int:
+        return len(self._numbers) // len(_COLUMNS)
 
     def add(self, result: Result) -> None:
         """One more."""
         nominal, flown = result["nominal"], result["flown"]
-        self.rows.append(
+        self._numbers.extend(
             (
-                result["weight"], nominal["nmac"], nominal["lowc"], flown["nmac"], flown["lowc"],
-                result["avoided"], result["deviation_m"], result["height_m"], result["engagements"],
+                result["number"], self._code(result["surveillance"]), self._code(result["geometry"]),
+                result["closing_mps"], result["weight"], nominal["nmac"], nominal["lowc"], flown["nmac"],
+                flown["lowc"], result["avoided"], result["deviation_m"], result["height_m"],
+                result["engagements"],
             )
         )  # fmt: skip
-        self.geometries.append(result["geometry"])
-        self.closing_mps.append(result["closing_mps"])
-        self.surveillance.append(result["surveillance"])
         self.not_back += result["back_s"] is None
         for place, count in result["timing"].items():
             self.timing[place] = self.timing.get(place, 0) + count
 
     def columns(self) -> dict[str, Array]:
-        """Each column, (n,)."""
-        table = np.array(self.rows, dtype=float).reshape(len(self.rows), len(_COLUMNS))
-        return dict(zip(_COLUMNS, table.T, strict=True))
+        """Each column, (n,), by number, so that sums come out the same in whatever order the results came."""
+        table = np.array(self._numbers).reshape(-1, len(_COLUMNS))
+        order = np.lexsort((table[:, 1], table[:, 0]))
+        return dict(zip(_COLUMNS, table[order].T, strict=True))
+
+    def words(self, column: str) -> dict[str, NDArray[np.bool_]]:
+        """Which results have which word in a column (`geometry`, `surveillance`), each (n,)."""
+        codes = self.columns()[column]
+        found = {word: codes == code for word, code in sorted(self._words.items())}
+        return {word: chosen for word, chosen in found.items() if chosen.any()}
+
+    def _code(self, word: str) -> int:
+        return self._words.setdefault(word, len(self._words))
 
 
 def gather(results: Iterable[Result], by: str = "avoider") -> dict[str, Figures]:
     """The results by avoider, or by another of their words."""
     figures: dict[str, Figures] = {}
-    # By number, so that sums come out the same in whatever order the results came.
-    for result in sorted(results, key=key_of_order):
+    for result in results:
         figures.setdefault(result[by], Figures()).add(result)
     return figures
-
-
-def key_of_order(result: Result) -> tuple[int, str]:
-    """The order in which results are summed up."""
-    return result["number"], result["surveillance"]
 
 
 def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[str, Any]:
@@ -70,7 +77,7 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
     columns = figures.columns()
     conflicts = columns["lowc0"] > 0.0
     return {
-        "encounters": len(figures.rows),
+        "encounters": len(figures),
         "conflicts": int(conflicts.sum()),
         "p_nmac": _mean(columns, "nmac"),
         "p_lowc": _mean(columns, "lowc"),
@@ -128,8 +135,9 @@ def _nuisance(columns: dict[str, Array]) -> dict[str, object]:
 def _interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tuple[float, float]:
     """The bootstrap's 2.5 and 97.5 percentiles over encounters; always the same draws."""
     rng = np.random.default_rng(20_000)
-    drawn = [statistic(rng.integers(0, count, size=(_CHUNK, count))) for _ in range(_RESAMPLES // _CHUNK)]
-    values = np.concatenate(drawn)
+    at_once = max(_CHUNK // count, 1)
+    sizes = [min(at_once, _RESAMPLES - begun) for begun in range(0, _RESAMPLES, at_once)]
+    values = np.concatenate([statistic(rng.integers(0, count, size=(size, count))) for size in sizes])
     values = values[np.isfinite(values)]
     if not len(values):
         return 0.0, float("inf")

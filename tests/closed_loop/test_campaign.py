@@ -44,7 +44,7 @@ def test_what_is_flown_by_the_engine_is_avoided(flown: tuple[Plan, Path]) -> Non
     assert ours["p_nmac"] < 0.2 * nobody["p_nmac"]
     assert ours["not_back_on_line"] == 0
     assert ours["decision_ms"]["p99"] > ours["decision_ms"]["p50"] > 0.0
-    assert len(by_avoider["companion"].rows) == plan.encounters
+    assert len(by_avoider["companion"]) == plan.encounters
 
 
 @pytest.mark.parametrize("number", [9, 11, 18])
