@@ -10,6 +10,8 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from companion.avoidance import AvoidanceParams
+from companion.avoidance.pricing import CostWeights
 from companion.clock import Clock
 from companion.engine import Engine, EngineConfig
 from companion.links import open_link
@@ -34,9 +36,11 @@ START_S = 1_700_000_000.0
 GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 MISSION = {"ardupilot": "AUTO", "px4": "MISSION"}
 HOLD = 5  # COM_OBL_RC_ACT, as recommended
+# Also a PX4 that loses itself in climbs climbs, where that is the cheapest way.
+CLIMBS = EngineConfig(avoidance=AvoidanceParams(weights=CostWeights(spared_height=0.0)))
 _ASKING = frozenset({511, 512})  # for rates and single messages: commands that command nothing
 
-# So far ahead that a turn is enough: nothing climbs unless it is asked to.
+# So far ahead that a turn is enough: who loses himself in climbs does not climb unless he is asked to.
 MEET_AT_S = 70.0
 HEAD_ON: dict[str, Any] = {
     "description": "One aircraft head-on at our height.",

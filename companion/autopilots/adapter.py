@@ -100,6 +100,11 @@ class Adapter(ABC):
         """The mode it is in soon after a companion that flew it was killed; `None`: that says nothing."""
 
     @property
+    def loses_itself_in_climbs(self) -> bool:
+        """Whether its controller may be lost when the guided mode ends in a climb or descent, by anyone."""
+        return False
+
+    @property
     def left_to_itself_is_safe(self) -> bool:
         """Whether it takes up a mode of its own, and no guided one, when it hears nothing from us."""
         return self.left_behind_mode() not in (None, self.guided_mode)

@@ -15,7 +15,7 @@ from typing import ClassVar
 from companion.autopilots.adapter import Adapter, Before, Flown
 from companion.autopilots.limits import PX4, ParameterTable
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import AttitudeTarget, Fact, Parameter, Sender
+from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, Fact, Parameter, Sender
 
 _MAIN_MODES = {
     1: "MANUAL",
@@ -46,6 +46,8 @@ _POSITION_AND_VELOCITY = 3520
 _DIRECTION_MPS = 15.0
 _STREAM_INTERVAL_S = 0.1
 _SETTLED_S = 0.1
+# Until then, leaving OFFBOARD at another height than was commanded costs the attitude setpoint.
+_SURVIVES_CLIMBS_FROM = 1, 17
 # The attitude setpoint is seen five times a second: not one message alone, which may be old.
 _POISONED_S = 0.3
 _POISON_SEEN_S = 2.0
@@ -88,6 +90,7 @@ class Px4FixedWing(Adapter):
         self._not_a_number_since_s: float | None = None
         self._not_a_number_s = -math.inf  # the last time
         self._recover_until_s = -math.inf
+        self._version: tuple[int, int] | None = None
         self._parameters: dict[str, float] = {}
         self._trim_before_mps: float | None = None  # while it is changed
         self._trim_wanted_mps: float | None = None
@@ -117,6 +120,11 @@ class Px4FixedWing(Adapter):
     def left_behind_mode(self) -> int | None:
         """A second after the last setpoint: what COM_OBL_RC_ACT says."""
         return _LOST_STREAM_MODES.get(int(self._parameters.get(LOST_STREAM_PARAMETER, 0.0)))
+
+    @property
+    def loses_itself_in_climbs(self) -> bool:
+        """Up to 1.16: when a pilot takes over in a climb, or the companion dies in it, all becomes NaN."""
+        return self._version is None or self._version < _SURVIVES_CLIMBS_FROM
 
     def set_mode(self, custom_mode: int) -> Message:
         """DO_SET_MODE with main and sub mode."""
@@ -172,6 +180,8 @@ class Px4FixedWing(Adapter):
         super().observe(fact, now_s)
         if isinstance(fact, AttitudeTarget):
             self._learn_attitude(fact, now_s)
+        elif isinstance(fact, AutopilotVersion):
+            self._version = fact.major, fact.minor
         elif isinstance(fact, Parameter):
             self._parameters[fact.name] = fact.value
             if fact.name == _TRIM:

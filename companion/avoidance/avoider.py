@@ -49,13 +49,15 @@ class Avoider:
 
     The same inputs in the same order give the same decisions, bit for bit: there is no clock and no chance in
     here. `envelope` and `fence` may be replaced at any time, as limits become known; the fence is in the same
-    frame as everything else, and moves with it.
+    frame as everything else, and moves with it. `spares_heights` where the aircraft is at risk when somebody
+    else takes it in a climb or descent: then another height is flown only where a turn does not do.
     """
 
     def __init__(self, params: AvoidanceParams) -> None:
         self.params = params
         self.envelope = params.envelope
         self.fence: Fence | None = None
+        self.spares_heights = False
         self._refusals = Refusals()
         has_domain = params.outer_method in (OuterMethod.TRANSITION, OuterMethod.PRICED)
         self._domain = TransitionDomain(params.delta_beta_rad if has_domain else 0.0)
@@ -180,7 +182,8 @@ class Avoider:
         return not self.fence.breach(paths, until_s, until_s).deepest_m.any()
 
     def _bounded(self, situation: Situation) -> Situation:
-        """The same within the fence, and without what was refused."""
+        """The same within the fence, without what was refused, heights spared where that is safer."""
+        situation = replace(situation, spares_heights=self.spares_heights)
         if self.fence is None and not self._refusals.refused:
             return situation
         ahead_s = self._fence_look_ahead_s(situation.own)

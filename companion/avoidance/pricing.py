@@ -59,6 +59,9 @@ class CostWeights:
     unresolved: Annotated[float, Ge(0)] = 8.0
     height: Annotated[float, Ge(0)] = 0.8  # times the height off the mission's, per 100 m
     descent: Annotated[float, Ge(0)] = 0.2  # flat, for going below the mission: ground is there
+    # Flat, for leaving the mission's height where that is a risk of its own (`Avoider.spares_heights`): more
+    # than any turn costs, less than the loss of the protected volume.
+    spared_height: Annotated[float, Ge(0)] = 12.0
     speed: Annotated[float, Ge(0)] = 0.5  # times the speed off the mission's, per 10 m/s
     switch: Annotated[float, Ge(0)] = 2.0  # flat, for anything but what is flown already
     ease: Annotated[float, Ge(0)] = 0.6  # the same, for the same with less of it: nearer to the mission
@@ -96,6 +99,7 @@ class Situation:
     mission_then_m: Array | None = None
     refusals: Refusals = field(default_factory=Refusals)
     surprises: SurpriseParams = NO_SURPRISES
+    spares_heights: bool = False  # the mission's is left only where a turn does not do
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,5 +278,7 @@ def effort(situation: Situation, commands: Commands) -> Array:
         ground += weights.wrong_side * (off_course_rad < math.radians(-1.0))
     off_height_m = commands.altitude_m - mission.altitude_m
     height = weights.height / 100.0 * np.abs(off_height_m) + weights.descent * (off_height_m < -1.0)
+    if situation.spares_heights:
+        height += weights.spared_height * (np.abs(off_height_m) > _SAME_HEIGHT_M)
     cost: Array = ground[commands.ground_of] + height[commands.height_of]
     return cost

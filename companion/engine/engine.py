@@ -31,6 +31,7 @@ from companion.geofence import FenceZone, LocalFence
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import (
     AttitudeTarget,
+    AutopilotVersion,
     CommandRequest,
     CommandResult,
     Fact,
@@ -223,7 +224,7 @@ class Engine:
                 self._boot_time_s = fact.boot_time_s
             case CommandResult():
                 return self._receive_answer(fact, now_s)
-            case Parameter() | AttitudeTarget():
+            case Parameter() | AttitudeTarget() | AutopilotVersion():
                 self._tell_adapter(fact, now_s)
             case _:
                 pass
@@ -358,6 +359,8 @@ class Engine:
 
     def _limit(self, now_s: float) -> None:
         """The aircraft's envelope, with floor and ceiling of this place."""
+        adapter = self.aircraft.adapter
+        self._avoider.spares_heights = adapter is not None and adapter.loses_itself_in_climbs
         home_m = self.aircraft.home_altitude_m()
         if home_m is None:
             return

@@ -248,6 +248,8 @@ class AutopilotVersion:
 
     sender: Sender
     version: str
+    major: int
+    minor: int
     capabilities: int
 
 

@@ -6,9 +6,11 @@ import math
 import pytest
 
 from companion.engine import Effect, Engine, Transmit
-from companion.mavlink.dialect import mavlink
+from companion.mavlink.dialect import Message, mavlink
+from companion.supervisor import State
 from sim.closed_loop import ClosedLoop
 from sim.scenario import load_scenario
+from tests.closed_loop.watched import Watched
 
 
 def learnt(**parameters: float) -> ClosedLoop:
@@ -43,6 +45,27 @@ def test_what_is_predicted_of_a_climb_is_what_is_flown() -> None:
     assert flight.engagements == 1
     assert not encounter.lowc
     assert encounter.min_horizontal_m > 600.0, "around it, not over it"
+
+
+@pytest.mark.parametrize(("minor", "climbs"), [(16, False), (17, True)])
+def test_px4_that_loses_itself_in_climbs_turns(minor: int, climbs: bool) -> None:
+    """A pilot who takes over, or a companion that dies, must not find it in a climb, where a turn will do."""
+    loop = Watched(autopilot="px4")
+
+    def of_that_version(message: Message) -> Message:
+        if message.get_type() == "AUTOPILOT_VERSION":
+            message.flight_sw_version = 1 << 24 | minor << 16 | 255
+        return message
+
+    loop.altered = of_that_version
+    level_m, furthest_m = loop.world.vehicle.truth.position_m[2], 0.0
+    loop.until(State.OUTER)
+    while loop.state is not State.MONITOR:
+        loop.step()
+        furthest_m = max(furthest_m, abs(loop.world.vehicle.truth.position_m[2] - level_m))
+    assert (furthest_m > 50.0) is climbs
+    (encounter,) = loop.flight.score.encounters.values()
+    assert not encounter.lowc
 
 
 class Speeds(ClosedLoop):

@@ -113,7 +113,7 @@ def test_a_worker_killed_halfway_costs_nothing(tmp_path: Path) -> None:
         _, errors = flying.communicate(timeout=PATIENCE_S)
     assert (flying.returncode, errors) == (0, "")
     numbers = [result["number"] for result in read_results(tmp_path / "r.ndjson")]
-    assert sorted(numbers) == plan.numbers()
+    assert sorted(numbers) == list(plan.numbers())
     here = run(plan, tmp_path / "here.ndjson", Console(quiet=True))["avoiders"]["ardupilot"]
     there = json.loads((tmp_path / "r.json").read_text())["avoiders"]["ardupilot"]
     measured = {"decision_ms", "encounters_per_s"}

@@ -9,7 +9,7 @@ from companion.model import Layer
 from companion.supervisor import State
 from companion.traffic import TrafficParams
 from sim.scenario import Autopilot
-from tests.faulty_flight import GUIDED, MEET_AT_S, MISSION, FaultyFlight, faulty_flight
+from tests.faulty_flight import CLIMBS, GUIDED, MEET_AT_S, MISSION, FaultyFlight, faulty_flight
 from tests.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -64,7 +64,7 @@ async def test_while_the_position_is_old_what_is_flown_goes_on(autopilot: Autopi
 @pytest.mark.parametrize("below_m", [0.0, 30.0], ids=["level", "climbing"])
 @in_virtual_time
 async def test_without_a_position_the_aircraft_is_given_back(autopilot: Autopilot, below_m: float) -> None:
-    async with faulty_flight(autopilot, below_m=below_m) as flight:
+    async with faulty_flight(autopilot, below_m=below_m, engine=CLIMBS) as flight:
         await flight.engaged()
         await flight.fly(3.0)
         flight.vehicle.withhold(POSITION, True)

@@ -10,7 +10,7 @@ from companion.supervisor import State
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.server import VehicleServer
-from tests.faulty_flight import GUIDED, MISSION, FaultyFlight, faulty_flight, world_of
+from tests.faulty_flight import CLIMBS, GUIDED, MISSION, FaultyFlight, faulty_flight, world_of
 from tests.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -61,7 +61,7 @@ async def test_px4_holds_while_the_link_is_lost_and_is_taken_from_there(seconds:
 
 @in_virtual_time
 async def test_px4_that_lost_the_link_in_a_climb_has_lost_itself_and_is_recovered() -> None:
-    async with faulty_flight("px4", below_m=30.0) as flight:
+    async with faulty_flight("px4", below_m=30.0, engine=CLIMBS) as flight:
         await flight.engaged()
         await flight.fly(3.0)
         flight.receiver.deaf = True

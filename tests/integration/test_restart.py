@@ -66,11 +66,14 @@ class Aircraft:
 
 
 @contextlib.asynccontextmanager
-async def aircraft(autopilot: Autopilot, folder: Path, *, below_m: float = 0.0) -> AsyncIterator[Aircraft]:
+async def aircraft(
+    autopilot: Autopilot, folder: Path, *, below_m: float = 0.0, options: str = ""
+) -> AsyncIterator[Aircraft]:
     (port,) = free_ports(1)
     config = folder / "companion.yaml"
     config.write_text(
-        f"links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\nstate_file: {folder / 'state'}\n"
+        f"links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\n"
+        f"state_file: {folder / 'state'}\n{options}"
     )
     flight = Aircraft(config)
     await flight.start()
@@ -119,7 +122,8 @@ async def test_killed_while_it_flies_and_started_again_it_takes_up_again(
 
 
 async def test_px4_left_in_a_climb_has_lost_itself_and_is_recovered_by_the_next_run(tmp_path: Path) -> None:
-    async with aircraft("px4", tmp_path, below_m=30.0) as flight:
+    climbs = "avoidance: {weights: {spared_height: 0}}\n"
+    async with aircraft("px4", tmp_path, below_m=30.0, options=climbs) as flight:
         await flight.flown()
         await asyncio.sleep(1.5)
         await flight.end(signal.SIGKILL)

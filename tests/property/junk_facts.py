@@ -160,7 +160,7 @@ class Junk:
                     sender, pick.choice(commands), pick.randrange(11), pick.choice((None, US, GCS))
                 ),
                 Parameter(sender, pick.choice(PARAMETERS), self.number()),
-                AutopilotVersion(sender, "4.7", pick.randrange(2**32)),
+                AutopilotVersion(sender, "4.7", 4, 7, pick.randrange(2**32)),
                 SystemTime(sender, pick.choice((None, self.number(1.8e13)))),
             )
         )

@@ -9,7 +9,7 @@ from companion.autopilots import Px4FixedWing
 from companion.autopilots.adapter import Before, Flown
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
-from companion.mavlink.facts import AttitudeTarget, CommandResult, Parameter, Sender
+from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, CommandResult, Parameter, Sender
 from companion.model import Guidance
 
 TARGET = Sender(1, 1)
@@ -192,3 +192,14 @@ def test_a_speed_that_comes_again_after_it_was_put_back_is_put_back_again(adapte
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 12.2)
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 40.0)  # that is somebody's wish
     assert adapter.tick(40.1) == []
+
+
+@pytest.mark.parametrize(
+    ("version", "loses"), [(None, True), ((1, 16), True), ((1, 17), False), ((2, 0), False)]
+)
+def test_which_versions_lose_themselves_in_climbs(
+    adapter: Px4FixedWing, version: tuple[int, int] | None, loses: bool
+) -> None:
+    if version is not None:
+        adapter.observe(AutopilotVersion(TARGET, "", *version, capabilities=0), 1.0)
+    assert adapter.loses_itself_in_climbs is loses

@@ -102,6 +102,8 @@ def price_of(row: Guidance, at: Situation, others: Tracks) -> float:
     cost += weights.speed * abs(row.airspeed_mps - at.mission.airspeed_mps) / 10.0
     cost += weights.height * abs(row.altitude_m - at.mission.altitude_m) / 100.0
     cost += weights.descent if row.altitude_m < at.mission.altitude_m - 1.0 else 0.0
+    if at.spares_heights and abs(row.altitude_m - at.mission.altitude_m) > 5.0:
+        cost += weights.spared_height
     cost += weights.wrong_side if at.right_preferred and off < -math.radians(1.0) else 0.0
     return cost
 
@@ -188,7 +190,7 @@ def test_heights_over_and_under_stay_between_floor_and_ceiling() -> None:
 @pytest.mark.parametrize("nearness", [0.0, 10.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_every_price_is_that_of_brute_force(seed: int, nearness: float) -> None:
-    at = situation(weights=CostWeights(nearness=nearness))
+    at = situation(weights=CostWeights(nearness=nearness), spares_heights=seed % 2 == 1)
     others = traffic(np.random.default_rng(seed), 3, shell_m=300.0)
     priced = price(at, StrategyTable(TABLE).commands(at), others, None)
     for row in range(0, len(TABLE), 11):

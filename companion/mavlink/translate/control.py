@@ -40,8 +40,9 @@ def _system_time(message: Message, sender: Sender, _received_s: float) -> Fact:
 def _autopilot_version(message: Message, sender: Sender, _received_s: float) -> Fact:
     number = message.flight_sw_version
     release = _RELEASES.get(number & 0xFF, "")
-    version = f"{number >> 24 & 0xFF}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}{release}"
-    return AutopilotVersion(sender, version, message.capabilities)
+    major, minor = number >> 24 & 0xFF, number >> 16 & 0xFF
+    version = f"{major}.{minor}.{number >> 8 & 0xFF}{release}"
+    return AutopilotVersion(sender, version, major, minor, message.capabilities)
 
 
 def _command_request(message: Message, sender: Sender, _received_s: float) -> Fact:
