@@ -101,3 +101,15 @@ def _check_network(text: str, address: NetworkAddress) -> None:
         raise LinkError(f"{text}: {address.port} is no port to send to")
     if address.kind is NetworkKind.UDP_OUT and address.listen_only:
         raise LinkError(f"{text}: who sends nothing by udpout is never answered; use udpin to listen")
+
+
+def host_and_port(listen: str) -> tuple[str, int]:
+    """HOST:PORT apart, IPv6 in brackets; `ValueError` when it is something else."""
+    host, _, port = listen.rpartition(":")
+    if host.startswith("[") and host.endswith("]"):
+        host = host[1:-1]
+    elif ":" in host:
+        raise ValueError("an IPv6 address needs brackets: [::1]:8080")
+    if not host or not (port.isascii() and port.isdigit()) or not 0 < int(port) < 65_536:
+        raise ValueError("must be HOST:PORT")
+    return host, int(port)

@@ -7,16 +7,17 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion import __version__
-from companion.config import Config, describe, load_config, load_obstacles
+from companion.address import host_and_port
+from companion.config import Config, WebParams, describe, load_config, load_obstacles
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
 from companion.keeper import Keeper
@@ -29,6 +30,11 @@ from companion.runtime import Runtime
 from companion.supervisor import printed
 from companion.traffic.obstacles import Obstacle
 from companion.watchdog import Watchdog
+from companion.web import Display
+from companion.web.settings import SHORTEST_TOKEN, Settings
+
+if TYPE_CHECKING:
+    from companion.web.cinema import Cinema
 
 app = typer.Typer(
     help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
@@ -46,7 +52,10 @@ ReportFile = Annotated[
 
 
 @app.command(epilog="Example: companion run configs/arduplane.yaml")
-def run(config_file: ConfigFile) -> None:
+def run(
+    config_file: ConfigFile,
+    no_web: Annotated[bool, typer.Option("--no-web", help="No live display in the browser.")] = False,
+) -> None:
     """Fly: listen to the autopilot, avoid traffic, give the aircraft back. Ends on Ctrl-C or SIGTERM.
 
     The links of CONFIG are udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or
@@ -54,10 +63,25 @@ def run(config_file: ConfigFile) -> None:
     """
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
-    asyncio.run(_run(config, load_obstacles(config)))
+    display = None if no_web or not config.web.enabled else Display(_display_settings(config))
+    asyncio.run(_run(config, load_obstacles(config), display))
 
 
-async def _run(config: Config, obstacles: tuple[Obstacle, ...]) -> None:
+def _display_settings(config: Config) -> Settings:
+    """Where the display listens, and who gives orders by it; `ConfigError` when the token cannot be read."""
+    host, port = host_and_port(config.web.listen)
+    token_file, token = config.web.token_file, None
+    if token_file is not None:
+        try:
+            token = token_file.read_text(encoding="utf-8").partition("\n")[0].strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"web.token_file {token_file}: cannot be read: {error}") from error
+        if len(token) < SHORTEST_TOKEN:
+            raise ConfigError(f"web.token_file {token_file}: must have at least {SHORTEST_TOKEN} characters")
+    return Settings(host, port, token, config.web.origins)
+
+
+async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display | None) -> None:
     log = logging.getLogger("companion")
     links = [open_link(address) for address in config.links]
     await open_at_start(links)
@@ -65,7 +89,7 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...]) -> None:
     recorder = _recorder(config, log)
     engine, watchdog = Engine(config.for_engine(obstacles)), Watchdog(os.environ)
     keeper = Keeper(config.state_file)
-    runtime = Runtime(engine, links, recorder=recorder, watchdog=watchdog, keeper=keeper)
+    runtime = Runtime(engine, links, recorder=recorder, watchdog=watchdog, keeper=keeper, display=display)
     await runtime.run(on_signals=True)
 
 
@@ -142,10 +166,17 @@ def replay_command(
         typer.Option("--decisions", metavar="OUT.jsonl", help="Write every decision, one JSON line each."),
     ] = None,
     report: ReportFile = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="Then show it in the browser, until Ctrl-C: play, pause, scrub.")
+    ] = False,
+    listen_at: Annotated[
+        str | None, typer.Option("--listen", metavar="HOST:PORT", help="Where, with --web.")
+    ] = None,
 ) -> None:
     """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
     config = None if config_file is None else load_config(config_file)
     engine = Engine(None if config is None else config.for_engine(load_obstacles(config)))
+    cinema = _cinema(engine, _replay_settings(log, config, listen_at)) if web else None
     console = Console(highlight=False)
     with ExitStack() as stack:
         on_decision: Callable[[str], object] = _ignore
@@ -154,10 +185,35 @@ def replay_command(
         on_progress: Callable[[int], object] = _ignore
         if console.is_terminal:
             on_progress = stack.enter_context(_ProgressBar(console, log))
-        result = replay(log, engine, on_decision=on_decision, on_progress=on_progress)
+        on_moment = _ignore_both if cinema is None else cinema.take
+        result = replay(log, engine, on_decision=on_decision, on_moment=on_moment, on_progress=on_progress)
     _print_replay(console, log, result)
     if report is not None:
         writable(report).write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
+    if cinema is not None:
+        console.print(f"{cinema.settings.url}  (Ctrl-C ends)", markup=False)
+        with suppress(KeyboardInterrupt):
+            asyncio.run(cinema.show())
+
+
+def _cinema(engine: Engine, settings: Settings) -> "Cinema":
+    """Where a replay is shown. A companion that starts in flight must not wait for a web server's imports."""
+    from companion.web.cinema import Cinema
+
+    return Cinema(engine, settings)
+
+
+def _replay_settings(log: Path, config: Config | None, listen_at: str | None) -> Settings:
+    where = listen_at or (WebParams() if config is None else config.web).listen
+    try:
+        host, port = host_and_port(where)
+    except ValueError as error:
+        raise ConfigError(f"--listen {where}: {error}") from error
+    return Settings(host, port, title=log.name)
+
+
+def _ignore_both(_: float, __: float) -> None:
+    return None
 
 
 def _ignore(_: object) -> None:

@@ -75,12 +75,14 @@ def replay(
     engine: Engine,
     *,
     on_decision: Callable[[str], object] = lambda _line: None,
+    on_moment: Callable[[float, float], object] = lambda _since_s, _now_s: None,
     on_progress: Callable[[int], object] = lambda _bytes: None,
 ) -> Replay:
     """Drive the engine by a log; `LogError` when it cannot be read.
 
     What the companion itself sent, when it recorded the log, moves the clock and nothing else: the engine
-    knows its own address. `on_progress` is told how many bytes of the log are read.
+    knows its own address. `on_progress` is told how many bytes of the log are read, `on_moment` after every
+    tick with a position the time since the start and the engine's own [s].
     """
     result = Replay()
     started_s = time.perf_counter()
@@ -89,14 +91,15 @@ def replay(
 
     def perform(time_us: int, effects: Sequence[Effect]) -> None:
         nonlocal last
+        since_s = (time_us - (first_us or time_us)) / 1e6
         for effect in effects:
             if not isinstance(effect, Record):
                 continue
             on_decision(effect.line)
             decision = engine.decision
             result.layers[decision.layer] += 1
+            on_moment(since_s, time_us / 1e6)
             if decision.layer is not last:
-                since_s = (time_us - (first_us or time_us)) / 1e6
                 result.events.append((since_s, decision.layer, decision.because))
                 last = decision.layer
 

@@ -17,12 +17,15 @@ from companion.errors import CompanionError
 from companion.keeper import Keeper
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
-from companion.mavlink.framing import Frame
+from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.order import Order
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.recorder import Recorder
-from companion.supervisor import State
+from companion.supervisor import Role, State
 from companion.watchdog import Watchdog
+from companion.web import Display
+from companion.web.loop_times import LoopTimes
+from companion.web.moment import Health
 
 _log = logging.getLogger("companion")
 
@@ -31,6 +34,8 @@ _LONGEST_GIVING_BACK_US = 8_000_000
 _LETTING_GO_S, _LETTING_GO_TIMES = 1.4, 14
 _SILENCE_TOLD_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
+# What a browser asks for comes from this component of our system.
+_BROWSER = mavlink.MAV_COMP_ID_USER1
 
 
 class Runtime:
@@ -48,6 +53,7 @@ class Runtime:
         clock: Clock | None = None,
         watchdog: Watchdog | None = None,
         keeper: Keeper | None = None,
+        display: Display | None = None,
     ) -> None:
         self.engine = engine
         self.links = list(links)
@@ -59,6 +65,11 @@ class Runtime:
         self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
         self._watchdog = watchdog or Watchdog({})
         self._keeper = keeper
+        self._display = display
+        if display is not None:
+            display.on_role = self._ask_for_role
+        self._times = LoopTimes()
+        self._started_s = time.monotonic()
         self._encoder = Encoder()
         self._orders: dict[str, Order] = {}  # by link: each counts for itself
         self._arrived_s: float | None = None
@@ -101,6 +112,8 @@ class Runtime:
                 ]
                 if self.recorder is not None:
                     owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
+                if self._display is not None:
+                    owned.append(tasks.create_task(self._owned(self._display.run()), name="display"))
                 owned.append(tasks.create_task(self._owned(self._watch_silence()), name="silence"))
                 await self._tick_until_stopped()
                 for task in owned:
@@ -138,8 +151,47 @@ class Runtime:
 
     def _tick(self) -> None:
         """Make the ticks that are due; who watches us hears of it."""
-        self._stepper.advance(self.clock.now_us())
+        self._advance(self.clock.now_us())
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
+
+    def _advance(self, now_us: int) -> None:
+        """The ticks that are due, measured and shown."""
+        ticks, begun_s = self._stepper.ticks, time.perf_counter()
+        self._stepper.advance(now_us)
+        if self._stepper.ticks > ticks:
+            self._times.observe(time.perf_counter() - begun_s)
+            if self._display is not None:
+                self._display.show(self.engine, now_us / 1e6, self._health)
+
+    def _health(self) -> Health:
+        return Health.of(
+            time.monotonic() - self._started_s,
+            self._times,
+            self.links,
+            skipped_ticks=self._stepper.skipped_ticks,
+            unusable=self.unusable,
+            setpoints_sent=self.setpoints_sent,
+            recording_problem=None if self.recorder is None else self.recorder.problem,
+        )
+
+    def _ask_for_role(self, name: str) -> None:
+        """A browser asks for another role: by a message like a ground station's, so that it is recorded."""
+        role = Role.__members__.get(name.upper())
+        if role is None:
+            return
+        us = self.engine.sender
+        message = mavlink.MAVLink_command_long_message(
+            us.system_id,
+            us.component_id,
+            mavlink.MAV_CMD_DO_SET_MODE,
+            0,
+            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            role,
+            *[0.0] * 5,
+        )
+        raw = self._encoder.encode(message, us.system_id, _BROWSER)
+        frames = FrameSplitter().feed_datagram(raw)
+        self._guarded(lambda: self._take_in(frames, Order()))
 
     def _ask_back(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
@@ -180,7 +232,7 @@ class Runtime:
         self._arrived_s = time.perf_counter()
         for frame in frames:
             # The ticks that are due come before this frame, in the record too.
-            self._stepper.advance(now_us)
+            self._advance(now_us)
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
             # A mode that is not any more would look as if somebody had chosen it.

@@ -19,6 +19,7 @@ from rich.table import Table
 from companion.cli import guarded, writable
 from companion.errors import CompanionError, ConfigError, LinkError
 from companion.links import open_link
+from companion.web.settings import Settings
 from sim.bench import run as run_bench
 from sim.campaign.plan import Part, Plan
 from sim.clock import ScaledClock
@@ -82,9 +83,7 @@ def demo(
     report: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")
     ] = None,
-    _no_web: Annotated[
-        bool, typer.Option("--no-web", help="No display in the browser (this version has none).")
-    ] = False,
+    no_web: Annotated[bool, typer.Option("--no-web", help="No live display in the browser.")] = False,
 ) -> None:
     """Fly a mission among traffic, over real sockets.
 
@@ -98,6 +97,7 @@ def demo(
         avoidance=not no_avoidance,
         record=record,
         autopilot=autopilot.value,
+        display=None if no_web else Settings(title=f"Demonstration: {scenario}"),
     )
     console = Console(highlight=False)
     with DemoView(console) as view:

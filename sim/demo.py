@@ -17,6 +17,8 @@ from companion.mavlink.dialect import Encoder
 from companion.model import Snapshot
 from companion.recorder import Recorder
 from companion.runtime import Runtime
+from companion.web import Display
+from companion.web.settings import Settings
 from sim.clock import ScaledClock
 from sim.metrics import FlightScore, score_of
 from sim.scenario import Autopilot, Scenario, World, build_world
@@ -29,12 +31,13 @@ _RECEIVER_PERIOD_S = 0.05
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """How to fly it. `record` is a folder, or `None` for no recording."""
+    """How to fly it. `record` is a folder, `display` where to show it; `None`: neither."""
 
     scenario: Scenario
     speedup: float = 8.0
     avoidance: bool = True
     record: Path | None = None
+    display: Settings | None = None
     engine: EngineConfig = field(default_factory=EngineConfig)
     seed: int = 0
     autopilot: Autopilot = "ardupilot"
@@ -130,7 +133,9 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
         if options.record is not None:
             recorder = Recorder(options.record, time.time())
         link = open_link(f"udpin:127.0.0.1:{to_companion}")
-        runtime = Runtime(Engine(options.engine), [link], recorder=recorder, clock=clock)
+        display = None if options.display is None else Display(options.display)
+        engine = Engine(options.engine)
+        runtime = Runtime(engine, [link], recorder=recorder, clock=clock, display=display)
     recording = None if recorder is None else recorder.tlog_path
     state = DemoState(options, world, score, clock, world.vehicle.truth, runtime, recording)
     server = VehicleServer(

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import MinLen
 from pydantic import AfterValidator
 
-from companion.address import parse_address
+from companion.address import host_and_port, parse_address
 from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
 from companion.avoidance import AvoidanceParams
 from companion.engine import AircraftLimits, EngineConfig, EngineParams
@@ -40,6 +40,24 @@ class RecordingParams:
     directory: Path = Path("recordings")
 
 
+def _is_listening_place(text: str) -> str:
+    host_and_port(text)
+    return text
+
+
+@dataclass(frozen=True, slots=True)
+class WebParams:
+    """The live display: where it listens, who may change the role by it, whose pages may look."""
+
+    enabled: bool = True
+    # Beyond loopback only when told so here: whoever reaches this address sees everything.
+    listen: Annotated[str, AfterValidator(_is_listening_place)] = "127.0.0.1:8080"
+    # The first line of this file lets a browser change the role; without it the display is read-only.
+    token_file: Path | None = None
+    # Origins (https://ground.example) of pages besides our own that may open the stream.
+    origins: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Config:
     """Everything that `companion run` needs to know."""
@@ -52,6 +70,7 @@ class Config:
     # Which adapter flies the aircraft: "auto" goes by the autopilot's heartbeat.
     autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     recording: RecordingParams = field(default_factory=RecordingParams)
+    web: WebParams = field(default_factory=WebParams)
     # What a run that is killed while it flies the aircraft leaves to the next, which then gives it back.
     state_file: Path = Path("companion.state")
     engine: EngineParams = field(default_factory=EngineParams)

@@ -78,6 +78,8 @@ class Authority:
         self._was_guided = False  # since the last take-over was begun
         self._against_us = False  # somebody sent the aircraft on its mission while we flew it
         self._abandoned = 0
+        self.engagements = 0  # how often it was taken over
+        self.rejections = 0  # commands that were refused, or never answered
         self._ready_since_s: float | None = None
         self._not_before_s = -math.inf
         self._given_back_s = -math.inf
@@ -280,6 +282,7 @@ class Authority:
         if aircraft.guided:
             self._request, self._was_guided, self._taken_s = None, True, now_s
             self._flew_last = True
+            self.engagements += 1
             self.supervisor.handle(Event.TAKEN)
             self.supervisor.handle(self._conflict())
             return []
@@ -312,9 +315,11 @@ class Authority:
             self.supervisor.handle(Event.CLEAR)
             told = self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {lost}", now_s)
             return [*self._release(now_s), *told]
+        refusals = self._adapter().refusals()
+        self.rejections += len(refusals)
         refused = [
             effect
-            for words in self._adapter().refusals()
+            for words in refusals
             for effect in self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
         ]
         if self._adapter().poisoned(now_s):

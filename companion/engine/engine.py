@@ -162,6 +162,26 @@ class Engine:
         return self._authority.supervisor
 
     @property
+    def avoider(self) -> Avoider:
+        """What decides, with the limits and volumes in effect."""
+        return self._avoider
+
+    @property
+    def frame(self) -> LocalFrame | None:
+        """The local frame of the moment; it moves along with the aircraft."""
+        return self._frame
+
+    @property
+    def engagements(self) -> int:
+        """How often the aircraft was taken over."""
+        return self._authority.engagements
+
+    @property
+    def rejections(self) -> int:
+        """How many of our commands the autopilot refused or never answered."""
+        return self._authority.rejections
+
+    @property
     def rates_hz(self) -> dict[int, float]:
         """How often each measured message came lately, by its id."""
         return self._rates.measured_hz

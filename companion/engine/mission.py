@@ -41,8 +41,20 @@ class Mission:
     def destination(self, sequence: int, home_altitude_m: float | None) -> GeoPoint | None:
         """Where the item leads to, height above mean sea level; `None` when it does not say both."""
         at = self._navigation(sequence)
-        item = None if at is None else self.items[at]
-        if item is None or item.lat_deg is None or item.lon_deg is None or item.height_m is None:
+        return None if at is None else self._place(self.items[at], home_altitude_m)
+
+    def places(self, home_altitude_m: float | None) -> list[tuple[int, GeoPoint]]:
+        """All that is flown to, with its number; without those that do not say where."""
+        found = [
+            (at, self._place(item, home_altitude_m))
+            for at, item in enumerate(self.items)
+            if item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO
+        ]
+        return [(at, place) for at, place in found if place is not None]
+
+    @staticmethod
+    def _place(item: MissionItem, home_altitude_m: float | None) -> GeoPoint | None:
+        if item.lat_deg is None or item.lon_deg is None or item.height_m is None:
             return None
         if item.height_above is HeightAbove.SEA:
             return GeoPoint(item.lat_deg, item.lon_deg, item.height_m)

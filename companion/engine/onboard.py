@@ -87,6 +87,11 @@ class Onboard:
         return self._parameters.values
 
     @property
+    def zones(self) -> tuple[FenceZone, ...]:
+        """The zones of the configuration, and those of the autopilot's own fence."""
+        return *self._configured_zones, *self._uploaded_zones
+
+    @property
     def complete(self) -> bool:
         """Whether all limits are answered or given up, and the lists read."""
         if self._adapter is None or self._missions.mission is None or self._missions.fence is None:

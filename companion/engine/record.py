@@ -3,24 +3,17 @@
 import json
 import math
 
-from companion.model import Decision, Ownship, Threat
+from companion.model import Decision, Guidance, Ownship, Threat
 from companion.units import course_deg
 
 
 def decision_line(time_s: float, decision: Decision, own: Ownship | None, tracks: int) -> str:
     """One line, without the newline; the same decision gives the same bytes."""
-    guidance = decision.guidance
     record = {
         "time_us": round(time_s * 1e6),
         "layer": str(decision.layer),
-        "guidance": None
-        if guidance is None
-        else {
-            "course_deg": round(course_deg(guidance.course_rad), 2),
-            "airspeed_mps": round(guidance.airspeed_mps, 2),
-            "altitude_m": round(guidance.altitude_m, 1),
-        },
-        "threats": [_threat(threat) for threat in decision.threats],
+        "guidance": guidance_of(decision.guidance),
+        "threats": [threat_of(threat) for threat in decision.threats],
         "tracks": tracks,
         "own": None
         if own is None
@@ -36,7 +29,19 @@ def decision_line(time_s: float, decision: Decision, own: Ownship | None, tracks
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
 
 
-def _threat(threat: Threat) -> dict[str, object]:
+def guidance_of(guidance: Guidance | None) -> dict[str, object] | None:
+    """What is commanded; `None` is the mission."""
+    if guidance is None:
+        return None
+    return {
+        "course_deg": round(course_deg(guidance.course_rad), 2),
+        "airspeed_mps": round(guidance.airspeed_mps, 2),
+        "altitude_m": round(guidance.altitude_m, 1),
+    }
+
+
+def threat_of(threat: Threat) -> dict[str, object]:
+    """A threat as it was seen when decided."""
     to_closest_s = threat.time_to_closest_s
     return {
         "track": threat.track_id,

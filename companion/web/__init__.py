@@ -1,0 +1,5 @@
+"""The live display in a browser, the state for programs, and metrics; in a process of its own."""
+
+from companion.web.display import Display
+
+__all__ = ["Display"]

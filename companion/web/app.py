@@ -1,0 +1,197 @@
+"""The application: the page, the state, health and metrics; and the one order that can be given.
+
+| address | what |
+|---|---|
+| `GET /` | the display |
+| `GET /api/state` | one state, see `companion.web.state`; 503 while there is none |
+| `WS /ws` | states as they come, ten a second; who is slow misses some |
+| `GET /api/info` | what is shown: `kind` (live, replay), `title`, `duration_s`, `may_command` |
+| `GET /api/timeline` | of a replay, when the layer changed |
+| `POST /api/role` | `{"role": "off"|"advise"|"fly"}` with `Authorization: Bearer TOKEN` |
+| `GET /healthz` | 200 while the flying loop tells what it does, else 503 |
+| `GET /metrics` | for Prometheus |
+"""
+
+import asyncio
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from companion.supervisor import Role
+from companion.web.gate import Gate, has_token
+from companion.web.metrics import Metrics
+from companion.web.settings import Settings
+from companion.web.source import Live, Source, View
+
+STATIC = Path(__file__).parent / "static"
+MOST_VIEWERS = 64
+_MOST_BODY_BYTES = 1024
+# So long a role that was asked for may take to be in effect.
+_ROLE_PATIENCE_S = 2.0
+_LONGEST_WISH = 256
+_TOO_MANY = 1013
+
+
+def build(source: Source, settings: Settings, ask_role: Callable[[str], None] = lambda _: None) -> Starlette:
+    """The application over a source of states; `ask_role` passes an order on."""
+    return _Pages(source, settings, ask_role).app()
+
+
+class _Pages:
+    def __init__(self, source: Source, settings: Settings, ask_role: Callable[[str], None]) -> None:
+        self._source = source
+        self._settings = settings
+        self._ask_role = ask_role
+        self._viewers = 0
+        self._metrics = Metrics(source, lambda: self._viewers) if isinstance(source, Live) else None
+
+    def app(self) -> Starlette:
+        return Starlette(
+            routes=[
+                Route("/", self._index),
+                Route("/api/state", self._state),
+                Route("/api/info", self._info),
+                Route("/api/timeline", self._timeline),
+                Route("/api/role", self._role, methods=["POST"]),
+                Route("/healthz", self._health),
+                Route("/metrics", self._prometheus),
+                WebSocketRoute("/ws", self._stream),
+                Mount("/static", StaticFiles(directory=STATIC)),
+            ],
+            middleware=[Middleware(Gate, settings=self._settings)],
+            exception_handlers={404: _not_found, 405: _not_so},
+        )
+
+    async def _index(self, _: Request) -> Response:
+        return FileResponse(STATIC / "index.html")
+
+    async def _state(self, _: Request) -> Response:
+        text = self._source.newest()
+        if text is None:
+            return _error(503, "nothing is known yet")
+        return Response(text, media_type="application/json")
+
+    async def _info(self, _: Request) -> Response:
+        return JSONResponse(
+            {
+                "kind": self._source.kind,
+                "title": self._settings.title,
+                "duration_s": self._source.duration_s,
+                "may_command": self._settings.token is not None and self._metrics is not None,
+            }
+        )
+
+    async def _timeline(self, _: Request) -> Response:
+        return JSONResponse({"layers": self._source.layers()})
+
+    async def _health(self, _: Request) -> Response:
+        if not isinstance(self._source, Live):
+            return JSONResponse({"status": "ok", "kind": self._source.kind})
+        if not self._source.is_fresh:
+            return JSONResponse({"status": "the flying loop is silent"}, status_code=503)
+        moment = self._source.moment
+        heard = moment is not None and moment.autopilot is not None
+        return JSONResponse({"status": "ok", "kind": "live", "autopilot_known": heard})
+
+    async def _prometheus(self, _: Request) -> Response:
+        if self._metrics is None:
+            return _error(404, "a replay has no metrics")
+        return Response(self._metrics.text(), media_type="text/plain; version=1.0.0; charset=utf-8")
+
+    async def _role(self, request: Request) -> Response:
+        if not isinstance(self._source, Live) or self._settings.token is None:
+            return _error(403, "this display is read-only: no token is configured")
+        if not has_token(request.headers.get("authorization"), self._settings):
+            return _error(401, "the token is missing or wrong")
+        wish = await _small_json(request)
+        role = None if wish is None else wish.get("role")
+        if not isinstance(role, str) or role.upper() not in Role.__members__:
+            return _error(400, f"role must be one of {', '.join(r.name.lower() for r in Role)}")
+        self._ask_role(role)
+        if await self._comes_into_effect(self._source, role):
+            return JSONResponse({"role": role})
+        return _error(409, f"{role} did not come into effect: not allowed, or the flying loop is silent")
+
+    @staticmethod
+    async def _comes_into_effect(source: Live, role: str) -> bool:
+        try:
+            async with asyncio.timeout(_ROLE_PATIENCE_S):
+                while source.moment is None or source.moment.role != role:
+                    await source.changed.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    async def _stream(self, socket: WebSocket) -> None:
+        if self._viewers >= MOST_VIEWERS:
+            await socket.close(_TOO_MANY, "too many viewers")
+            return
+        self._viewers += 1
+        try:
+            await socket.accept()
+            view = self._source.view()
+            hearing = asyncio.create_task(_hear(socket, view), name="viewer's wishes")
+            showing = asyncio.create_task(_show(socket, view), name="viewer's states")
+            await asyncio.wait({hearing, showing}, return_when=asyncio.FIRST_COMPLETED)
+            for task in (hearing, showing):
+                task.cancel()
+            await asyncio.gather(hearing, showing, return_exceptions=True)
+        finally:
+            self._viewers -= 1
+
+
+async def _show(socket: WebSocket, view: View) -> None:
+    async for text in view.states():
+        await socket.send_text(text)
+
+
+async def _hear(socket: WebSocket, view: View) -> None:
+    """Wishes until the viewer is gone; what is none is passed over, and too long is the end."""
+    while True:
+        try:
+            text = await socket.receive_text()
+        except (WebSocketDisconnect, KeyError):  # KeyError: a frame of bytes
+            return
+        if len(text) > _LONGEST_WISH:
+            await socket.close(1009)
+            return
+        try:
+            wish = json.loads(text)
+        except (ValueError, RecursionError):
+            continue
+        if isinstance(wish, dict):
+            view.ask(wish)
+
+
+async def _small_json(request: Request) -> Mapping[str, Any] | None:
+    body = b""
+    async for piece in request.stream():
+        body += piece
+        if len(body) > _MOST_BODY_BYTES:
+            return None
+    try:
+        wish = json.loads(body)
+    except (ValueError, RecursionError):
+        return None
+    return wish if isinstance(wish, dict) else None
+
+
+def _error(status: int, words: str) -> Response:
+    return JSONResponse({"error": words}, status_code=status)
+
+
+async def _not_found(_: Request, __: Exception) -> Response:
+    return _error(404, "there is nothing here")
+
+
+async def _not_so(_: Request, __: Exception) -> Response:
+    return _error(405, "not by this method")

@@ -1,0 +1,120 @@
+"""The flying process' end of the display: starts it, feeds it, and never waits for it.
+
+The display is a process of its own: however many browsers ask, and whatever goes wrong there, the flying loop
+shares neither its interpreter nor its file descriptors. A moment that finds the pipe still full is left out.
+"""
+
+import asyncio
+import json
+import logging
+import sys
+import time
+from collections.abc import Callable
+
+from companion.engine import Engine
+from companion.links.backoff import Backoff
+from companion.web.moment import Health, moment_of
+from companion.web.pipe import packed
+from companion.web.settings import Settings
+
+_log = logging.getLogger("companion")
+
+_SHORTEST_INTERVAL_S = 0.08  # a clock that runs faster than the wall's makes more ticks than anybody can see
+_STEADY_AFTER_S = 2.0
+_LONGEST_LINE_BYTES = 4096
+_PATIENCE_AT_END_S = 1.0
+
+
+class Display:
+    """Shows what it is given; `on_role` hears the role that a browser with the token asks for."""
+
+    def __init__(self, settings: Settings, on_role: Callable[[str], None] = lambda _: None) -> None:
+        self.settings = settings
+        self.on_role = on_role
+        self.dropped = 0
+        self._pipe: asyncio.StreamWriter | None = None
+        self._shown_s = -1.0
+        self._broken = False
+        self._backoff = Backoff()
+
+    def show(self, engine: Engine, now_s: float, health: Callable[[], Health]) -> None:
+        """Show this moment, if there is room for it now."""
+        pipe, wall_s = self._pipe, time.monotonic()
+        if pipe is None or self._broken or wall_s - self._shown_s < _SHORTEST_INTERVAL_S:
+            return
+        self._shown_s = wall_s
+        if pipe.transport.get_write_buffer_size() > 0:
+            self.dropped += 1
+            return
+        try:
+            pipe.write(packed(moment_of(engine, now_s, health())))
+        except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
+            # A display that cannot be drawn is no reason to give the aircraft back: it is only switched off.
+            self._broken = True
+            _log.exception("display: switched off")
+
+    async def run(self) -> None:
+        """Keep the display's process alive until cancelled; a failure is told once, and tried again."""
+        while True:
+            self._backoff.opening()
+            self._backoff.opened(time.monotonic())
+            problem = await self._run_once()
+            level = self._backoff.failed(time.monotonic())
+            _log.log(level, "display: %s; flying on without it, trying again", problem)
+            await asyncio.sleep(self._backoff.wait_s(time.monotonic()))
+
+    async def _run_once(self) -> str:
+        """Until it ends; why it did."""
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            "companion.web",
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+            limit=_LONGEST_LINE_BYTES,
+            start_new_session=True,  # a Ctrl-C is for us: it ends when we do
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        problem = "it ended"
+        try:
+            process.stdin.write(packed(self.settings))
+            self._pipe = process.stdin
+            while line := await process.stdout.readline():
+                problem = self._hear(line) or problem
+        except (OSError, ValueError) as error:
+            problem = str(error)
+        finally:
+            self._pipe = None
+            process.stdin.close()
+            await _ended(process)
+        return problem
+
+    def _hear(self, line: bytes) -> str | None:
+        """Do what a line from the display says; its problem, if it is one."""
+        try:
+            said = json.loads(line)
+        except ValueError:
+            return None
+        match said:
+            case {"serving": str(url)}:
+                _log.info("display: %s", url)
+            case {"role": str(role)}:
+                self.on_role(role)
+            case {"problem": str(problem)}:
+                return problem
+            case _:
+                pass
+        return None
+
+
+async def _ended(process: asyncio.subprocess.Process) -> None:
+    """Its pipe is closed, so it ends by itself; else it is ended."""
+    try:
+        async with asyncio.timeout(_PATIENCE_AT_END_S):
+            await process.wait()
+    except (TimeoutError, asyncio.CancelledError):
+        if process.returncode is None:
+            process.kill()
+        await process.wait()

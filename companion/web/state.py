@@ -1,0 +1,245 @@
+"""A moment as JSON for pages and programs: units in the names, degrees, numbers rounded to their worth.
+
+`GET /api/state` is one of these, `/ws` a stream of them. `null` is unknown. `north_m` and `east_m` are in a
+local frame that moves along with the aircraft: they are good for differences within one state. `lat_deg` and
+`lon_deg` are WGS 84, `altitude_m` is above mean sea level, courses and bearings are clockwise from north.
+
+| key | what |
+|---|---|
+| `version`, `sequence`, `time_unix_s` | of this format; counts up by one per state; the engine's clock |
+| `aircraft` | the autopilot, its firmware, mode, whether armed |
+| `companion` | `role` (off, advise, fly), the supervisor's `state`, whether it is `flying`, its last words |
+| `own`, `goal` | our aircraft; what the mission wants of it |
+| `decision` | `layer`, `guidance` (null: the mission), `threats`, the reason in words |
+| `predicted` | our path ahead, [north, east, altitude] every five seconds for a minute |
+| `volumes` | reach of the two layers around us, and well clear |
+| `cones` | collision cones of the threats, with the transition domain (paper, section 3.1) |
+| `tracks` | the traffic; `level` is how a TCAS would show it |
+| `mission`, `fences` | as read from the autopilot, fences of the configuration too |
+| `links`, `service` | how the links and the service do |
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from companion.avoidance.cone import approach_angle_rad, half_angle_rad
+from companion.avoidance.prediction import TIMES_S, Commands, fly_ahead
+from companion.avoidance.survey import mission_of, own_state
+from companion.engine.record import guidance_of, threat_of
+from companion.geodesy import LocalFrame
+from companion.geofence import FenceZone
+from companion.model import Goal, Layer, Ownship, Snapshot, Threat, Track
+from companion.units import course_deg
+from companion.web.moment import Moment
+from companion.web.trends import Trends
+
+VERSION = 1
+_PREDICTED_S = np.arange(0.0, 61.0, 5.0)
+# TCAS shows traffic within 6 NM and 1200 ft filled; among small aircraft this is as near.
+_NEAR_LAYERS, _NEAR_HEIGHT_M = 2.0, 366.0
+_CIRCLE_CORNERS = 48
+
+
+def state_of(moment: Moment, sequence: int, trends: Trends) -> dict[str, Any]:
+    """The state at one moment; `trends` must have been shown the moments before."""
+    shot = moment.snapshot
+    return {
+        "version": VERSION,
+        "sequence": sequence,
+        "time_unix_s": round(shot.time_s, 3),
+        "aircraft": {
+            "autopilot": moment.autopilot,
+            "firmware": moment.firmware,
+            "system_id": moment.system_id,
+            "mode": shot.mode,
+            "armed": shot.armed,
+        },
+        "companion": {
+            "role": moment.role,
+            "state": shot.state,
+            "flying": moment.flying,
+            "last_text": shot.last_text,
+        },
+        "own": _own(shot.ownship, moment),
+        "goal": _goal(shot.goal),
+        "decision": {
+            "layer": str(shot.decision.layer),
+            "because": shot.decision.because,
+            "guidance": guidance_of(shot.decision.guidance),
+            "threats": [threat_of(threat) for threat in shot.decision.threats],
+        },
+        "predicted": _predicted(moment),
+        "volumes": {
+            "outer_m": round(moment.avoidance.outer_radius_m),
+            "inner_m": round(moment.avoidance.inner_radius_m),
+            "well_clear_horizontal_m": round(moment.avoidance.well_clear_horizontal_m, 1),
+            "well_clear_vertical_m": round(moment.avoidance.well_clear_vertical_m, 1),
+        },
+        "cones": _cones(moment),
+        "tracks": [_track(track, shot, moment) for track in shot.tracks],
+        "mission": _mission(moment),
+        "fences": [_fence(zone) for zone in moment.zones],
+        "links": trends.links(),
+        "service": {
+            "uptime_s": round(moment.health.uptime_s, 1),
+            "tick_ms_p99": trends.tick_ms_p99(),
+            "position_age_s": _or_none(moment.position_age_s, 2),
+            "recording_problem": moment.health.recording_problem,
+        },
+    }
+
+
+def _deg(angle_rad: float) -> float:
+    """A course or bearing in degrees, 0 to 359.9."""
+    return round(course_deg(angle_rad), 1) % 360.0
+
+
+def _or_none(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None
+
+
+def _own(own: Ownship | None, moment: Moment) -> dict[str, Any] | None:
+    if own is None or moment.frame is None:
+        return None
+    place = moment.frame.to_geo(*own.position_m)
+    north_mps, east_mps, down_mps = own.velocity_mps
+    home_m, wind_mps = moment.home_altitude_m, own.wind_mps
+    return {
+        "lat_deg": round(place.lat_deg, 7),
+        "lon_deg": round(place.lon_deg, 7),
+        "north_m": round(own.position_m[0], 1),
+        "east_m": round(own.position_m[1], 1),
+        "altitude_m": round(place.altitude_m, 1),
+        "height_m": None if home_m is None else round(place.altitude_m - home_m, 1),
+        "course_deg": _deg(math.atan2(east_mps, north_mps)),
+        "heading_deg": _deg(own.heading_rad),
+        "ground_speed_mps": round(math.hypot(north_mps, east_mps), 1),
+        "airspeed_mps": round(own.airspeed_mps, 1),
+        "climb_mps": round(-down_mps, 1),
+        "wind_north_mps": None if wind_mps is None else round(wind_mps[0], 1),
+        "wind_east_mps": None if wind_mps is None else round(wind_mps[1], 1),
+    }
+
+
+def _goal(goal: Goal | None) -> dict[str, Any] | None:
+    if goal is None:
+        return None
+    place_m, course_rad, altitude_m = goal.position_m, goal.course_rad, goal.altitude_m
+    if altitude_m is None and place_m is not None:
+        altitude_m = -place_m[2]
+    return {
+        "course_deg": None if course_rad is None else _deg(course_rad),
+        "airspeed_mps": None if goal.airspeed_mps is None else round(goal.airspeed_mps, 1),
+        "altitude_m": None if altitude_m is None else round(altitude_m, 1),
+        "north_m": None if place_m is None else round(place_m[0], 1),
+        "east_m": None if place_m is None else round(place_m[1], 1),
+    }
+
+
+def _predicted(moment: Moment) -> list[list[float]]:
+    """Where what is commanded leads, else the mission."""
+    own, goal, guidance = moment.snapshot.ownship, moment.snapshot.goal, moment.snapshot.decision.guidance
+    if own is None or goal is None:
+        return []
+    state = own_state(moment.snapshot.time_s, own)
+    flown = guidance or mission_of(state, own, goal)
+    path_m = fly_ahead(state, Commands.of([flown]), moment.envelope).row_m(0)
+    north_m, east_m, down_m = (np.interp(_PREDICTED_S, TIMES_S, path_m[:, axis]) for axis in range(3))
+    return [[round(float(x), 1) for x in place] for place in zip(north_m, east_m, -down_m, strict=True)]
+
+
+def _cones(moment: Moment) -> list[dict[str, Any]]:
+    shot = moment.snapshot
+    own, by_id = shot.ownship, {track.track_id: track for track in shot.tracks}
+    threats = [threat for threat in shot.decision.threats if threat.track_id in by_id]
+    if own is None or not threats:
+        return []
+    return [_cone(threat, by_id[threat.track_id], own, moment) for threat in threats]
+
+
+def _cone(threat: Threat, track: Track, own: Ownship, moment: Moment) -> dict[str, Any]:
+    params = moment.avoidance
+    radius_m = track.protected_horizontal_m or params.well_clear_horizontal_m
+    radius_m *= 1.0 + params.horizontal_margin
+    rel_m = np.subtract(track.position_m, own.position_m)[None, :2]
+    rel_mps = np.subtract(own.velocity_mps, track.velocity_mps)[None, :2]
+    half_rad = float(half_angle_rad(np.hypot(rel_m[:, 0], rel_m[:, 1]), np.array([radius_m]))[0])
+    alpha_rad = float(approach_angle_rad(rel_m, rel_mps)[0])
+    return {
+        "track": threat.track_id,
+        "bearing_deg": _deg(math.atan2(rel_m[0, 1], rel_m[0, 0])),
+        "half_angle_deg": round(math.degrees(half_rad), 1),
+        "transition_deg": round(math.degrees(params.delta_beta_rad), 1),
+        "relative_course_deg": _deg(math.atan2(rel_mps[0, 1], rel_mps[0, 0])),
+        "inside": abs(alpha_rad) <= half_rad,
+    }
+
+
+def _track(track: Track, shot: Snapshot, moment: Moment) -> dict[str, Any]:
+    north_mps, east_mps, down_mps = track.velocity_mps
+    own = shot.ownship
+    off_m = (0.0, 0.0, 0.0) if own is None else tuple(np.subtract(track.position_m, own.position_m).tolist())
+    distance_m, above_m = math.hypot(off_m[0], off_m[1]), -off_m[2]
+    speed_mps = math.hypot(north_mps, east_mps)
+    return {
+        "track": track.track_id,
+        "callsign": track.callsign,
+        "icao": None if track.icao is None else f"{track.icao:06X}",
+        "kind": str(track.kind),
+        "north_m": round(track.position_m[0], 1),
+        "east_m": round(track.position_m[1], 1),
+        "altitude_m": round(-track.position_m[2], 1),
+        "relative_altitude_m": round(above_m, 1),
+        "course_deg": _deg(math.atan2(east_mps, north_mps)) if speed_mps > 0.5 else None,
+        "ground_speed_mps": round(speed_mps, 1),
+        "climb_mps": round(-down_mps, 1),
+        "turn_dps": round(math.degrees(track.turn_radps), 2),
+        "age_s": round(track.age_s, 1),
+        "distance_m": round(distance_m),
+        "level": _level(track.track_id, distance_m, above_m, moment),
+    }
+
+
+def _level(track_id: str, distance_m: float, above_m: float, moment: Moment) -> str:
+    """How a TCAS would show it: red what the inner layer is about, amber what the outer one is."""
+    layers = {threat.track_id: threat.layer for threat in moment.snapshot.decision.threats}
+    layer = layers.get(track_id, Layer.CLEAR)
+    if layer is Layer.INNER:
+        return "warning"
+    if layer is Layer.OUTER:
+        return "caution"
+    near = distance_m < _NEAR_LAYERS * moment.avoidance.outer_radius_m and abs(above_m) < _NEAR_HEIGHT_M
+    return "proximate" if near else "other"
+
+
+def _mission(moment: Moment) -> dict[str, Any] | None:
+    if moment.mission is None:
+        return None
+    places = moment.mission.places(moment.home_altitude_m)
+    return {
+        "current": moment.mission_sequence,
+        "items": [
+            {
+                "sequence": sequence,
+                "lat_deg": round(place.lat_deg, 7),
+                "lon_deg": round(place.lon_deg, 7),
+                "altitude_m": round(place.altitude_m, 1),
+            }
+            for sequence, place in places
+        ],
+    }
+
+
+def _fence(zone: FenceZone) -> dict[str, Any]:
+    places = list(zone.vertices_deg)
+    if zone.centre_deg is not None and zone.radius_m is not None:
+        frame = LocalFrame(*zone.centre_deg)
+        angles = np.linspace(0.0, math.tau, _CIRCLE_CORNERS, endpoint=False)
+        around = [frame.to_geo(zone.radius_m * math.cos(a), zone.radius_m * math.sin(a), 0.0) for a in angles]
+        places = [(place.lat_deg, place.lon_deg) for place in around]
+    return {
+        "inclusion": zone.inclusion,
+        "points": [[round(lat_deg, 7), round(lon_deg, 7)] for lat_deg, lon_deg in places],
+    }

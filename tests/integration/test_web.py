@@ -1,0 +1,253 @@
+"""The display's server from outside: what it tells, what it refuses, and that nobody spoils it for others."""
+
+import asyncio
+import json
+import socket
+from dataclasses import replace
+
+import pytest
+import websockets
+from prometheus_client.parser import text_string_to_metric_families
+
+from companion.web.app import MOST_VIEWERS
+from companion.web.settings import Settings
+from companion.web.source import Live
+from tests.web_bench import TOKEN, health, live, moment_after, site
+
+pytestmark = pytest.mark.wire
+
+MOMENT = moment_after(40.0)
+WITH_TOKEN = Settings(token=TOKEN)
+
+
+async def show_on(source: Live, interval_s: float = 0.02) -> None:
+    while True:
+        source.show(MOMENT)
+        await asyncio.sleep(interval_s)
+
+
+async def test_the_state_is_there_once_there_is_something_to_tell() -> None:
+    source = live()
+    async with site(source) as at:
+        assert (await at.ask("/api/state")).status == 503
+        assert (await at.ask("/healthz")).status == 503
+        source.show(MOMENT)
+        answer = await at.ask("/api/state")
+        assert answer.status == 200
+        assert answer.json["decision"]["layer"] == "outer"
+        assert (await at.ask("/healthz")).json == {"status": "ok", "kind": "live", "autopilot_known": True}
+        info = (await at.ask("/api/info")).json
+        assert info == {"kind": "live", "title": "Companion", "duration_s": None, "may_command": False}
+
+
+async def test_every_answer_forbids_browsers_what_is_not_ours() -> None:
+    async with site(live(MOMENT)) as at:
+        for path in ("/", "/api/state", "/nothing", "/metrics", "/static/index.html"):
+            headers = (await at.ask(path)).headers
+            assert "default-src 'self'" in headers["content-security-policy"], path
+            assert headers["x-content-type-options"] == "nosniff"
+            assert headers["cache-control"] == "no-cache"
+
+
+async def test_nothing_but_the_page_is_served_from_its_folder() -> None:
+    async with site(live(MOMENT)) as at:
+        for path in ("/static/../app.py", "/static/%2e%2e/app.py", "/static//etc/passwd", "/app.py"):
+            assert (await at.ask(path)).status == 404, path
+
+
+async def test_metrics_are_what_prometheus_reads() -> None:
+    moment = replace(
+        MOMENT, health=health(ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11), ticks_total_s=0.5, unusable=3)
+    )
+    async with site(live(moment)) as at:
+        text = (await at.ask("/metrics")).body.decode()
+    families = {family.name: family for family in text_string_to_metric_families(text)}
+    ticks = families["companion_tick_seconds"]
+    assert ticks.type == "histogram"
+    assert [s.value for s in ticks.samples if s.name.endswith("_bucket")] == [float(n) for n in range(1, 12)]
+    layers = {sample.labels["layer"]: sample.value for sample in families["companion_layer"].samples}
+    assert layers == {"clear": 0.0, "outer": 1.0, "inner": 0.0}
+    assert families["companion_messages_unusable"].samples[0].value == 3.0
+    assert families["companion_engagements"].samples[0].value == 1.0
+    assert families["companion_up"].samples[0].value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8080", 200),
+        ("localhost", 200),
+        ("[::1]:8080", 200),
+        ("evil.example", 403),
+        ("evil.example:8080", 403),
+        ("", 403),
+        ("127.0.0.1@evil.example", 403),
+        ("localhost.evil.example", 403),
+        ("[", 403),
+    ],
+)
+async def test_a_name_that_is_not_ours_is_not_answered(host: str, status: int) -> None:
+    """Or a page of somebody else could point its own name at us and read along."""
+    async with site(live(MOMENT)) as at:
+        assert (await at.ask("/api/state", headers={"Host": host})).status == status
+
+
+@pytest.mark.parametrize(
+    ("origin", "allowed"),
+    [
+        (None, True),
+        ("ours", True),
+        ("https://ground.example", True),
+        ("http://evil.example", False),
+        ("null", False),
+    ],
+)
+async def test_the_stream_is_for_our_own_page(origin: str | None, allowed: bool) -> None:
+    settings = Settings(origins=("https://ground.example",))
+    async with site(live(MOMENT), settings) as at:
+        if origin == "ours":
+            origin = f"http://127.0.0.1:{at.port}"
+        if not allowed:
+            with pytest.raises(websockets.InvalidStatus, match="403"):
+                await websockets.connect(at.stream, origin=origin)  # type: ignore[arg-type]
+            return
+        async with websockets.connect(at.stream, origin=origin) as stream:  # type: ignore[arg-type]
+            assert json.loads(await stream.recv())["version"] == 1
+
+
+async def test_the_role_is_changed_by_who_has_the_token_and_by_nobody_else() -> None:
+    source = live(replace(MOMENT, role="advise"))
+    body = b'{"role": "advise"}'
+    async with site(source, WITH_TOKEN) as at:
+
+        async def order(token: str | None, body: bytes = body, **headers: str) -> int:
+            if token is not None:
+                headers["Authorization"] = f"Bearer {token}"
+            return (await at.ask("/api/role", method="POST", headers=headers, body=body)).status
+
+        assert await order(None) == 401
+        assert await order("a-token-of-others") == 401
+        assert await order(TOKEN, Origin="http://evil.example") == 403
+        assert at.roles == []
+        assert await order(TOKEN) == 200
+        assert at.roles == ["advise"]
+        for junk in (b"", b"{", b"[]", b'{"role": 2}', b'{"role": "pilot"}', b"[" * 1000, b"x" * 5000):
+            assert await order(TOKEN, junk) == 400, junk
+        assert at.roles == ["advise"]
+        assert await order(TOKEN, b'{"role": "fly"}') == 409, "nothing shows that it came into effect"
+    async with site(source) as at:
+        answer = await at.ask(
+            "/api/role", method="POST", headers={"Authorization": f"Bearer {TOKEN}"}, body=body
+        )
+        assert answer.status == 403
+        assert "no token is configured" in answer.json["error"]
+        assert (await at.ask("/api/role")).status == 405
+
+
+@pytest.mark.parametrize(
+    "request_line",
+    [
+        b"GET /api/state?" + b"x" * 40_000,
+        b"\x00\xff\xfe",
+        b"GET\r\n\r\n",
+        b"BREW / HTTP/1.1\r\n\r\n",
+        b"\r\n" * 100,
+    ],
+    ids=["too long", "bytes", "half a line", "no such method", "empty lines"],
+)
+async def test_broken_requests_are_refused_and_the_others_are_served(request_line: bytes) -> None:
+    async with site(live(MOMENT)) as at:
+        reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
+        writer.write(request_line + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        async with asyncio.timeout(10.0):
+            answer = await reader.read(100)
+        writer.close()
+        assert answer == b"" or answer.split()[1][:1] == b"4", answer
+        assert (await at.ask("/api/state")).status == 200
+
+
+@pytest.mark.parametrize(
+    "message", ["x" * 100_000, "x" * 1000, b"\x00" * 100, "not JSON", "[[[[", "{}"], ids=lambda m: str(m[:8])
+)
+async def test_messages_of_a_viewer_disturb_nobody(message: str | bytes) -> None:
+    source = live(MOMENT)
+    showing = asyncio.create_task(show_on(source))
+    async with site(source) as at, websockets.connect(at.stream, close_timeout=0.2) as other:
+        async with websockets.connect(at.stream) as stream:
+            await stream.recv()
+            await stream.send(message)
+            closed = isinstance(message, bytes) or len(message) > 256
+            try:
+                async with asyncio.timeout(5.0):
+                    for _ in range(20):
+                        await stream.recv()
+                assert not closed
+            except websockets.ConnectionClosed:
+                assert closed
+        first = json.loads(await other.recv())["sequence"]
+        assert json.loads(await other.recv())["sequence"] > first
+    showing.cancel()
+
+
+async def test_who_does_not_read_misses_states_and_delays_nobody() -> None:
+    source = live(MOMENT)
+    async with site(source) as at:
+        sleeper = socket.create_connection(("127.0.0.1", at.port))
+        sleeper.sendall(
+            b"GET /ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+        )
+        showing = asyncio.create_task(show_on(source, 0.0005))
+        async with websockets.connect(at.stream) as stream:
+            seen = []
+            while len(seen) < 2000:
+                seen.append(json.loads(await stream.recv())["sequence"])
+            assert seen == sorted(set(seen))
+        showing.cancel()
+        sleeper.close()
+
+
+async def test_so_many_viewers_and_no_more() -> None:
+    async with site(live(MOMENT)) as at:
+        viewers = [await websockets.connect(at.stream) for _ in range(MOST_VIEWERS)]
+        with pytest.raises(websockets.InvalidStatus):
+            await websockets.connect(at.stream)
+        await viewers.pop().close()
+        async with asyncio.timeout(5.0):
+            while True:
+                try:
+                    viewers.append(await websockets.connect(at.stream))
+                    break
+                except websockets.InvalidStatus:
+                    await asyncio.sleep(0.05)
+        assert (await at.ask("/api/state")).status == 200
+        await asyncio.gather(*(viewer.close() for viewer in viewers))
+
+
+async def test_a_thousand_connections_are_refused_within_bounds() -> None:
+    async with site(live(MOMENT)) as at, websockets.connect(at.stream) as viewer:
+        crowd = []
+        for _ in range(1000):
+            one = socket.socket()
+            one.setblocking(False)
+            one.connect_ex(("127.0.0.1", at.port))
+            crowd.append(one)
+            await asyncio.sleep(0)
+        await asyncio.sleep(0.5)
+        open_ones = sum(still_open(one) for one in crowd)
+        assert open_ones <= 200, "a bound, and what waits to be accepted"
+        assert json.loads(await viewer.recv())["version"] == 1
+        for one in crowd:
+            one.close()
+        async with asyncio.timeout(10.0):
+            while (await at.ask("/api/state")).status != 200:  # noqa: ASYNC110 - a server sets no events here
+                await asyncio.sleep(0.1)
+
+
+def still_open(one: socket.socket) -> bool:
+    try:
+        return one.recv(1) != b""
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
