@@ -1,6 +1,7 @@
 // The list of decisions: every change of layer that is remembered, the newest first; each leads to its moment.
 
 import { find, make, mark, put, show } from "./dom.js";
+import { lastBefore } from "./history.js";
 import { clockText, durationText } from "./units.js";
 
 const MARKS = { clear: "clear", outer: "caution", inner: "warning" };
@@ -13,12 +14,13 @@ export class DecisionList {
     this.rows = [];
   }
 
-  update(changes) {
+  update(changes, at_s) {
+    const current = changes[lastBefore(changes, at_s)];
     const newest = changes.slice(-MOST).reverse();
     while (this.rows.length < newest.length) this.add();
     this.rows.forEach((row, index) => {
       show(row.element, index < newest.length);
-      if (index < newest.length) fill(row, newest[index]);
+      if (index < newest.length) fill(row, newest[index], newest[index] === current);
     });
   }
 
@@ -33,8 +35,10 @@ export class DecisionList {
   }
 }
 
-function fill(row, change) {
+function fill(row, change, isCurrent) {
   row.at_s = change.at_s;
+  const current = String(isCurrent);
+  if (row.button.getAttribute("aria-current") !== current) row.button.setAttribute("aria-current", current);
   mark(row.symbol, "level", MARKS[change.layer] ?? "none");
   put(row.when, change.time_unix_s === null ? durationText(change.at_s) : clockText(change.time_unix_s));
   const words = `${(change.layer ?? "unknown").toUpperCase()} ${change.because}`.trim();

@@ -9,10 +9,11 @@ import {
 
 const CLIMBS_MPS = 2.5;
 
-/** The arrow of who climbs or descends by more than 500 ft/min; as wide when there is none. */
-export function drawnClimb(track) {
+/** The arrow of who climbs or descends by more than 500 ft/min. */
+export function climbArrow(track) {
   const climb_mps = track.climb_mps ?? 0;
-  return climb_mps > CLIMBS_MPS ? " ↑" : climb_mps < -CLIMBS_MPS ? " ↓" : " \u2007";
+  if (Math.abs(climb_mps) <= CLIMBS_MPS) return "";
+  return climb_mps > 0 ? "↑" : "↓";
 }
 
 /** The bearing of a track from us [deg]; null when either place is unknown. */
@@ -22,13 +23,30 @@ export function bearingOf(own, track) {
   return (bearing_deg + 360) % 360;
 }
 
-/** How fast a track comes nearer [m/s], when the avoidance has not computed it. */
-function closing_mps(own, track) {
-  const bearing_deg = bearingOf(own, track);
-  const known = [own?.course_deg, own?.ground_speed_mps, track.course_deg, track.ground_speed_mps];
-  if (bearing_deg === null || known.some((value) => (value ?? null) === null)) return null;
-  const along = (course_deg, speed_mps) => speed_mps * Math.cos(((course_deg - bearing_deg) * Math.PI) / 180);
-  return along(own.course_deg, own.ground_speed_mps) - along(track.course_deg, track.ground_speed_mps);
+/** Velocity over the ground, north and east [m/s]. Who stands still needs no course. */
+function velocity_mps({ course_deg, ground_speed_mps }) {
+  if (ground_speed_mps === null || (course_deg === null && ground_speed_mps > 0)) return null;
+  const course = ((course_deg ?? 0) * Math.PI) / 180;
+  return [ground_speed_mps * Math.cos(course), ground_speed_mps * Math.sin(course)];
+}
+
+/** Of traffic that is no threat: its closest approach to us if both fly straight on, named as in a threat. */
+function approach(own, track) {
+  const ours = own === null ? null : velocity_mps(own);
+  const theirs = velocity_mps(track);
+  if (ours === null || theirs === null || bearingOf(own, track) === null) return {};
+  const [north_m, east_m] = [track.north_m - own.north_m, track.east_m - own.east_m];
+  const [north_mps, east_mps] = [theirs[0] - ours[0], theirs[1] - ours[1]];
+  const along = north_m * north_mps + east_m * east_mps;
+  const speed2 = north_mps ** 2 + east_mps ** 2;
+  const closing_mps = -along / Math.max(Math.hypot(north_m, east_m), 1);
+  if (speed2 < 0.01 || along >= 0) return { closing_mps };
+  const time_to_closest_s = -along / speed2;
+  const miss_horizontal_m = Math.hypot(north_m + north_mps * time_to_closest_s, east_m + east_mps * time_to_closest_s);
+  const climbing_mps = (track.climb_mps ?? 0) - (own.climb_mps ?? 0);
+  const height_m = track.relative_altitude_m;
+  const miss_vertical_m = height_m === null ? null : Math.abs(height_m + climbing_mps * time_to_closest_s);
+  return { closing_mps, time_to_closest_s, miss_horizontal_m, miss_vertical_m };
 }
 
 export class DetailsPanel {
@@ -52,6 +70,7 @@ export class DetailsPanel {
 
   trackPairs({ own }, track, threat) {
     const { settings } = this;
+    const { closing_mps, time_to_closest_s, miss_horizontal_m, miss_vertical_m } = threat ?? approach(own, track);
     const bearing_deg = threat?.bearing_deg ?? bearingOf(own, track);
     const hour = clockHour(bearing_deg, own?.course_deg ?? null);
     const height = (height_m) => (height_m === null ? UNKNOWN : `${heightText(height_m, settings)} ${settings.height}`);
@@ -65,10 +84,10 @@ export class DetailsPanel {
       ["Ground speed", speed(track.ground_speed_mps)],
       ["Climb", `${climbText(track.climb_mps, settings)} ${climbUnit(settings)}`],
       ["Turn", turnText(track.turn_dps)],
-      ["Closing", speed(threat?.closing_mps ?? closing_mps(own, track))],
-      ["Closest in", durationText(threat?.time_to_closest_s ?? null)],
-      ["Miss beside", distanceText(threat?.miss_horizontal_m ?? null, settings)],
-      ["Miss in height", height(threat?.miss_vertical_m ?? null)],
+      ["Closing", speed(closing_mps ?? null)],
+      ["Closest in", durationText(time_to_closest_s ?? null)],
+      ["Miss beside", distanceText(miss_horizontal_m ?? null, settings)],
+      ["Miss in height", height(miss_vertical_m ?? null)],
       ["Last heard", track.age_s === null ? UNKNOWN : `${track.age_s.toFixed(1)} s ago`],
       ["ICAO", track.icao ?? UNKNOWN],
     ];

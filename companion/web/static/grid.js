@@ -21,10 +21,10 @@ function drawRings({ pen, view, palette, settings }) {
 export function drawRingLabels({ view, palette, settings, labels }) {
   const spacing_m = view.ringSpacing_m(settings);
   const [x, y] = view.middle_px;
-  for (let range_m = spacing_m; range_m <= view.range_m * 1.001; range_m += spacing_m) {
+  for (let range_m = spacing_m; range_m < view.range_m * 0.99; range_m += spacing_m) {
     const reach_px = range_m * view.scale_pxpm * Math.SQRT1_2;
     const text = rangeText(range_m, settings);
-    labels.write(text, x + reach_px, y + reach_px, { colour: palette.quiet, size_px: 11, keep: true });
+    labels.write(text, x + reach_px, y + reach_px, { colour: palette.quiet, size_px: 11 });
   }
 }
 
@@ -50,16 +50,17 @@ function drawRose({ pen, view, palette, labels }) {
   }
 }
 
-/** A mark on the rose: filled where we go, hollow where we are told to go. */
+/** A mark on the rose: filled where we go, hollow and around it where we are told to go. */
 function drawCourseMark({ pen, view }, course_deg, colour, filled) {
-  const tip = view.along(view.middle_px, course_deg, view.radius_px - 1);
+  const [length_px, half_px] = filled ? [12, 6] : [18, 11];
+  const tip = view.along(view.middle_px, course_deg, view.radius_px + (filled ? -2 : 1));
   pen.save();
   pen.translate(...tip);
   pen.rotate(view.angle(course_deg));
   pen.beginPath();
   pen.moveTo(0, 0);
-  pen.lineTo(-13, -7);
-  pen.lineTo(-13, 7);
+  pen.lineTo(-length_px, -half_px);
+  pen.lineTo(-length_px, half_px);
   pen.closePath();
   pen.lineWidth = 2;
   pen.strokeStyle = pen.fillStyle = colour;

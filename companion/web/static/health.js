@@ -41,8 +41,8 @@ function fill(row, link) {
   put(row.word, { good: "OK", poor: "POOR", lost: link.connected ? "SILENT" : "DOWN" }[health]);
   const frames = link.frames_per_s === null ? "–" : link.frames_per_s.toFixed(1);
   const lost = link.lost_share === null ? "–" : (link.lost_share * 100).toFixed(1);
-  const heard = link.silent_s === null ? "never heard" : `heard ${link.silent_s.toFixed(1)} s ago`;
-  put(row.rate, `${frames} frames/s, ${lost} % lost, ${heard}`);
+  const silent = link.silent_s === null ? "never heard" : `silent ${link.silent_s.toFixed(1)} s`;
+  put(row.rate, `${frames} frames/s, ${lost} % lost, ${silent}`);
 }
 
 function healthOf({ connected, silent_s, lost_share }) {

@@ -13,13 +13,12 @@ export class Labels {
   }
 
   /** Begins a new drawing. */
-  clear(pen, ground) {
-    this.pen = pen;
-    this.ground = ground;
+  clear(pen, ground, { width_px, height_px }) {
+    Object.assign(this, { pen, ground, width_px, height_px });
     this.taken.length = 0;
   }
 
-  width_px(text, font) {
+  measure(text, font) {
     const key = font + text;
     let width_px = this.widths.get(key);
     if (width_px === undefined) {
@@ -36,13 +35,14 @@ export class Labels {
   }
 
   free(x, y, width, height) {
+    if (x < 0 || y < 0 || x + width > this.width_px || y + height > this.height_px) return false;
     return !this.taken.some(([left, top, right, bottom]) => x < right && x + width > left && y < bottom && y + height > top);
   }
 
   /** Words at a place (their middle, half way up), whatever stands there. */
   write(text, x, y, { colour, size_px = 12, weight = 500, align = "center", keep = true }) {
     const font = `${weight} ${size_px}px ${FONT}`;
-    const width = this.width_px(text, font);
+    const width = this.measure(text, font);
     const left = align === "center" ? x - width / 2 : align === "right" ? x - width : x;
     if (keep) this.take(left - 1, y - size_px / 2, width + 2, size_px);
     const { pen } = this;
@@ -62,7 +62,7 @@ export class Labels {
    * unless they `must` be there. */
   beside(key, text, [x, y], clear_px, style) {
     const font = `${style.weight ?? 500} ${style.size_px ?? 12}px ${FONT}`;
-    const width = this.width_px(text, font);
+    const width = this.measure(text, font);
     const height = style.size_px ?? 12;
     const corner = clear_px * 0.6;
     const places = [

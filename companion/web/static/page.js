@@ -144,7 +144,8 @@ class Display {
     this.details.update(state, entry?.track ?? null, entry?.threat ?? null, this.follow === this.selected, lostName);
     this.health.update(state);
     this.role.update(this.newest.companion.role);
-    this.decisions.update(this.moments.changes);
+    this.decisions.update(this.moments.changes, this.moments.at_s);
+    mark(document.documentElement, "selected", entry === undefined ? "own" : "other");
     this.controls.updateRange();
     find("canvas").setAttribute("aria-label", this.describe(state));
   }
@@ -165,7 +166,7 @@ class Display {
       mark(find("past-now"), "alarm", layer === "outer" || layer === "inner");
     }
     show(find("no-position"), state.own === null);
-    put(find("no-position"), "NO POSITION: our own aircraft is not known to be anywhere");
+    put(find("no-position"), "NO POSITION: where our own aircraft is, is not known");
   }
 
   /** Says when nothing comes any more: an old picture must not look like a new one. */

@@ -39,6 +39,8 @@ export class Scope {
     this.ratio = ratio;
     this.view.width_px = box.width;
     this.view.height_px = box.height;
+    this.corners = [...this.canvas.parentElement.querySelectorAll(".corner")].map((each) => each.getBoundingClientRect());
+    this.corners = this.corners.map(({ x, y, width, height }) => [x - box.x, y - box.y, width, height]);
     this.redraw();
   }
 
@@ -56,7 +58,8 @@ export class Scope {
     pen.setTransform(this.ratio ?? 1, 0, 0, this.ratio ?? 1, 0, 0);
     pen.fillStyle = palette.ground;
     pen.fillRect(0, 0, view.width_px, view.height_px);
-    labels.clear(pen, palette.ground);
+    labels.clear(pen, palette.ground, view);
+    for (const corner of this.corners ?? []) labels.take(...corner); // the buttons lie there
     const dense = ordered.length > DENSE;
     const frame = {
       pen, view, palette, settings, labels, state, ordered, selected, flown, dense, own: state.own, places: this.places,
@@ -74,13 +77,16 @@ export class Scope {
   drawOurselves({ pen, palette, state, labels, selected }) {
     if (this.ownPlace === null) return;
     const { own } = state;
-    pen.globalAlpha = 0.75;
-    drawTrend({ pen, view: this.view, settings: this.settings }, this.ownPlace, { ...own, turn_dps: 0 }, palette.own);
-    pen.globalAlpha = 1;
+    if (state.predicted.length === 0) this.drawOwnTrend(own);
     const nose_deg = own.heading_deg ?? own.course_deg ?? 0;
     drawOwn(pen, this.ownPlace, this.view.angle(nose_deg), palette.own, palette.ground);
     labels.take(this.ownPlace[0] - 13, this.ownPlace[1] - 13, 26, 26);
     if (selected === "own") drawSelection(pen, this.ownPlace, palette.ink);
+  }
+
+  /** Where it goes as it flies now, when nobody tells where it will go. */
+  drawOwnTrend(own) {
+    drawTrend(this, this.ownPlace, { ...own, turn_dps: 0 }, this.palette.own);
   }
 
   turn(state, follow) {

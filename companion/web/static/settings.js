@@ -27,7 +27,7 @@ export class Settings {
     for (const [name, allowed] of Object.entries(CHOICES)) {
       this[name] = this.chosen.includes(name) ? before[name] : allowed[0];
     }
-    this.range_m = Number.isFinite(before.range_m) ? before.range_m : 5000;
+    this.range_m = Number.isFinite(before.range_m) ? before.range_m : 6000;
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.dark.addEventListener("change", () => this.applyTheme());
     this.applyTheme();

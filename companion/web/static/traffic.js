@@ -43,12 +43,14 @@ export function drawTrend({ pen, view, settings }, place, mover, colour) {
 }
 
 /** The relative height above the symbol of who is above us, below it otherwise; the arrow beside it. */
-function drawHeight({ pen, settings, labels }, track, [x, y], colour, size_px) {
+function drawHeight({ pen, palette, settings, labels, dense }, track, [x, y]) {
   const text = relativeHeightTag(track.relative_altitude_m, settings);
   if (text === "") return;
   const above = track.relative_altitude_m >= 0;
   const middle = above ? y - 17 : y + 17;
-  const width = labels.write(text, x, middle, { colour, size_px, weight: 600 });
+  const colour = levelColour(palette, track.level);
+  pen.globalAlpha = isOld(track) ? 0.6 : 1;
+  const width = labels.write(text, x, middle, { colour, size_px: dense ? 11 : 12, weight: 600 });
   const climb_mps = track.climb_mps ?? 0;
   if (Math.abs(climb_mps) <= CLIMBS_MPS) return;
   drawClimbArrow(pen, x + width / 2 + 6, middle, climb_mps > 0, colour);
@@ -56,14 +58,13 @@ function drawHeight({ pen, settings, labels }, track, [x, y], colour, size_px) {
 }
 
 function drawOne(frame, track, place) {
-  const { pen, palette, labels } = frame;
+  const { pen, palette } = frame;
   const colour = levelColour(palette, track.level);
   const old = isOld(track);
   pen.globalAlpha = old ? 0.6 : 1;
   if (track.kind === "obstacle") drawObstacle(pen, place, track.level, colour, palette.ground);
   else drawTraffic(pen, place, track.level, colour, palette.ground, old);
-  drawHeight(frame, track, place, colour, frame.dense ? 11 : 12);
-  labels.take(place[0] - 9, place[1] - 9, 18, 18);
+  frame.labels.take(place[0] - 9, place[1] - 9, 18, 18);
   pen.globalAlpha = 1;
 }
 
@@ -89,8 +90,10 @@ export function drawAllTraffic(frame) {
     drawTrend(frame, places.get(track.track), track, levelColour(palette, track.level));
   }
   pen.globalAlpha = 1;
-  for (const { track } of [...seen].reverse()) drawOne(frame, track, places.get(track.track));
-  for (const { track } of seen) drawName(frame, track, places.get(track.track));
+  const rising = [...seen].reverse();
+  for (const { track } of rising) drawOne(frame, track, places.get(track.track));
+  for (const { track } of rising) drawHeight(frame, track, places.get(track.track));
+  for (const { track } of seen) if (view.sees(places.get(track.track))) drawName(frame, track, places.get(track.track));
   if (places.has(selected)) drawSelection(pen, places.get(selected), palette.ink);
   return seen.length;
 }

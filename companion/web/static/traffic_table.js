@@ -1,10 +1,10 @@
 // The table of traffic, the most urgent first. A row stays with its aircraft, so that focus and finger stay too.
 
+import { climbArrow } from "./details.js";
 import { find, make, mark, put } from "./dom.js";
 import { nameOf } from "./state.js";
 import { isOld } from "./traffic.js";
 import { courseText, distanceText, durationText, relativeHeightText } from "./units.js";
-import { drawnClimb } from "./details.js";
 
 export class TrafficTable {
   constructor(settings, onSelect) {
@@ -43,7 +43,8 @@ export class TrafficTable {
     put(row.name, nameOf(track));
     put(row.distance, distanceText(track.distance_m, this.settings));
     put(row.bearing, courseText(bearing(track)));
-    put(row.height, relativeHeightText(track.relative_altitude_m, this.settings) + drawnClimb(track));
+    put(row.height, relativeHeightText(track.relative_altitude_m, this.settings));
+    put(row.climb, climbArrow(track));
     put(row.closest, (threat?.time_to_closest_s ?? null) === null ? "" : durationText(threat.time_to_closest_s));
   }
 
@@ -92,7 +93,8 @@ function makeRow() {
   const name = make("span", "name");
   const button = make("button", "", symbol, name);
   button.type = "button";
-  const [distance, bearing, height, closest] = Array.from({ length: 4 }, () => make("td"));
-  const element = make("tr", "", make("td", "", button), distance, bearing, height, closest);
-  return { element, button, symbol, name, distance, bearing, height, closest };
+  const [distance, bearing, closest] = Array.from({ length: 3 }, () => make("td"));
+  const [height, climb] = [make("span"), make("span", "climb")];
+  const element = make("tr", "", make("td", "", button), distance, bearing, make("td", "", height, climb), closest);
+  return { element, button, symbol, name, distance, bearing, height, climb, closest };
 }

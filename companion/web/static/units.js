@@ -41,7 +41,8 @@ export function climbUnit(units) {
 
 export function speedText(speed_mps, units) {
   if (speed_mps === null) return UNKNOWN;
-  return units.distance === "nm" ? (speed_mps / KNOT_MPS).toFixed(0) : speed_mps.toFixed(1);
+  const text = units.distance === "nm" ? (speed_mps / KNOT_MPS).toFixed(0) : speed_mps.toFixed(1);
+  return text.replace("-", MINUS);
 }
 
 export function speedUnit(units) {

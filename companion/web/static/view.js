@@ -2,7 +2,7 @@
 
 import { distanceUnit_m } from "./units.js";
 
-const STEPS = [0.25, 0.5, 1, 2, 3, 5, 10, 20, 50]; // ranges, in km or NM
+const STEPS = [0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 40, 80]; // ranges, in km or NM
 const RING_STEPS = [1, 2, 2.5, 5, 10];
 const EARTH_M_PER_DEG = 111_319.5;
 export const ROSE_PX = 26; // room around the rose for its figures
@@ -26,7 +26,7 @@ export class View {
   constructor() {
     this.width_px = 1;
     this.height_px = 1;
-    this.range_m = 5000; // from the middle to the rose
+    this.range_m = 6000; // from the middle to the rose
     this.up_deg = 0;
     this.middle_m = [0, 0]; // north and east of our aircraft
   }
