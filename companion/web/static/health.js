@@ -1,0 +1,60 @@
+// The panels that tell how the companion is: its last words, its troubles, its links.
+
+import { find, make, mark, put, show } from "./dom.js";
+
+const LATE_S = 2; // heartbeats come once a second: two missed are worth a sign
+const LOSSY_SHARE = 0.05;
+const OLD_POSITION_S = 0.5; // beyond that nothing is taken over
+const SLOW_TICK_MS = 100; // decisions are made ten times a second
+
+export class HealthPanels {
+  constructor() {
+    this.rows = [];
+    this.list = find("links");
+  }
+
+  update(state) {
+    put(find("last-text"), state.companion.last_text || "Nothing said yet");
+    const troubles = troublesOf(state);
+    show(find("trouble"), troubles.length > 0);
+    put(find("trouble"), troubles.join(" · "));
+    while (this.rows.length < state.links.length) this.addRow();
+    this.rows.forEach((row, index) => {
+      show(row.element, index < state.links.length);
+      if (index < state.links.length) fill(row, state.links[index]);
+    });
+  }
+
+  addRow() {
+    const [address, word, rate] = ["address", "word", "rate"].map((name) => make("span", name));
+    const element = make("li", "", make("span", "dot"), address, word, rate);
+    this.list.append(element);
+    this.rows.push({ element, address, word, rate });
+  }
+}
+
+function fill(row, link) {
+  const health = healthOf(link);
+  mark(row.element, "health", health);
+  put(row.address, link.address);
+  row.address.title = link.address;
+  put(row.word, { good: "OK", poor: "POOR", lost: link.connected ? "SILENT" : "DOWN" }[health]);
+  const frames = link.frames_per_s === null ? "–" : link.frames_per_s.toFixed(1);
+  const lost = link.lost_share === null ? "–" : (link.lost_share * 100).toFixed(1);
+  const silent = link.silent_s === null ? "never heard" : `silent ${link.silent_s.toFixed(1)} s`;
+  put(row.rate, `${frames} frames/s, ${lost} % lost, ${silent}`);
+}
+
+function healthOf({ connected, silent_s, lost_share }) {
+  if (!connected || silent_s === null || silent_s > 5) return "lost";
+  return silent_s > LATE_S || (lost_share ?? 0) > LOSSY_SHARE ? "poor" : "good";
+}
+
+function troublesOf({ service, aircraft }) {
+  const troubles = [];
+  if (service.recording_problem !== null) troubles.push(`Not recorded: ${service.recording_problem}`);
+  if ((service.position_age_s ?? 0) > OLD_POSITION_S) troubles.push(`Position ${service.position_age_s.toFixed(1)} s old`);
+  if ((service.tick_ms_p99 ?? 0) > SLOW_TICK_MS) troubles.push(`Decisions take ${service.tick_ms_p99.toFixed(0)} ms`);
+  if (aircraft.armed === false) troubles.push("Disarmed");
+  return troubles;
+}

@@ -1,0 +1,22 @@
+// The colours of the canvas: read from the style sheet, so that a theme is written in one place.
+
+const NAMES = [
+  "ground", "ink", "quiet", "faint", "grid", "own", "traffic", "caution", "warning", "clear", "edge", "commanded",
+  "mission", "fence", "path", "past",
+];
+
+export const FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
+
+export function readPalette() {
+  const style = getComputedStyle(document.documentElement);
+  return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+}
+
+/** The colour of an alarm; `calm` when there is none. */
+export function layerColour(palette, layer, calm = palette.quiet) {
+  return { inner: palette.warning, outer: palette.caution }[layer] ?? calm;
+}
+
+export function levelColour(palette, level) {
+  return { warning: palette.warning, caution: palette.caution }[level] ?? palette.traffic;
+}
