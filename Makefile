@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.locked
 
-.PHONY: run test check setup lock clean
+.PHONY: run test check setup browser lock clean
 
 run: setup
 	$(BIN)/companion-sim demo
@@ -26,6 +26,11 @@ $(STAMP): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
+
+# Chromium, for the tests of the display; they are skipped without. Debian, as root.
+browser:
+	command -v chromium >/dev/null || { apt-get update -qq && \
+		apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; }
 
 # Writes requirements.lock anew from pyproject.toml; run it when a dependency changes.
 lock: setup

@@ -61,9 +61,9 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def site(source: Source, settings: Settings | None = None) -> AsyncIterator[Site]:
+async def site(source: Source, settings: Settings | None = None, port: int = 0) -> AsyncIterator[Site]:
     """The application over a source, until the block ends."""
-    settings = replace(settings or Settings(), port=0)
+    settings = replace(settings or Settings(), port=port)
     opened = listen(settings)
     roles: list[str] = []
     running = asyncio.create_task(serve(build(source, settings, roles.append), opened))

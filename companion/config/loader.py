@@ -52,8 +52,11 @@ def load_config(path: str | Path) -> Config:
     path = Path(path)
     config = read_checked(load_document(path), str(path), Config)
     # Files named in a file are found beside it, wherever the service is started.
+    token_file = config.web.token_file
     return replace(
-        config, obstacle_files=tuple((path.parent / file).absolute() for file in config.obstacle_files)
+        config,
+        obstacle_files=tuple((path.parent / file).absolute() for file in config.obstacle_files),
+        web=replace(config.web, token_file=token_file and (path.parent / token_file).absolute()),
     )
 
 

@@ -31,7 +31,8 @@ class Display:
     def __init__(self, settings: Settings, on_role: Callable[[str], None] = lambda _: None) -> None:
         self.settings = settings
         self.on_role = on_role
-        self.dropped = 0
+        self.dropped = 0  # moments that found the pipe full
+        self.process_id: int | None = None  # while it runs
         self._pipe: asyncio.StreamWriter | None = None
         self._shown_s = -1.0
         self._broken = False
@@ -77,7 +78,7 @@ class Display:
         )
         assert process.stdin is not None
         assert process.stdout is not None
-        problem = "it ended"
+        self.process_id, problem = process.pid, "it ended"
         try:
             process.stdin.write(packed(self.settings))
             self._pipe = process.stdin
@@ -86,7 +87,7 @@ class Display:
         except (OSError, ValueError) as error:
             problem = str(error)
         finally:
-            self._pipe = None
+            self._pipe = self.process_id = None
             process.stdin.close()
             await _ended(process)
         return problem

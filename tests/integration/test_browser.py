@@ -1,0 +1,246 @@
+"""The page in a real browser: it draws, goes on over a restart, obeys keys, and is not fooled by names."""
+
+import asyncio
+import contextlib
+import shutil
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from playwright.async_api import Page, async_playwright
+
+from companion.model import Layer, Track
+from companion.web.moment import Moment
+from companion.web.settings import Settings
+from companion.web.source import Live, Recorded
+from companion.web.state import state_of
+from companion.web.trends import Trends
+from tests.web_bench import TOKEN, Site, health, live, moment_after, site
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+ALONE = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+LAPTOP, PHONE = (1366, 768), (390, 844)
+
+pytestmark = [
+    pytest.mark.wire,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed: make browser"),
+]
+
+MOMENT = moment_after(40.0)
+
+
+@contextlib.asynccontextmanager
+async def page(at: Site, size: tuple[int, int] = LAPTOP) -> AsyncIterator[Page]:
+    """The display, opened; at the end nothing went wrong in it."""
+    troubles: list[str] = []
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=[*ALONE])
+        opened = await browser.new_page(viewport={"width": size[0], "height": size[1]})
+        opened.on("pageerror", lambda error: troubles.append(str(error)))
+        opened.on("console", lambda said: troubles.append(said.text) if said.type == "error" else None)
+        opened.set_default_timeout(15_000)
+        await opened.goto(f"http://127.0.0.1:{at.port}/")
+        await opened.wait_for_selector("html[data-ready=true]")
+        yield opened
+        await browser.close()
+    assert [words for words in troubles if "WebSocket" not in words] == []
+
+
+@contextlib.asynccontextmanager
+async def shown(source: Live, moment: Moment = MOMENT) -> AsyncIterator[None]:
+    """The moment, ten times a second."""
+
+    async def show() -> None:
+        while True:
+            source.show(moment)
+            await asyncio.sleep(0.1)
+
+    showing = asyncio.create_task(show())
+    try:
+        yield
+    finally:
+        showing.cancel()
+
+
+async def seen(opened: Page, what: str) -> Any:
+    return await opened.evaluate(f"window.companionDisplay.{what}")
+
+
+async def until_so(opened: Page, so: str) -> None:
+    """Wait until an expression is true; asked from outside, as the page forbids to evaluate text."""
+    async with asyncio.timeout(15.0):
+        while not await opened.evaluate(so):  # noqa: ASYNC110
+            await asyncio.sleep(0.05)
+
+
+async def test_it_draws_what_is_decided_and_goes_on() -> None:
+    source = live()
+    async with shown(source), site(source) as at, page(at) as opened:
+        assert await opened.inner_text("#layer-word") == "OUTER"
+        assert "A00001" in await opened.inner_text("#because")
+        assert await opened.inner_text("#mode") == "GUIDED"
+        assert await opened.locator("#traffic tr").count() == 1
+        assert "HEAD1" in await opened.inner_text("#traffic")
+        assert await seen(opened, "tracksDrawn") == 1
+        drawn = await seen(opened, "statesDrawn")
+        await until_so(opened, f"window.companionDisplay.statesDrawn > {drawn + 5}")
+        assert await colours(opened) > 20
+        assert await opened.is_hidden("#roles"), "read-only"
+
+
+async def colours(opened: Page) -> int:
+    """How many different colours the scope has: a canvas that was not drawn on has one."""
+    count: int = await opened.evaluate(
+        """() => {
+            const canvas = document.getElementById("canvas");
+            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            const seen = new Set();
+            for (let i = 0; i < data.length; i += 4) {
+                seen.add((data[i] << 16) | (data[i + 1] << 8) | data[i + 2]);
+            }
+            return seen.size;
+        }"""
+    )
+    return count
+
+
+async def test_it_finds_a_server_that_was_started_anew() -> None:
+    source = live()
+    async with shown(source):
+        async with site(source) as at:
+            port = at.port
+            opening = page(at)
+            opened = await opening.__aenter__()
+            assert await opened.is_hidden("#no-data")
+        await opened.wait_for_selector("#no-data", state="visible")
+        before = await seen(opened, "statesDrawn")
+        async with site(source, port=port):
+            await until_so(opened, f"window.companionDisplay.statesDrawn > {before + 5}")
+            await opened.wait_for_selector("#no-data", state="hidden")
+            with contextlib.suppress(AssertionError):  # the browser reports that nobody answered for a while
+                await opening.__aexit__(None, None, None)
+
+
+async def test_names_of_traffic_are_text_and_nothing_else() -> None:
+    hostile = '<img src=x onerror="window.fooled=1">'
+    tracks = [replace(track, callsign=hostile) for track in MOMENT.snapshot.tracks]
+    moment = replace(MOMENT, snapshot=replace(MOMENT.snapshot, tracks=tracks, last_text=hostile))
+    source = live()
+    async with shown(source, moment), site(source) as at, page(at) as opened:
+        assert hostile[:12] in await opened.inner_text("#traffic"), "cut to what a callsign may have"
+        assert hostile in await opened.inner_text("#last-text")
+        assert await opened.evaluate("window.fooled") is None
+        assert await opened.locator("img").count() == 0
+
+
+async def test_all_of_it_works_by_keyboard() -> None:
+    source = live()
+    async with shown(source), site(source) as at, page(at) as opened:
+        heights = await opened.inner_text("#height-unit")
+        await opened.keyboard.press("u")
+        assert await opened.inner_text("#height-unit") != heights
+        up = await opened.inner_text("#orientation")
+        await opened.keyboard.press("t")
+        assert await opened.inner_text("#orientation") != up
+        await opened.keyboard.press("j")
+        assert "HEAD1" in await opened.inner_text("#details-title")
+        await opened.keyboard.press("o")
+        assert "Own" in await opened.inner_text("#details-title")
+        await opened.keyboard.press("?")
+        assert await opened.is_visible("#help-dialog")
+        await opened.keyboard.press("Escape")
+        assert await opened.is_hidden("#help-dialog")
+        await asyncio.sleep(1.5)
+        await opened.keyboard.press("ArrowLeft")
+        await opened.wait_for_selector("#past", state="visible")
+        past_s = await seen(opened, "shownTime")
+        await opened.keyboard.press("l")
+        await opened.wait_for_selector("#past", state="hidden")
+        assert await seen(opened, "shownTime") >= past_s
+
+
+async def test_the_role_is_changed_with_the_token_and_a_second_look() -> None:
+    source = live()
+    advising, with_token = replace(MOMENT, role="advise"), Settings(token=TOKEN)
+    async with shown(source, advising), site(source, with_token) as at, page(at) as opened:
+        await opened.click("#roles button[data-role=advise]")
+        await opened.fill("#token", TOKEN)
+        assert at.roles == []
+        await opened.click("#role-confirm")
+        await opened.wait_for_selector("#role-dialog", state="hidden")
+        assert at.roles == ["advise"]
+
+
+async def test_a_phone_shows_everything_without_scrolling_sideways() -> None:
+    source = live()
+    async with shown(source), site(source) as at, page(at, PHONE) as opened:
+        assert await opened.evaluate("document.documentElement.scrollWidth") <= PHONE[0]
+        for wanted in ("#layer-word", "#canvas", "#orientation", "#zoom-in"):
+            assert await opened.is_visible(wanted)
+        smallest = await opened.evaluate(
+            """() => Math.min(...[...document.querySelectorAll(".scope button")]
+                .filter((button) => button.offsetParent !== null)
+                .map((button) => Math.min(button.offsetWidth, button.offsetHeight)))"""
+        )
+        assert smallest >= 40, "fingers are large"
+
+
+async def test_a_hundred_aircraft_and_an_emergency() -> None:
+    own = MOMENT.snapshot.ownship
+    assert own is not None
+    around = [
+        Track(
+            f"A{number:05X}",
+            own.time_s,
+            (
+                own.position_m[0] + 60.0 * number,
+                own.position_m[1] - 2500.0 + 50.0 * number,
+                own.position_m[2],
+            ),
+            (30.0, 10.0, 0.0),
+            age_s=float(number % 9),
+        )
+        for number in range(99)
+    ]
+    (threat,) = MOMENT.snapshot.decision.threats
+    decision = replace(
+        MOMENT.snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
+    )
+    moment = replace(
+        MOMENT,
+        snapshot=replace(MOMENT.snapshot, decision=decision, tracks=(*MOMENT.snapshot.tracks, *around)),
+    )
+    source = live()
+    async with shown(source, moment), site(source) as at, page(at) as opened:
+        assert await opened.inner_text("#layer-word") == "INNER"
+        await until_so(opened, "window.companionDisplay.tracksDrawn == 100")
+        assert "100" in await opened.inner_text("#traffic-count")
+        drawn = await seen(opened, "statesDrawn")
+        await until_so(opened, f"window.companionDisplay.statesDrawn > {drawn + 10}")
+        first = await opened.inner_text("#traffic tr:first-child")
+        assert "HEAD1" in first, "the most urgent is on top"
+
+
+async def test_a_replay_is_played_stopped_and_searched() -> None:
+    source, trends = Recorded(), Trends()
+    for tick in range(300):
+        source.add(tick / 10.0, state_of(replace(MOMENT, health=health()), tick + 1, trends))
+    async with site(source) as at, page(at) as opened:
+        assert await opened.is_visible("#replay-controls")
+        await until_so(opened, "window.companionDisplay.newestSequence > 3")
+        await opened.keyboard.press(" ")
+        await opened.wait_for_selector("#play[aria-label=Play]")
+        stopped = await seen(opened, "newestSequence")
+        await opened.keyboard.press("Shift+ArrowRight")
+        await until_so(opened, f"window.companionDisplay.newestSequence >= {stopped + 90}")
+        await opened.keyboard.press("Home")
+        await until_so(opened, "window.companionDisplay.newestSequence <= 2")

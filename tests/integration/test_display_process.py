@@ -1,0 +1,149 @@
+"""The display beside a flight: another process, which may be killed or have no port, and is only watched."""
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import socket
+import sys
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import pytest
+
+from companion.web.settings import Settings
+from sim.demo import DemoOptions, DemoState, fly_demo
+from sim.scenario import load_scenario
+from tests.web_bench import TOKEN, Answer, Site
+
+pytestmark = pytest.mark.wire
+
+SPEEDUP = 8.0
+PATIENCE_S = 40.0
+
+
+def free_tcp_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+@contextlib.asynccontextmanager
+async def flight(
+    settings: Settings, speedup: float = SPEEDUP
+) -> AsyncIterator[tuple[DemoState, asyncio.Task[DemoState]]]:
+    """The head-on scenario flown, and looked at."""
+    begun: asyncio.Future[DemoState] = asyncio.get_running_loop().create_future()
+    options = DemoOptions(load_scenario("head-on"), speedup=speedup, display=settings)
+    flying = asyncio.create_task(fly_demo(options, begun.set_result))
+    try:
+        yield await begun, flying
+    finally:
+        flying.cancel()
+        await asyncio.gather(flying, return_exceptions=True)
+
+
+async def until(at: Site, path: str, so: Callable[[Answer], bool]) -> Answer:
+    """Ask until the answer is as wanted; nobody listening is no answer."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            with contextlib.suppress(OSError):
+                answer = await at.ask(path)
+                if so(answer):
+                    return answer
+            await asyncio.sleep(0.05)
+
+
+async def test_a_flight_is_watched_and_the_watcher_may_die() -> None:
+    port = free_tcp_port()
+    at = Site(port, [])
+    async with flight(Settings(port=port, token=TOKEN)) as (state, flying):
+        await until(at, "/healthz", lambda a: a.status == 200)
+        await until(at, "/api/state", lambda a: a.status == 200 and a.json["companion"]["flying"])
+        assert state.runtime is not None
+        display = state.runtime._display
+        assert display is not None
+        assert display.process_id is not None
+        os.kill(display.process_id, signal.SIGKILL)
+        await until(at, "/api/state", lambda a: a.status == 200 and a.json["own"] is not None)
+        metrics = await until(at, "/metrics", lambda a: a.status == 200)
+        assert b"companion_engagements_total 1.0" in metrics.body
+        assert b"companion_tick_seconds_count" in metrics.body
+        order = await at.ask(
+            "/api/role",
+            method="POST",
+            headers={"Authorization": f"Bearer {TOKEN}"},
+            body=b'{"role": "advise"}',
+        )
+        assert (order.status, order.body) == (200, b'{"role":"advise"}')
+        assert state.runtime.engine.operator.role.name == "ADVISE"
+        process_id = display.process_id
+        assert process_id is not None
+        flying.cancel()
+        await asyncio.gather(flying, return_exceptions=True)
+    with pytest.raises(ProcessLookupError):
+        os.kill(process_id, 0)
+
+
+async def test_a_port_that_is_taken_is_told_once_and_the_flight_goes_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        async with flight(Settings(port=port), 25.0) as (state, flying):
+            await flying
+            assert state.passed
+            assert state.engaged
+    told = [r.getMessage() for r in caplog.records if r.getMessage().startswith("display:")]
+    assert told[0] == (
+        f"display: cannot listen on 127.0.0.1:{port}: Address already in use; "
+        "flying on without it, trying again"
+    )
+    assert [r for r in caplog.records if r.levelname == "WARNING" and "display" in r.getMessage()] == [
+        r for r in caplog.records if r.getMessage() == told[0]
+    ][:1]
+
+
+async def test_the_display_ends_with_a_companion_that_is_killed(tmp_path: Path) -> None:
+    port, link = free_tcp_port(), free_tcp_port()
+    config = tmp_path / "companion.yaml"
+    config.write_text(
+        f"links: [udpin:127.0.0.1:{link}]\nrecording: {{enabled: false}}\n"
+        f"state_file: {tmp_path / 'state'}\nweb: {{listen: '127.0.0.1:{port}'}}\n"
+    )
+    companion = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "companion", "run", str(config), stderr=asyncio.subprocess.PIPE
+    )
+    at = Site(port, [])
+    await until(at, "/healthz", lambda a: a.status == 200)
+    assert (await at.ask("/api/state")).json["own"] is None
+    companion.kill()
+    await companion.communicate()
+    async with asyncio.timeout(PATIENCE_S):
+        with contextlib.suppress(OSError):
+            while True:
+                await at.ask("/healthz")
+                await asyncio.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("token", "said"),
+    [(None, "cannot be read"), ("short\n", "at least 12 characters")],
+    ids=["none", "short"],
+)
+async def test_a_bad_token_refuses_to_start(token: str | None, said: str, tmp_path: Path) -> None:
+    config, secret = tmp_path / "companion.yaml", tmp_path / "token"
+    if token is not None:
+        secret.write_text(token)
+    config.write_text(f"links: [udpin:127.0.0.1:1]\nweb: {{token_file: {json.dumps(str(secret))}}}\n")
+    companion = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "companion", "run", str(config), stderr=asyncio.subprocess.PIPE
+    )
+    _, errors = await companion.communicate()
+    assert companion.returncode == 2
+    (line,) = errors.decode().splitlines()
+    assert said in line
