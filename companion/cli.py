@@ -24,7 +24,7 @@ from companion.keeper import Keeper
 from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
-from companion.recorder import Recorder
+from companion.recorder import MB, Recorder
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
 from companion.supervisor import printed
@@ -98,7 +98,12 @@ def _recorder(config: Config, log: logging.Logger) -> Recorder | None:
     if not config.recording.enabled:
         return None
     try:
-        recorder = Recorder(config.recording.directory, time.time())
+        recorder = Recorder(
+            config.recording.directory,
+            time.time(),
+            max_file_bytes=config.recording.max_file_mb * MB,
+            max_total_bytes=config.recording.max_total_mb * MB,
+        )
     except LogError as error:
         log.error("%s; flying without a recording", error)
         return None

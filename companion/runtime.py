@@ -252,11 +252,13 @@ class Runtime:
                     self._send(time_us, effect)
                 case Record():
                     if self.recorder is not None:
-                        self.recorder.decision(effect.line)
+                        self.recorder.decision(time_us, effect.line)
                 case Keep():
                     if self._keeper is not None:
                         self._keeper.keep(effect.text)
                 case Say():
+                    if self.recorder is not None:
+                        self.recorder.text(time_us, effect.severity, effect.text)
                     level = (
                         logging.WARNING if effect.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO
                     )

@@ -73,7 +73,13 @@ class Notes(Recorder):
         assert message is not None
         self.sent_messages.append((time_us / 1e6, message))
 
-    def decision(self, line: str) -> None:
+    def decision(self, time_us: int, line: str) -> None:
+        """Not of interest."""
+
+    def state(self, time_us: int, line: str) -> None:
+        """Not of interest."""
+
+    def text(self, time_us: int, severity: int, text: str) -> None:
         """Not of interest."""
 
     async def run(self) -> None:

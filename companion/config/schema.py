@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from annotated_types import MinLen
+from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator
 
 from companion.address import host_and_port, parse_address
@@ -38,6 +38,14 @@ class RecordingParams:
 
     enabled: bool = True
     directory: Path = Path("recordings")
+    # A new part of a recording begins when one of its files has so much.
+    max_file_mb: Annotated[int, Ge(1), Le(1_000_000)] = 256
+    # All recordings in the folder together; beyond it the oldest are deleted, never the one being written.
+    max_total_mb: Annotated[int, Ge(1), Le(1_000_000_000)] = 4096
+
+    def __post_init__(self) -> None:
+        if self.max_total_mb < self.max_file_mb:
+            raise ValueError("max_total_mb must not be below max_file_mb")
 
 
 def _is_listening_place(text: str) -> str:

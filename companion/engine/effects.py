@@ -6,10 +6,10 @@ What is written is made into text when it is asked for: a flight of a campaign w
 from dataclasses import dataclass
 
 from companion.engine.held import Held
-from companion.engine.record import decision_line
+from companion.engine.record import Circumstances, decision_line
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Sender
-from companion.model import Decision, Ownship
+from companion.model import Decision, Ownship, Track
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,17 +22,18 @@ class Transmit:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Keep `line`, one decision as JSON: made at `time_s`, among so many tracks."""
+    """Keep `line`, one decision as JSON: made at `time_s`, among these tracks."""
 
     time_s: float
     decision: Decision
     own: Ownship
-    tracks: int
+    tracks: tuple[Track, ...]
+    around: Circumstances
 
     @property
     def line(self) -> str:
         """One line, without the newline; the same every time."""
-        return decision_line(self.time_s, self.decision, self.own, self.tracks)
+        return decision_line(self.time_s, self.decision, self.own, self.tracks, self.around)
 
 
 @dataclass(frozen=True, slots=True)

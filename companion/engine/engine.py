@@ -25,6 +25,7 @@ from companion.engine.onboard import Onboard
 from companion.engine.operator import Operator
 from companion.engine.rates import RateKeeper
 from companion.engine.readiness import Readiness
+from companion.engine.record import Circumstances
 from companion.engine.surroundings import Surroundings
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone, LocalFence
@@ -291,7 +292,8 @@ class Engine:
         effects += self._keep_up_manners(now_s)
         effects += self._keep(now_s)
         if self._own is not None:
-            effects.append(Record(now_s, self._decision, self._own, len(self._tracks)))
+            around = Circumstances(self.supervisor.state, flying, self.aircraft.mode, self._frame)
+            effects.append(Record(now_s, self._decision, self._own, self._tracks, around))
         self._prompted = False
         return effects
 

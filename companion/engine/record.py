@@ -2,31 +2,58 @@
 
 import json
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
-from companion.model import Decision, Guidance, Ownship, Threat
+from companion.geodesy import LocalFrame
+from companion.model import Decision, Guidance, Ownship, Threat, Track, TrafficKind, Vec3
 from companion.units import course_deg
 
 
-def decision_line(time_s: float, decision: Decision, own: Ownship | None, tracks: int) -> str:
-    """One line, without the newline; the same decision gives the same bytes."""
+@dataclass(frozen=True, slots=True)
+class Circumstances:
+    """What a decision was made in: the supervisor's state, the autopilot's mode, the local frame."""
+
+    state: str
+    flying: bool
+    mode: str | None
+    frame: LocalFrame | None
+
+
+def decision_line(
+    time_s: float, decision: Decision, own: Ownship, tracks: Sequence[Track], around: Circumstances
+) -> str:
+    """One line, without the newline; the same decision gives the same bytes.
+
+    `traffic` has all tracks, their `north_m` and `east_m` counted from `own`; `tracks` is how many they are.
+    """
+    place = None if around.frame is None else around.frame.to_geo(*own.position_m)
+    north_mps, east_mps, down_mps = own.velocity_mps
     record = {
         "time_us": round(time_s * 1e6),
         "layer": str(decision.layer),
+        "state": around.state,
+        "flying": around.flying,
+        "mode": around.mode,
         "guidance": guidance_of(decision.guidance),
-        "threats": [threat_of(threat) for threat in decision.threats],
-        "tracks": tracks,
-        "own": None
-        if own is None
-        else {
+        "tracks": len(tracks),
+        "own": {
+            "lat_deg": None if place is None else round(place.lat_deg, 7),
+            "lon_deg": None if place is None else round(place.lon_deg, 7),
             "north_m": round(own.position_m[0], 1),
             "east_m": round(own.position_m[1], 1),
             "altitude_m": round(-own.position_m[2], 1),
-            "course_deg": round(course_deg(math.atan2(own.velocity_mps[1], own.velocity_mps[0])), 1),
+            "course_deg": round(course_deg(math.atan2(east_mps, north_mps)), 1),
+            "ground_speed_mps": round(math.hypot(north_mps, east_mps), 1),
             "airspeed_mps": round(own.airspeed_mps, 1),
+            "climb_mps": round(-down_mps, 1),
         },
         "because": decision.because,
     }
-    return json.dumps(record, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(record, separators=(",", ":"), allow_nan=False)
+    threats = ",".join(map(threat_text, decision.threats))
+    return f'{text[:-1]},"threats":[{threats}],"traffic":[{_traffic(tracks, own.position_m)}]}}'
 
 
 def guidance_of(guidance: Guidance | None) -> dict[str, object] | None:
@@ -40,17 +67,74 @@ def guidance_of(guidance: Guidance | None) -> dict[str, object] | None:
     }
 
 
-def threat_of(threat: Threat) -> dict[str, object]:
-    """A threat as it was seen when decided."""
-    to_closest_s = threat.time_to_closest_s
-    return {
-        "track": threat.track_id,
-        "distance_m": round(threat.distance_m, 1),
-        "relative_altitude_m": round(threat.relative_altitude_m, 1),
-        "bearing_deg": round(course_deg(threat.bearing_rad), 1),
-        "closing_mps": round(threat.closing_mps, 1),
-        "time_to_closest_s": round(to_closest_s, 1) if math.isfinite(to_closest_s) else None,
-        "miss_horizontal_m": round(threat.miss_horizontal_m, 1),
-        "miss_vertical_m": round(threat.miss_vertical_m, 1),
-        "layer": str(threat.layer),
+# What there may be many of ten times a second is written out: the json module takes six times as long.
+_THREAT = (
+    '{"track":%s,"distance_m":%.1f,"relative_altitude_m":%.1f,"bearing_deg":%.1f,"closing_mps":%.1f,'
+    '"time_to_closest_s":%s,"miss_horizontal_m":%.1f,"miss_vertical_m":%.1f,"layer":"%s"}'
+)
+_TRACK = (
+    '%s,"north_m":%.1f,"east_m":%.1f,"altitude_m":%.1f,"course_deg":%.1f,"ground_speed_mps":%.1f,'
+    '"climb_mps":%.1f,"age_s":%.1f}'
+)
+
+
+def threat_text(threat: Threat) -> str:
+    """A threat as it was seen when decided, as JSON."""
+    values = (
+        threat.distance_m,
+        threat.relative_altitude_m,
+        course_deg(threat.bearing_rad),
+        threat.closing_mps,
+        threat.miss_horizontal_m,
+        threat.miss_vertical_m,
+    )
+    _insist_on_finite(sum(values))
+    to_closest = f"{threat.time_to_closest_s:.1f}" if math.isfinite(threat.time_to_closest_s) else "null"
+    return _THREAT % (_quoted(threat.track_id), *values[:4], to_closest, *values[4:], threat.layer)
+
+
+def _traffic(tracks: Sequence[Track], own_m: Vec3) -> str:
+    own_north_m, own_east_m, _ = own_m
+    check = 0.0
+    lines = []
+    for track in tracks:
+        north_m, east_m, down_m = track.position_m
+        north_mps, east_mps, down_mps = track.velocity_mps
+        check += north_m + east_m + down_m + north_mps + east_mps + down_mps + track.age_s
+        course = math.degrees(math.atan2(east_mps, north_mps)) % 360.0
+        lines.append(
+            _TRACK
+            % (
+                _names(track.track_id, track.icao, track.callsign, track.kind),
+                north_m - own_north_m,
+                east_m - own_east_m,
+                -down_m,
+                course,
+                math.hypot(north_mps, east_mps),
+                -down_mps,
+                track.age_s,
+            )
+        )
+    _insist_on_finite(check)
+    return ",".join(lines)
+
+
+def _insist_on_finite(check: float) -> None:
+    """What `allow_nan=False` does for all else."""
+    if not math.isfinite(check):
+        raise ValueError("a track is not finite")
+
+
+_quoted = lru_cache(maxsize=4096)(json.dumps)
+
+
+@lru_cache(maxsize=4096)
+def _names(track_id: str, icao: int | None, callsign: str | None, kind: TrafficKind) -> str:
+    """What of a track stays as it is, open at its end."""
+    names = {
+        "track": track_id,
+        "icao": None if icao is None else f"{icao:06X}",
+        "callsign": callsign,
+        "kind": str(kind),
     }
+    return json.dumps(names, separators=(",", ":"))[:-1]

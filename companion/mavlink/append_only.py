@@ -1,5 +1,7 @@
 """A file that only grows: a killed process loses nothing of it, and a failing disk disturbs nobody."""
 
+import contextlib
+import fcntl
 import os
 import threading
 from pathlib import Path
@@ -12,7 +14,8 @@ class AppendOnlyFile:
 
     Every record is with the operating system when `append` returns, so it survives the death of this process;
     `sync` makes it survive a power cut. Once open, no error of the disk is raised: a record that does not fit
-    is taken back and counted in `failures`, and `problem` keeps the newest reason.
+    is taken back and counted in `failures`, and `problem` keeps the newest reason. While it is open it is
+    locked: see `is_being_written`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -27,7 +30,14 @@ class AppendOnlyFile:
             raise LogError(f"{path}: exists already and is not overwritten") from error
         except OSError as error:
             raise LogError(f"{path}: cannot be written: {error.strerror}") from error
+        with contextlib.suppress(OSError):  # some file systems know no locks
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._open = True
+
+    @property
+    def size(self) -> int:
+        """How many bytes it has."""
+        return self._size
 
     def append(self, record: bytes) -> None:
         """Add a record whole or not at all; does nothing once closed."""
@@ -74,3 +84,15 @@ class AppendOnlyFile:
     def _failed(self, error: OSError) -> None:
         self.failures += 1
         self.problem = f"{self.path}: {error.strerror}"
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether some process has this file open as an `AppendOnlyFile`; not that of one that was killed."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False

@@ -212,6 +212,11 @@ class TlogWriter:
         return self._file.path
 
     @property
+    def size(self) -> int:
+        """How many bytes it has."""
+        return self._file.size
+
+    @property
     def failures(self) -> int:
         """How often the disk refused."""
         return self._file.failures

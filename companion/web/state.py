@@ -19,6 +19,7 @@ local frame that moves along with the aircraft: they are good for differences wi
 | `links`, `service` | how the links and the service do |
 """
 
+import json
 import math
 from typing import Any
 
@@ -27,7 +28,7 @@ import numpy as np
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
 from companion.avoidance.prediction import TIMES_S, Commands, fly_ahead
 from companion.avoidance.survey import mission_of, own_state
-from companion.engine.record import guidance_of, threat_of
+from companion.engine.record import guidance_of, threat_text
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone
 from companion.model import Goal, Layer, Ownship, Snapshot, Threat, Track
@@ -68,7 +69,7 @@ def state_of(moment: Moment, sequence: int, trends: Trends) -> dict[str, Any]:
             "layer": str(shot.decision.layer),
             "because": shot.decision.because,
             "guidance": guidance_of(shot.decision.guidance),
-            "threats": [threat_of(threat) for threat in shot.decision.threats],
+            "threats": [json.loads(threat_text(threat)) for threat in shot.decision.threats],
         },
         "predicted": _predicted(moment),
         "volumes": {

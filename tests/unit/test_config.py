@@ -242,7 +242,10 @@ def test_a_wrong_link_is_named(tmp_path: Path, text: str, message: str) -> None:
             "avoidance:\n  delta_beta_rad: 0.1",
             "3: avoidance.delta_beta_rad: is unknown, did you mean delta_beta_deg?",
         ),
-        ("recording: {zzz: 1}", "2: recording.zzz: is unknown, allowed are directory, enabled"),
+        (
+            "recording: {zzz: 1}",
+            "2: recording.zzz: is unknown, allowed are directory, enabled, max_file_mb, max_total_mb",
+        ),
         ("autopilot: px4\nautopilot: px4", "3: autopilot: is here twice, first on line 2"),
         (
             "avoidance:\n  outer_time_s: 3\n  outer_time_s: 4",
