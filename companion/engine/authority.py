@@ -15,6 +15,7 @@ from companion.engine.held import Held
 from companion.engine.mode_request import ModeRequest, Progress
 from companion.engine.operator import Operator
 from companion.engine.readiness import Readiness
+from companion.engine.settings import Settings
 from companion.engine.strays import Strays
 from companion.engine.way_back import WayBack
 from companion.geodesy import GeoPoint
@@ -56,19 +57,19 @@ class Authority:
     def __init__(
         self,
         aircraft: Aircraft,
-        rules: SupervisorParams,
+        settings: Settings,
         announcer: Announcer,
         operator: Operator,
         readiness: Readiness,
     ) -> None:
         self.supervisor = Supervisor()
         self._aircraft = aircraft
-        self._rules = rules
+        self._settings = settings
         self._announcer = announcer
         self._operator = operator
         self._readiness = readiness
         self._claims = Claims(aircraft)
-        self._strays = Strays(aircraft, rules)
+        self._strays = Strays(aircraft, settings)
         self._outlook = Outlook(Decision(Layer.CLEAR), None, ())
         self._before = Before(0)
         self._request: ModeRequest | None = None
@@ -139,6 +140,11 @@ class Authority:
         if now_s - self._emergency_s >= adapter.exit_s:
             messages += adapter.give_back(self._before)
         return [*messages, *adapter.tick(now_s)]
+
+    @property
+    def _rules(self) -> SupervisorParams:
+        """As they are now: some of them can be tuned in flight."""
+        return self._settings.supervisor
 
     # --- each tick
 
