@@ -80,7 +80,7 @@ class Engine:
         )
         self.operator = Operator(self._settings, lambda: self.sender)
         self._surroundings = Surroundings(config.traffic, config.known_obstacles, config.obstacles)
-        self._announcer = Announcer(lambda: self.sender)
+        self._announcer = Announcer(lambda: self.sender, lambda: self._settings.engine.text_units)
         # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
         self.onboard = Onboard(self._announcer, config.avoidance.envelope, config.aircraft, config.fences)
         self._briefing = Briefing(self.aircraft, self.onboard, self.operator, self._announcer, self._settings)
@@ -233,7 +233,8 @@ class Engine:
         flying_before = self.supervisor.flying
         effects += self._authority.step(Outlook(self._decision, self._own, self._tracks), now_s)
         flying = self.supervisor.flying
-        if flying_before and not flying:
+        if flying_before and not flying and not self._authority.dismisses:
+            # A conflict that the operator has decided about goes on to be the same one.
             self._avoider.reset()
         self.aircraft.ours = self._authority.holds
         effects += self._command(now_s)

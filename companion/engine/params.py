@@ -12,6 +12,8 @@ from companion.supervisor import SupervisorParams
 from companion.traffic import TrafficParams
 from companion.traffic.obstacles import Obstacle, ObstacleParams
 
+TextUnits = Literal["metric", "aviation"]
+
 
 @dataclass(frozen=True)
 class EngineParams:
@@ -29,7 +31,7 @@ class EngineParams:
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
     max_height_m: Annotated[float, Gt(0)] | None = None
     # In which the operator is told of heights and speeds: metres and m/s, or feet and knots.
-    text_units: Literal["metric", "aviation"] = "metric"
+    text_units: TextUnits = "metric"
 
     def __post_init__(self) -> None:
         if self.position_fresh_s > self.position_stale_s:

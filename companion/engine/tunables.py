@@ -7,17 +7,16 @@ those of the configuration itself: what it refuses, nobody can set.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from companion.avoidance.control import ALL_CONTROLS, Control
-from companion.engine.params import EngineConfig
+from companion.engine.params import EngineConfig, TextUnits
 from companion.supervisor import Role
 
 # Beyond this no setting means anything, and the 32 bits of the wire end somewhere.
 _LARGEST = 1e9
-_UNITS = ("metric", "aviation")
 _CONTROL_BITS = {Control.HEADING: 1, Control.SPEED: 2, Control.HEIGHT: 4}
 
 
@@ -50,7 +49,7 @@ _PLAIN = _Coding(float, float)
 _DEGREES = _Coding(math.degrees, math.radians)
 _ZERO_IS_NONE = _Coding(lambda value: 0.0 if value is None else value, lambda value: value or None)
 _ROLE = _choice(tuple(role.name.lower() for role in Role))
-_TEXT_UNITS = _choice(_UNITS)
+_TEXT_UNITS = _choice(get_args(TextUnits))
 _CONTROLS = _Coding(lambda controls: float(sum(_CONTROL_BITS[c] for c in controls)), _controls)
 
 
