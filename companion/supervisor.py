@@ -43,6 +43,7 @@ class Event(StrEnum):
     POISONED = "poisoned"  # its controller has lost itself by our doing: flown until it has recovered
     ABANDONED = "abandoned"  # taken from us, but left in the guided mode with nobody flying it
     ADVISE = "advise"  # told in flight to advise only, or to be off
+    RESUME = "resume"  # told to resume the mission now, whatever the traffic
     GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
     STOP = "stop"  # the service is told to end
     # Somebody else has the aircraft:
@@ -85,21 +86,25 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.ENGAGING, Event.UNKNOWN): State.RELEASING,
     (State.ENGAGING, Event.CLEAR): State.RELEASING,
     (State.ENGAGING, Event.ADVISE): State.RELEASING,
+    (State.ENGAGING, Event.RESUME): State.RELEASING,
     (State.ENGAGING, Event.STOP): State.STOPPING,
     (State.OUTER, Event.INNER_CONFLICT): State.INNER,
     (State.OUTER, Event.CLEAR): State.RELEASING,
     (State.OUTER, Event.FAR): State.RETURNING,
     (State.OUTER, Event.ADVISE): State.RELEASING,
+    (State.OUTER, Event.RESUME): State.RELEASING,
     (State.OUTER, Event.STOP): State.STOPPING,
     (State.INNER, Event.OUTER_CONFLICT): State.OUTER,
     (State.INNER, Event.CLEAR): State.RELEASING,
     (State.INNER, Event.FAR): State.RETURNING,
     (State.INNER, Event.ADVISE): State.RELEASING,
+    (State.INNER, Event.RESUME): State.RELEASING,
     (State.INNER, Event.STOP): State.STOPPING,
     (State.RETURNING, Event.OUTER_CONFLICT): State.OUTER,
     (State.RETURNING, Event.INNER_CONFLICT): State.INNER,
     (State.RETURNING, Event.CLEAR): State.RELEASING,
     (State.RETURNING, Event.ADVISE): State.RELEASING,
+    (State.RETURNING, Event.RESUME): State.RELEASING,
     (State.RETURNING, Event.STOP): State.STOPPING,
     (State.RELEASING, Event.GIVEN_BACK): State.MONITOR,
     (State.RELEASING, Event.OUTER_CONFLICT): State.ENGAGING,

@@ -3,6 +3,8 @@
 import math
 
 STANDARD_GRAVITY_MPS2 = 9.80665
+FOOT_M = 0.3048
+KNOT_MPS = 1852.0 / 3600.0
 
 
 def wrap_pi(angle_rad: float) -> float:

@@ -59,14 +59,19 @@ class Avoider:
         self.fence: Fence | None = None
         self.spares_heights = False
         self._refusals = Refusals()
-        has_domain = params.outer_method in (OuterMethod.TRANSITION, OuterMethod.PRICED)
-        self._domain = TransitionDomain(params.delta_beta_rad if has_domain else 0.0)
+        self._domain = TransitionDomain(_domain_rad(params))
         self._table = StrategyTable.within(params.controls)
         self._held: Guidance | None = None
         self._layer = Layer.CLEAR
         self._rule: _Rule | None = None
         self._answering = False  # our group's conflict
         self._clear_since_s: float | None = None
+
+    def retune(self, params: AvoidanceParams) -> None:
+        """Other parameters from now on. The conflict at hand, and the envelope, stay what they are."""
+        self.params = params
+        self._domain.delta_beta_rad = _domain_rad(params)
+        self._table = StrategyTable.within(params.controls)
 
     def refuse(self, control: Control, value: float, now_s: float) -> None:
         """The autopilot refused a course [rad], an airspeed [m/s] or a height [m] that was asked of it.
@@ -330,6 +335,12 @@ class Avoider:
             return _Rule(track_id, self._rule.course_rad, pace)
         course_rad = heading_rule_rad(state.course_rad, rel, other, own_mps)
         return _Rule(track_id, course_rad, pace)
+
+
+def _domain_rad(params: AvoidanceParams) -> float:
+    """How much wider the cone is for whoever is in it, where the method knows of that."""
+    has_domain = params.outer_method in (OuterMethod.TRANSITION, OuterMethod.PRICED)
+    return params.delta_beta_rad if has_domain else 0.0
 
 
 @dataclass(frozen=True, slots=True)

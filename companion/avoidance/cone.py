@@ -33,17 +33,20 @@ def approach_angle_rad(rel_position_m: Array, own_rel_velocity_mps: Array) -> Ar
 
 
 class TransitionDomain:
-    """The memory of the cone: which obstacles are inside, hence judged by beta2 instead of beta1."""
+    """The memory of the cone: which obstacles are inside, hence judged by beta2 instead of beta1.
+
+    `delta_beta_rad`, the width that beta2 has more, may be changed at any time.
+    """
 
     def __init__(self, delta_beta_rad: float) -> None:
-        self._delta_beta_rad = delta_beta_rad
+        self.delta_beta_rad = delta_beta_rad
         self._inside: frozenset[str] = frozenset()
 
     def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> NDArray[np.bool_]:
         """In whose cone we are, shape (N,): in the wider one of those entered before."""
         if self._inside:
             was_inside = np.array([i in self._inside for i in ids], dtype=np.bool_)
-            beta1_rad = np.where(was_inside, beta1_rad + self._delta_beta_rad, beta1_rad)
+            beta1_rad = np.where(was_inside, beta1_rad + self.delta_beta_rad, beta1_rad)
         covered: NDArray[np.bool_] = np.abs(alpha_rad) <= beta1_rad
         return covered
 

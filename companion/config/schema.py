@@ -101,9 +101,7 @@ class Config:
                 raise ValueError(f"supervisor.take_over_from: {name} is never taken over from")
         if self.autopilot != "auto" and not MODES_OF[self.autopilot] & {*self.supervisor.take_over_from}:
             raise ValueError(f"supervisor.take_over_from: {self.autopilot} has none of these modes")
-        ceiling_m = self.engine.max_height_m
-        if ceiling_m is not None and ceiling_m <= self.supervisor.min_height_m:
-            raise ValueError("engine.max_height_m must be above supervisor.min_height_m")
+        self.for_engine()  # refuses what its sections contradict each other in
 
     def for_engine(self, known_obstacles: tuple[Obstacle, ...] = ()) -> EngineConfig:
         """The part that the engine is built from, with what the obstacle files say."""

@@ -1,8 +1,9 @@
 """The heart: one object that flies, replays, simulates and is tested. Facts in, effects out."""
 
 from companion.engine.effective import AircraftLimits
-from companion.engine.effects import Effect, Keep, Record, Say, Transmit
-from companion.engine.engine import Engine, EngineConfig, EngineParams
+from companion.engine.effects import Effect, Keep, Record, Save, Say, Transmit
+from companion.engine.engine import Engine
+from companion.engine.params import EngineConfig, EngineParams
 from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "EngineParams",
     "Keep",
     "Record",
+    "Save",
     "Say",
     "Stepper",
     "Transmit",

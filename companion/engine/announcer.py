@@ -1,21 +1,24 @@
 """What we say: STATUSTEXT in words, once per event, COLLISION for every threat, our own HEARTBEAT."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from companion.engine.effects import Effect, Say, Transmit
+from companion.engine.params import TextUnits
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Sender
 from companion.model import Decision, Layer, Ownship, Threat, Track
 from companion.supervisor import Role
-from companion.units import wrap_two_pi
+from companion.units import FOOT_M, KNOT_MPS, wrap_two_pi
 
 _TEXT_BYTES = 50
 # The same news again only after so long: a warning repeated is a warning not read.
 _REPEAT_S = 30.0
 _COLLISION_INTERVAL_S = 1.0
 _MAX_COLLISIONS = 4
+# Nearer to our height than this is at our height.
+_LEVEL_M = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +29,20 @@ class Outlook:
     own: Ownship | None
     tracks: Sequence[Track]
 
+    def name(self, threat: Threat) -> str:
+        """What a threat calls itself, or else what we call it."""
+        track = next((track for track in self.tracks if track.track_id == threat.track_id), None)
+        return threat.track_id if track is None else track.callsign or threat.track_id
+
 
 class Announcer:
-    """Speaks with our address, which `sender` gives, and remembers what was said."""
+    """Speaks with our address, which `sender` gives, in these units, and remembers what was said."""
 
-    def __init__(self, sender: Callable[[], Sender]) -> None:
+    def __init__(
+        self, sender: Callable[[], Sender], units: Callable[[], TextUnits] = lambda: "metric"
+    ) -> None:
         self._sender = sender
+        self._units = units
         self._told_s: dict[str, float] = {}
         self._told_once: set[str] = set()
         self._chunk_id = 0
@@ -55,20 +66,32 @@ class Announcer:
         self.last_text = text
         return [Say(severity, text), *self.transmit(self._chunks(severity, text))]
 
-    def conflict(self, outlook: Outlook, now_s: float) -> list[Effect]:
-        """Once for each traffic and layer: where it is, and what we do."""
+    def conflict(self, outlook: Outlook, now_s: float, *, flying: bool) -> list[Effect]:
+        """Once for each traffic and layer: where it is, and what we do, or would do."""
         own, decision = outlook.own, outlook.decision
         if own is None or not decision.threats:
             return []
-        threat = decision.threats[0]
-        names = [(track.track_id, track.callsign) for track in outlook.tracks]
+        threat, units = decision.threats[0], self._units()
         inner = decision.layer is Layer.INNER
-        text = f"{describe_threat(threat, own, names)}: {describe_guidance(decision, own)}"
+        where = describe_threat(threat, own, outlook.name(threat), units)
+        what = describe_guidance(decision, own, units, doing=flying)
         return self.tell(
             mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
-            f"{'Traffic!' if inner else 'Traffic'} {text}",
+            f"{'Traffic!' if inner else 'Traffic'} {where}: {what}",
             now_s,
             topic=f"{decision.layer} {threat.track_id}",
+        )
+
+    def resuming(self, outlook: Outlook, mode: str, now_s: float) -> list[Effect]:
+        """The mission is resumed because the operator says so: who is not avoided now."""
+        threats = outlook.decision.threats
+        inner = outlook.decision.layer is Layer.INNER
+        words = f"Told to resume {mode}"
+        if threats:
+            others = f" + {len(threats) - 1}" if len(threats) > 1 else ""
+            words += f": {outlook.name(threats[0])}{others} {'near, ' if inner else ''}not avoided"
+        return self.tell(
+            mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING, words, now_s
         )
 
     def collisions(self, decision: Decision, *, flying: bool, now_s: float) -> list[Effect]:
@@ -138,17 +161,18 @@ def _collision(threat: Threat, *, flying: bool) -> Message:
     )
 
 
-def describe_threat(threat: Threat, own: Ownship, names: Iterable[tuple[str, str | None]]) -> str:
+def describe_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) -> str:
     """Where a threat is, as pilots say it: "N123 2 o'clock 1.8 km 60 m below"."""
-    callsign = dict(names).get(threat.track_id) or threat.track_id
     clock = round(math.degrees(wrap_two_pi(threat.bearing_rad - own.heading_rad)) / 30.0) % 12 or 12
-    height_m = round(threat.relative_altitude_m)
-    level = "level" if abs(height_m) < 10 else f"{abs(height_m)} m {'above' if height_m > 0 else 'below'}"
-    return f"{callsign} {clock} o'clock {threat.distance_m / 1000.0:.1f} km {level}"
+    height_m = threat.relative_altitude_m
+    level = "level"
+    if round(abs(height_m)) >= _LEVEL_M:
+        level = f"{_height(abs(height_m), units)} {'above' if height_m > 0 else 'below'}"
+    return f"{name} {clock} o'clock {threat.distance_m / 1000.0:.1f} km {level}"
 
 
-def describe_guidance(decision: Decision, own: Ownship) -> str:
-    """What is flown: "right to 040, climb 80 m"."""
+def describe_guidance(decision: Decision, own: Ownship, units: TextUnits, *, doing: bool) -> str:
+    """What is flown: "turning right 040, climbing 80 m"; as advice: "turn right 040, climb 80 m"."""
     guidance = decision.guidance
     if guidance is None:
         return "mission"
@@ -157,11 +181,25 @@ def describe_guidance(decision: Decision, own: Ownship) -> str:
     turn_rad = (guidance.course_rad - course_rad + math.pi) % (2.0 * math.pi) - math.pi
     if abs(turn_rad) > math.radians(3.0):
         course = round(math.degrees(wrap_two_pi(guidance.course_rad))) % 360
-        words.append(f"{'right' if turn_rad > 0 else 'left'} to {course:03d}")
+        words.append(f"{_verb('turn', doing)} {'right' if turn_rad > 0 else 'left'} {course:03d}")
     climb_m = guidance.altitude_m + own.position_m[2]
     if abs(climb_m) > 5.0:
-        words.append(f"{'climb' if climb_m > 0 else 'descend'} {abs(climb_m):.0f} m")
+        words.append(f"{_verb('climb' if climb_m > 0 else 'descend', doing)} {_height(abs(climb_m), units)}")
     speed_mps = guidance.airspeed_mps - own.airspeed_mps
     if abs(speed_mps) > 2.0:
-        words.append(f"{'faster' if speed_mps > 0 else 'slower'}, {guidance.airspeed_mps:.0f} m/s")
-    return ", ".join(words) if words else "hold"
+        faster = _verb("speed", doing) + " up" if speed_mps > 0 else _verb("slow", doing)
+        words.append(f"{faster} to {_speed(guidance.airspeed_mps, units)}")
+    return ", ".join(words) if words else _verb("hold", doing)
+
+
+def _verb(verb: str, doing: bool) -> str:
+    return f"{verb}ing" if doing else verb
+
+
+def _height(height_m: float, units: TextUnits) -> str:
+    """In feet as pilots say it: in tens."""
+    return f"{round(height_m / FOOT_M, -1):.0f} ft" if units == "aviation" else f"{height_m:.0f} m"
+
+
+def _speed(speed_mps: float, units: TextUnits) -> str:
+    return f"{speed_mps / KNOT_MPS:.0f} kt" if units == "aviation" else f"{speed_mps:.0f} m/s"

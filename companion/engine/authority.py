@@ -10,11 +10,13 @@ from companion.autopilots.adapter import Adapter, Before
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.claims import Claims
+from companion.engine.dismissed import Dismissed
 from companion.engine.effects import Effect
 from companion.engine.held import Held
 from companion.engine.mode_request import ModeRequest, Progress
 from companion.engine.operator import Operator
 from companion.engine.readiness import Readiness
+from companion.engine.settings import Settings
 from companion.engine.strays import Strays
 from companion.engine.way_back import WayBack
 from companion.geodesy import GeoPoint
@@ -56,19 +58,21 @@ class Authority:
     def __init__(
         self,
         aircraft: Aircraft,
-        rules: SupervisorParams,
+        settings: Settings,
         announcer: Announcer,
         operator: Operator,
         readiness: Readiness,
     ) -> None:
         self.supervisor = Supervisor()
         self._aircraft = aircraft
-        self._rules = rules
+        self._settings = settings
         self._announcer = announcer
         self._operator = operator
         self._readiness = readiness
         self._claims = Claims(aircraft)
-        self._strays = Strays(aircraft, rules)
+        self._strays = Strays(aircraft, settings)
+        self._dismissed = Dismissed(settings)
+        operator.may_resume = lambda: self.holds or self.dismisses
         self._outlook = Outlook(Decision(Layer.CLEAR), None, ())
         self._before = Before(0)
         self._request: ModeRequest | None = None
@@ -93,6 +97,11 @@ class Authority:
     def holds(self) -> bool:
         """Whether the aircraft is ours, or on its way from or to us."""
         return self.supervisor.flying or self.supervisor.state in _ASKING
+
+    @property
+    def dismisses(self) -> bool:
+        """Whether there is a conflict that the operator has decided about."""
+        return bool(self._dismissed)
 
     def recover(self, held: Held) -> None:
         """A former run was killed while it had the aircraft, which is given back as soon as it is seen."""
@@ -142,12 +151,21 @@ class Authority:
             messages += adapter.give_back(self._before)
         return [*messages, *adapter.tick(now_s)]
 
+    @property
+    def _rules(self) -> SupervisorParams:
+        """As they are now: some of them can be tuned in flight."""
+        return self._settings.supervisor
+
     # --- each tick
 
     def step(self, outlook: Outlook, now_s: float) -> list[Effect]:
         """Act on what is heard and decided, by the supervisor's table."""
         self._outlook = outlook
         self._strays.observe()
+        self._dismissed.observe(outlook.decision, now_s)
+        if self._operator.role is not Role.FLY:
+            self._dismissed.forget()  # told to fly again, that is against everybody
+        resumes = self._operator.take_resume()
         state = self.supervisor.state
         if state in WATCHING:
             return self._while_watching(now_s)
@@ -165,11 +183,28 @@ class Authority:
                 mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to stop, back to {self._mode_before()}", now_s
             )
             return [*self._release(now_s), *told]
+        if resumes:
+            return self._resume(now_s)
         if state is State.ENGAGING:
             return self._while_engaging(now_s)
         if self.supervisor.flying:
             return self._while_flying(now_s)
         return self._while_releasing(now_s)
+
+    @property
+    def _clear(self) -> bool:
+        """Whether there is nobody to fly around: no conflict, or one that the operator has decided about."""
+        decision = self._outlook.decision
+        return decision.layer is Layer.CLEAR or self._dismissed.cover(decision)
+
+    def _resume(self, now_s: float) -> list[Effect]:
+        """Give back now, whoever is in the way: the operator says so, and is told what that means."""
+        self._dismissed.add(self._outlook.decision, now_s)
+        # What lost itself nobody could fly: then as soon as it has recovered, as in any other case.
+        if self._rescuing or not self.supervisor.handle(Event.RESUME):
+            return []
+        told = self._announcer.resuming(self._outlook, self._mode_before(), now_s)
+        return [*self._release(now_s), *told]
 
     def _while_watching(self, now_s: float) -> list[Effect]:
         self._respect_choices()
@@ -179,10 +214,10 @@ class Authority:
         if stray is not None and self.supervisor.handle(stray):
             return self._take_back(stray, now_s)
         advice = self._tell_lost(now_s)
-        clear = self._outlook.decision.layer is Layer.CLEAR
+        clear = self._clear
         ready = not self._readiness.hindrances(now_s) and now_s >= self._not_before_s
         if not ready and not clear:
-            advice += self._announcer.conflict(self._outlook, now_s)
+            advice += self._announcer.conflict(self._outlook, now_s, flying=False)
         # Whoever sent the aircraft back on its mission against us has decided about this conflict.
         if not ready or (self._against_us and not clear):
             self._ready_since_s = None
@@ -275,7 +310,7 @@ class Authority:
         self._way_back = WayBack.to(self._before, adapter)
         self._request = ModeRequest(self._before.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
         adapter.stand_back()
-        return [*self._ask(now_s), *self._announcer.conflict(self._outlook, now_s)]
+        return [*self._ask(now_s), *self._announcer.conflict(self._outlook, now_s, flying=True)]
 
     def _while_engaging(self, now_s: float) -> list[Effect]:
         aircraft, request = self._aircraft, self._asked()
@@ -286,7 +321,7 @@ class Authority:
             self.supervisor.handle(Event.TAKEN)
             self.supervisor.handle(self._conflict())
             return []
-        if self._outlook.decision.layer is Layer.CLEAR and not self._rescuing:
+        if self._clear and not self._rescuing:
             self.supervisor.handle(Event.CLEAR)
             return self._release(now_s)
         if request.refusals or now_s - request.asked_s >= _LONGEST_ENGAGING_S:
@@ -326,10 +361,10 @@ class Authority:
             self._rescuing, self._taken_s = True, now_s  # given back like this, nobody could fly it
         elif self._rescuing:
             self._rescuing = now_s - self._taken_s < _RESCUED_AFTER_S
-        if self._outlook.decision.layer is Layer.CLEAR and not self._rescuing:
+        if self._clear and not self._rescuing:
             return [*refused, *self._while_clear(now_s)]
         if self.supervisor.handle(self._conflict()):
-            return [*refused, *self._announcer.conflict(self._outlook, now_s)]
+            return [*refused, *self._announcer.conflict(self._outlook, now_s, flying=True)]
         return refused
 
     def _while_clear(self, now_s: float) -> list[Effect]:
@@ -340,7 +375,8 @@ class Authority:
             words = f"Clear of traffic, returning for {self._mode_before()}"
             return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, words, now_s)
         self.supervisor.handle(Event.CLEAR)
-        words = f"Clear of traffic, back to {self._mode_before()}"
+        others = "" if self._outlook.decision.layer is Layer.CLEAR else "other "
+        words = f"Clear of {others}traffic, back to {self._mode_before()}"
         return [*self._release(now_s), *self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, words, now_s)]
 
     def _while_releasing(self, now_s: float) -> list[Effect]:
@@ -356,7 +392,7 @@ class Authority:
             return []
         stuck = request.refusals and aircraft.guided and self.supervisor.state is State.RELEASING
         stuck = stuck and not self._claims.overlooked
-        if stuck and self._outlook.decision.layer is not Layer.CLEAR and self._operator.role is Role.FLY:
+        if stuck and not self._clear and self._operator.role is Role.FLY:
             # It cannot leave, and there is traffic: better flown by us than by nobody.
             self.supervisor.handle(self._conflict())
             return self._while_engaging(now_s)

@@ -2,11 +2,12 @@
 
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer
-from companion.engine.effects import Effect
+from companion.engine.effects import Effect, Say
 from companion.engine.onboard import Onboard
 from companion.engine.operator import Operator
+from companion.engine.settings import Settings
 from companion.mavlink.dialect import mavlink
-from companion.supervisor import Role, SupervisorParams
+from companion.supervisor import Role
 
 # Others may be heard before the one that is configured.
 _CONFIGURED_AWAITED_S = 5.0
@@ -22,24 +23,24 @@ class Briefing:
         onboard: Onboard,
         operator: Operator,
         announcer: Announcer,
-        rules: SupervisorParams,
+        settings: Settings,
     ) -> None:
         self._aircraft = aircraft
         self._onboard = onboard
         self._operator = operator
         self._announcer = announcer
-        self._rules = rules
+        self._settings = settings
         self._role_told = Role.FLY  # what everybody expects
 
     def tick(self, now_s: float) -> list[Effect]:
         """What there is to tell."""
         return [
             effect
-            for problem in (*self._settings(), *self._company(now_s))
+            for problem in (*self._advice(), *self._company(now_s))
             for effect in self._announcer.tell(
                 mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {problem}", now_s, once=True
             )
-        ] + self._role(now_s)
+        ] + [*self._role(now_s), *self._tuned(now_s)]
 
     def other_avoider(self) -> str | None:
         """The autopilot's own avoidance, where it acts."""
@@ -53,12 +54,25 @@ class Briefing:
         self._role_told = role
         return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}", now_s)
 
-    def _settings(self) -> list[str]:
+    def _tuned(self, now_s: float) -> list[Effect]:
+        """What was refused of what the operator set; what was done his ground station shows."""
+        operator = self._operator
+        refusals, operator.refusals = operator.refusals, []
+        changes, operator.changes = operator.changes, []
+        told = [
+            effect
+            for words in refusals
+            for effect in self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)
+        ]
+        return [*told, *(Say(mavlink.MAV_SEVERITY_INFO, words) for words in changes)]
+
+    def _advice(self) -> list[str]:
         """What should be set otherwise in the autopilot."""
         adapter, other = self._aircraft.adapter, self.other_avoider()
         words = [] if adapter is None else adapter.advice(self._onboard.parameters)
         if other is not None:
-            consequence = ", advising only" if self._rules.beside_other_avoider == "advise" else ""
+            advising = self._settings.supervisor.beside_other_avoider == "advise"
+            consequence = ", advising only" if advising else ""
             words.append(f"autopilot avoids too ({other}){consequence}")
         return words
 

@@ -3,6 +3,8 @@
 What is written is made into text when it is asked for: a flight of a campaign writes nothing.
 """
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from companion.engine.held import Held
@@ -56,4 +58,16 @@ class Keep:
         return None if self.held is None else self.held.to_text()
 
 
-Effect = Transmit | Record | Say | Keep
+@dataclass(frozen=True, slots=True)
+class Save:
+    """Keep the settings that differ from the configuration, by name, for every run from now on."""
+
+    values: Mapping[str, float]
+
+    @property
+    def text(self) -> str | None:
+        """JSON, a line for each; `None` when none differs."""
+        return json.dumps(self.values, indent=1) + "\n" if self.values else None
+
+
+Effect = Transmit | Record | Say | Keep | Save

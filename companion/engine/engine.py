@@ -5,30 +5,29 @@ avoider and the supervisor together, and decides nothing that one of them could.
 """
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
-
-from annotated_types import Ge, Gt, Le
+from collections.abc import Mapping
+from dataclasses import replace
 
 from companion.autopilots import NAMES
-from companion.avoidance import AvoidanceParams, Avoider
+from companion.avoidance import Avoider
 from companion.avoidance.fence import Fence, Zone
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.authority import Authority
 from companion.engine.briefing import Briefing
-from companion.engine.effective import AircraftLimits
-from companion.engine.effects import Effect, Keep, Record
+from companion.engine.effects import Effect, Keep, Record, Save
 from companion.engine.heights import limit_heights
 from companion.engine.held import Held
 from companion.engine.onboard import Onboard
 from companion.engine.operator import Operator
+from companion.engine.params import EngineConfig
 from companion.engine.rates import RateKeeper
 from companion.engine.readiness import Readiness
 from companion.engine.record import Circumstances
+from companion.engine.settings import Settings
 from companion.engine.surroundings import Surroundings
 from companion.geodesy import LocalFrame
-from companion.geofence import FenceZone, LocalFence
+from companion.geofence import LocalFence
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import (
     AttitudeTarget,
@@ -45,9 +44,8 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import Decision, Goal, Layer, Ownship, Snapshot, Track
-from companion.supervisor import WATCHING, Role, State, Supervisor, SupervisorParams
-from companion.traffic import Tracker, TrafficParams
-from companion.traffic.obstacles import Obstacle, ObstacleParams
+from companion.supervisor import WATCHING, Role, State, Supervisor
+from companion.traffic import Tracker
 
 _HEARTBEAT_INTERVAL_S = 1.0
 _KEEP_INTERVAL_S = 1.0
@@ -57,50 +55,23 @@ _FENCE_MARGIN_M = 30.0
 _FRAME_REACH_M = 5_000.0
 
 
-@dataclass(frozen=True)
-class EngineParams:
-    """Identity on the wire, and when own position is too old to act on."""
-
-    system_id: Literal["auto"] | Annotated[int, Ge(1), Le(254)] = "auto"
-    # 1 is the autopilot itself.
-    component_id: Annotated[int, Ge(2), Le(255)] = 196
-    autopilot_system_id: Literal["auto"] | Annotated[int, Ge(1), Le(255)] = "auto"
-    # With no autopilot configured, others are waited for so long; of several none is chosen.
-    adopt_after_s: Annotated[float, Ge(0), Le(60)] = 1.5
-    # Own position older than this begins no take-over; older than the second, no decision is made anew.
-    position_fresh_s: Annotated[float, Gt(0), Le(5)] = 0.5
-    position_stale_s: Annotated[float, Gt(0), Le(5)] = 2.0
-    # Highest height above home that an avoidance may climb to; `None`: no ceiling.
-    max_height_m: Annotated[float, Gt(0)] | None = None
-
-    def __post_init__(self) -> None:
-        if self.position_fresh_s > self.position_stale_s:
-            raise ValueError("position_fresh_s must not exceed position_stale_s")
-
-
-@dataclass(frozen=True)
-class EngineConfig:
-    """All that the engine is built from."""
-
-    autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
-    engine: EngineParams = field(default_factory=EngineParams)
-    supervisor: SupervisorParams = field(default_factory=SupervisorParams)
-    traffic: TrafficParams = field(default_factory=TrafficParams)
-    obstacles: ObstacleParams = field(default_factory=ObstacleParams)
-    known_obstacles: tuple[Obstacle, ...] = ()
-    avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
-    aircraft: AircraftLimits = field(default_factory=AircraftLimits)
-    fences: tuple[FenceZone, ...] = ()
-
-
 class Engine:
     """One flight. `receive` and `tick` share one clock [s], which never runs backwards."""
 
-    def __init__(self, config: EngineConfig | None = None, *, avoider: Avoider | None = None) -> None:
-        """`avoider` decides instead of one made from the configuration: for comparisons."""
-        config = config or EngineConfig()
-        self._params = config.engine
-        self._rules = config.supervisor
+    def __init__(
+        self,
+        config: EngineConfig | None = None,
+        *,
+        saved: Mapping[str, float] | None = None,
+        avoider: Avoider | None = None,
+    ) -> None:
+        """`saved` are settings that go before the configuration (see `Save`).
+
+        `avoider` decides instead of one made from the configuration: for comparisons.
+        """
+        self._settings = Settings(config or EngineConfig(), saved)
+        config = self._settings.config
+        self._tuned, self._saved = config, self._settings.changed
         wanted = config.engine.autopilot_system_id
         self.aircraft = Aircraft(
             None if wanted == "auto" else wanted,
@@ -108,23 +79,21 @@ class Engine:
             adopt_after_s=config.engine.adopt_after_s,
             stick_us=config.supervisor.stick_us,
         )
-        self.operator = Operator(Role[config.supervisor.role.upper()], lambda: self.sender)
+        self.operator = Operator(self._settings, lambda: self.sender)
         self._surroundings = Surroundings(config.traffic, config.known_obstacles, config.obstacles)
-        self._announcer = Announcer(lambda: self.sender)
+        self._announcer = Announcer(lambda: self.sender, lambda: self._settings.engine.text_units)
         # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
         self.onboard = Onboard(self._announcer, config.avoidance.envelope, config.aircraft, config.fences)
-        self._briefing = Briefing(
-            self.aircraft, self.onboard, self.operator, self._announcer, config.supervisor
-        )
+        self._briefing = Briefing(self.aircraft, self.onboard, self.operator, self._announcer, self._settings)
         self.readiness = Readiness(
             self.aircraft,
-            config.supervisor,
+            self._settings,
             self.operator,
             position_fresh_s=config.engine.position_fresh_s,
             other_avoider=self._briefing.other_avoider,
         )
         self._authority = Authority(
-            self.aircraft, config.supervisor, self._announcer, self.operator, self.readiness
+            self.aircraft, self._settings, self._announcer, self.operator, self.readiness
         )
         self._avoider = avoider or Avoider(config.avoidance)
         self._rates = RateKeeper()
@@ -146,11 +115,11 @@ class Engine:
     @property
     def sender(self) -> Sender:
         """Our address: the autopilot's system, unless configured otherwise."""
-        system_id = self._params.system_id
+        system_id = self._settings.engine.system_id
         if system_id == "auto":
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
-        return Sender(system_id, self._params.component_id)
+        return Sender(system_id, self._settings.engine.component_id)
 
     @property
     def tracker(self) -> Tracker:
@@ -279,13 +248,14 @@ class Engine:
     def tick(self, now_s: float) -> list[Effect]:
         """Decide, supervise, command, and keep up the manners."""
         self.ticks += 1
-        effects: list[Effect] = []
+        effects: list[Effect] = self._tune()
         effects += self._briefing.tick(now_s)
         self._decide(now_s)
         flying_before = self.supervisor.flying
         effects += self._authority.step(Outlook(self._decision, self._own, self._tracks), now_s)
         flying = self.supervisor.flying
-        if flying_before and not flying:
+        if flying_before and not flying and not self._authority.dismisses:
+            # A conflict that the operator has decided about goes on to be the same one.
             self._avoider.reset()
         self.aircraft.ours = self._authority.holds
         effects += self._command(now_s)
@@ -314,7 +284,7 @@ class Engine:
                 effects += self.onboard.tick(adapter, now_s)
                 self.aircraft.mission = self.onboard.mission
         answers, self._answers = self._answers, []
-        effects += self._announcer.transmit(answers)
+        effects += self._announcer.transmit([*answers, *self.operator.listed(now_s)])
         effects += self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
         if now_s - self._heartbeat_s >= _HEARTBEAT_INTERVAL_S - 1e-3 or now_s < self._heartbeat_s:
             self._heartbeat_s = now_s
@@ -324,13 +294,24 @@ class Engine:
 
     # --- deciding
 
+    def _tune(self) -> list[Effect]:
+        """What the operator has set since counts from now on, and is saved."""
+        config = self._settings.config
+        if config is self._tuned:
+            return []
+        if config.avoidance is not self._tuned.avoidance:
+            self._avoider.retune(config.avoidance)
+        self._tuned = config
+        before, self._saved = self._saved, self._settings.changed
+        return [] if self._saved == before else [Save(self._saved)]
+
     def _decide(self, now_s: float) -> None:
         if self.aircraft.blind(now_s):
             self._avoider.reset()
             self._own, self._tracks = None, ()
             self._decision = Decision(Layer.CLEAR, because="no position")
             return
-        if now_s - self.aircraft.position_s > self._params.position_stale_s:
+        if now_s - self.aircraft.position_s > self._settings.engine.position_stale_s:
             return  # for a moment, what was decided last stands
         self._frame = self._frame_here()
         if self._frame is None:
@@ -363,7 +344,7 @@ class Engine:
 
     def _may_decide(self) -> bool:
         """Nothing is decided on the ground; while flying for us the aircraft may sink to the floor and be."""
-        return self.supervisor.flying or self.aircraft.flying(self._rules.min_height_m)
+        return self.supervisor.flying or self.aircraft.flying(self._settings.supervisor.min_height_m)
 
     def _frame_here(self) -> LocalFrame | None:
         """The local frame, moved along with the aircraft; the goal moves with it."""
@@ -386,7 +367,8 @@ class Engine:
         home_m = self.aircraft.home_altitude_m()
         if home_m is None:
             return
-        heights = self.onboard.heights(self._rules.min_height_m, self._params.max_height_m, now_s)
+        floor_m, ceiling_m = self._settings.supervisor.min_height_m, self._settings.engine.max_height_m
+        heights = self.onboard.heights(floor_m, ceiling_m, now_s)
         terrain_m = self.aircraft.terrain.altitude_m(now_s)
         self._avoider.envelope = limit_heights(self.onboard.envelope, heights, home_m, terrain_m)
         assert self._frame is not None

@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterator
 
 from companion.engine.aircraft import Aircraft
 from companion.engine.operator import Operator
-from companion.supervisor import Role, SupervisorParams
+from companion.engine.settings import Settings
+from companion.supervisor import Role
 
 
 class Readiness:
@@ -16,14 +17,14 @@ class Readiness:
     def __init__(
         self,
         aircraft: Aircraft,
-        rules: SupervisorParams,
+        settings: Settings,
         operator: Operator,
         *,
         position_fresh_s: float,
         other_avoider: Callable[[], str | None],
     ) -> None:
         self._aircraft = aircraft
-        self._rules = rules
+        self._settings = settings
         self._operator = operator
         self._position_fresh_s = position_fresh_s
         self._other_avoider = other_avoider
@@ -39,7 +40,7 @@ class Readiness:
 
     def _of_the_aircraft(self, now_s: float) -> Iterator[str]:
         """What speaks against it, once the operator says fly; asked at every tick, so told only where so."""
-        aircraft, rules = self._aircraft, self._rules
+        aircraft, rules = self._aircraft, self._settings.supervisor
         other = self._other_avoider()
         if not aircraft.fixed_wing:
             yield "it is no fixed wing"
@@ -64,7 +65,7 @@ class Readiness:
 
     def _why_not_flying(self) -> str:
         """What keeps an armed aircraft from flying, where anything does."""
-        position, least_m = self._aircraft.position, self._rules.min_height_m
+        position, least_m = self._aircraft.position, self._settings.supervisor.min_height_m
         if position is None or position.height_above_home_m >= least_m:
             return "it is on the ground, taking off or landing"
         return f"it is {position.height_above_home_m:.0f} m above home, below {least_m:.0f} m"

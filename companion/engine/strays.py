@@ -5,7 +5,8 @@ import math
 from companion.autopilots.adapter import Before
 from companion.engine.aircraft import Aircraft
 from companion.engine.held import Held
-from companion.supervisor import Event, State, SupervisorParams
+from companion.engine.settings import Settings
+from companion.supervisor import Event, State
 
 # A request that was given up may still arrive, on a slow link.
 _LATE_S = 6.0
@@ -16,9 +17,9 @@ _FOUND_AFTER_S = 1.0
 class Strays:
     """Looks for them while we have nothing to do with the aircraft. `before` is what to go back to."""
 
-    def __init__(self, aircraft: Aircraft, rules: SupervisorParams) -> None:
+    def __init__(self, aircraft: Aircraft, settings: Settings) -> None:
         self._aircraft = aircraft
-        self._rules = rules
+        self._settings = settings
         self._asked_s = -math.inf
         self._other_mode = 0  # the last one heard that was not the guided one
         self._abandoned_since_s: float | None = None
@@ -60,7 +61,11 @@ class Strays:
         busy = aircraft.sticks.moved or aircraft.landing()
         if busy or self._abandoned_since_s is None:
             self._abandoned_since_s = now_s
-        return Event.ABANDONED if now_s - self._abandoned_since_s >= self._rules.abandoned_s else None
+        return (
+            Event.ABANDONED
+            if now_s - self._abandoned_since_s >= self._settings.supervisor.abandoned_s
+            else None
+        )
 
     def _left_behind(self, held: Held, now_s: float) -> Event | None:
         """Whether the aircraft is where a companion that was killed left it."""

@@ -275,12 +275,12 @@ class ParameterRequest:
 
 @dataclass(frozen=True, slots=True)
 class ParameterSet:
-    """PARAM_SET."""
+    """PARAM_SET; `value` is `None` where it is no finite number: a wish too, and to be answered."""
 
     sender: Sender
     target: Sender
     name: str
-    value: float
+    value: float | None
 
 
 @dataclass(frozen=True, slots=True)

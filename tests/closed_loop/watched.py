@@ -160,6 +160,7 @@ class Watched(ClosedLoop):
         right_m: float = 0.0,
         above_m: float = 0.0,
         goes_s: float | None = None,
+        named: tuple[int, str] = (0xABCDEF, "SUDDEN"),
     ) -> Intruder:
         """Somebody appears ahead of us and comes against us; after `goes_s` he climbs away steeply."""
         truth = self.world.vehicle.truth
@@ -169,8 +170,7 @@ class Watched(ClosedLoop):
         north_m, east_m, down_m = truth.position_m
         away = () if goes_s is None else (Manoeuvre(self.now_s + goes_s, climb_mps=80.0),)
         intruder = Intruder(
-            0xABCDEF,
-            "SUDDEN",
+            *named,
             self.now_s,
             (
                 north_m + ahead_m * ahead[0] - right_m * ahead[1],

@@ -3,6 +3,7 @@
 import math
 import random
 
+from companion.engine.tunables import BY_NAME
 from companion.mavlink.facts import (
     AirData,
     AttitudeTarget,
@@ -173,11 +174,12 @@ class Junk:
     def _requests(self, sender: Sender, _now_s: float) -> Fact:
         pick, target = self._chance, self._target()
         params = tuple(pick.choice((None, self.number())) for _ in range(4))
+        name = pick.choice((*BY_NAME, "X"))
         return pick.choice(
             (
-                CommandRequest(sender, target, pick.choice((176, 400, 0, 65535)), params),  # type: ignore[arg-type]
-                ParameterRequest(sender, target, pick.choice((None, "CA_ROLE")), pick.choice((None, 0))),
-                ParameterSet(sender, target, pick.choice(("CA_ROLE", "X")), self.number()),
+                CommandRequest(sender, target, pick.choice((176, 193, 400, 0, 65535)), params),  # type: ignore[arg-type]
+                ParameterRequest(sender, target, pick.choice((None, name)), pick.choice((None, 0, 32767))),
+                ParameterSet(sender, target, name, pick.choice((None, 5.0, 80.0, self.number()))),
             )
         )  # fmt: skip
 

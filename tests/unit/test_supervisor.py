@@ -45,6 +45,12 @@ def test_told_to_advise_only_the_aircraft_is_given_back(state: State) -> None:
     assert TRANSITIONS.get((state, Event.ADVISE), state) is State.RELEASING
 
 
+@pytest.mark.parametrize("state", sorted(State))
+def test_told_to_resume_what_we_fly_is_given_back(state: State) -> None:
+    ours = state in FLYING | {State.ENGAGING}
+    assert TRANSITIONS.get((state, Event.RESUME), state) is (State.RELEASING if ours else state)
+
+
 def test_only_returning_is_entered_without_a_conflict() -> None:
     into = {(state, event) for (state, event), after in TRANSITIONS.items() if after is State.RETURNING}
     assert into == {(State.OUTER, Event.FAR), (State.INNER, Event.FAR)}

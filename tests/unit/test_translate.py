@@ -19,6 +19,7 @@ from companion.mavlink.facts import (
     OwnPosition,
     OwnTransponder,
     Parameter,
+    ParameterSet,
     PressureAltitude,
     Sender,
     Traffic,
@@ -511,3 +512,9 @@ def test_a_message_nobody_wants_says_nothing() -> None:
 
 def test_a_message_made_here_translates_like_one_received() -> None:
     assert to_fact(mavlink.MAVLink_mission_current_message(3), 0.0) == MissionProgress(Sender(0, 0), 3)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_parameter_set_to_no_number_is_a_wish_all_the_same(value: float) -> None:
+    fact = fact_of(mavlink.MAVLink_param_set_message(1, 196, b"CA_OUTER_TIME", value, 9))
+    assert fact == ParameterSet(SENDER, Sender(1, 196), "CA_OUTER_TIME", None)

@@ -66,9 +66,9 @@ def _parameter_read(message: Message, sender: Sender, _received_s: float) -> Fac
 
 def _parameter_set(message: Message, sender: Sender, _received_s: float) -> Fact | None:
     name = printable(message.param_id)
-    value = parameter_value(message.param_value, message.param_type)
-    if name is None or value is None:
+    if name is None:
         return None
+    value = parameter_value(message.param_value, message.param_type)
     return ParameterSet(sender, _target(message), name, value)
 
 
