@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from companion import __version__
 from companion.address import host_and_port
-from companion.config import Config, WebParams, describe, load_config, load_obstacles
+from companion.config import Config, WebParams, describe, load_config, load_obstacles, reference
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
 from companion.keeper import Keeper
@@ -113,7 +113,9 @@ def _recorder(config: Config, log: logging.Logger) -> Recorder | None:
 
 @app.command(epilog="Example: companion check configs/arduplane.yaml --link")
 def check(
-    config_file: ConfigFile,
+    config_file: Annotated[
+        Path | None, typer.Argument(metavar="CONFIG", help="Configuration file, YAML.", show_default=False)
+    ] = None,
     link: Annotated[
         bool, typer.Option("--link", help="Connect, list what is found, say whether it would fly.")
     ] = False,
@@ -123,11 +125,19 @@ def check(
     table: Annotated[
         bool, typer.Option("--table", help="Print the supervisor's table: who may fly, and when.")
     ] = False,
+    all_keys: Annotated[
+        bool, typer.Option("--reference", help="Print every key that there is, its default and range.")
+    ] = False,
 ) -> None:
     """Read a configuration and show it as it would be used, every default included.
 
     With --link the autopilot is asked many questions and commanded nothing; exit code 1 when none is heard.
     """
+    if all_keys:
+        sys.stdout.write(reference())
+        return
+    if config_file is None:
+        raise ConfigError("CONFIG is missing: the configuration file")
     config = load_config(config_file)
     obstacles = load_obstacles(config)
     console = Console(highlight=False, soft_wrap=True)

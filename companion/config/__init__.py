@@ -3,6 +3,7 @@
 from companion.config.description import describe
 from companion.config.loader import load_config
 from companion.config.obstacle_files import load_obstacles
+from companion.config.reference import reference
 from companion.config.schema import Config, RecordingParams, WebParams
 
-__all__ = ["Config", "RecordingParams", "WebParams", "describe", "load_config", "load_obstacles"]
+__all__ = ["Config", "RecordingParams", "WebParams", "describe", "load_config", "load_obstacles", "reference"]

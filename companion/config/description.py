@@ -34,13 +34,14 @@ def _lines(section: Any, indent: str) -> Iterator[str]:
                 yield f"{indent}  - {first.lstrip()}"
                 yield from others
         else:
-            yield f"{indent}{key}: {_text(value, field.name)}"
+            yield f"{indent}{key}: {value_text(value, field.name)}"
 
 
-def _text(value: Any, name: str) -> str:
+def value_text(value: Any, name: str) -> str:
+    """A value as YAML writes it; angles in degrees, as the key says."""
     if isinstance(value, tuple | frozenset):
         items = sorted(value) if isinstance(value, frozenset) else value
-        return f"[{', '.join(_text(item, name) for item in items)}]"
+        return f"[{', '.join(value_text(item, name) for item in items)}]"
     if value is None or isinstance(value, bool):
         return json.dumps(value)
     if isinstance(value, Enum):

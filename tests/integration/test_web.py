@@ -2,11 +2,14 @@
 
 import asyncio
 import json
+import re
 import socket
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import websockets
+import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from companion.web.app import MOST_VIEWERS
@@ -16,6 +19,7 @@ from tests.web_bench import TOKEN, health, live, moment_after, site
 
 pytestmark = pytest.mark.wire
 
+ALERTS = Path(__file__).parents[2] / "configs" / "alerts.yaml"
 MOMENT = moment_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
@@ -70,6 +74,18 @@ async def test_metrics_are_what_prometheus_reads() -> None:
     assert families["companion_messages_unusable"].samples[0].value == 3.0
     assert families["companion_engagements"].samples[0].value == 1.0
     assert families["companion_up"].samples[0].value == 1.0
+
+
+async def test_the_example_alerts_are_about_metrics_that_there_are() -> None:
+    rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
+    async with site(live(MOMENT)) as at:
+        text = (await at.ask("/metrics")).body.decode()
+    there = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
+    there |= {"companion_frames_total", "companion_frames_lost_total"}  # for each link, and here is none
+    for rule in rules:
+        names = set(re.findall(r"companion_\w+", rule["expr"]))
+        assert names, rule["alert"]
+        assert names <= there, rule["alert"]
 
 
 @pytest.mark.parametrize(
