@@ -192,7 +192,8 @@ class Display {
   staleWords(silent_s) {
     const { retryIn_s, open } = this.stream;
     if (open) return `NO DATA FOR ${silent_s} s: connected, but nothing comes`;
-    return `NO DATA FOR ${silent_s} s: ${retryIn_s === null ? "connecting" : `trying again in ${retryIn_s.toFixed(1)} s`}`;
+    const doing = retryIn_s === null ? "connecting" : `trying again in ${retryIn_s.toFixed(1)} s`;
+    return `NO DATA FOR ${silent_s} s: ${doing}`;
   }
 
   settingChanged(name) {

@@ -1,8 +1,8 @@
 // The colours of the canvas: read from the style sheet, so that a theme is written in one place.
 
 const NAMES = [
-  "ground", "ink", "quiet", "faint", "grid", "own", "traffic", "caution", "amber", "warning", "clear", "edge", "commanded",
-  "mission", "fence", "path", "past",
+  "ground", "ink", "quiet", "faint", "grid", "own", "traffic", "caution", "amber", "warning", "clear", "edge",
+  "commanded", "mission", "fence", "path", "past",
 ];
 
 export const FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
