@@ -29,8 +29,8 @@ export class Controls {
   update() {
     const { settings } = this;
     put(find("orientation"), settings.orientation === "north" ? "N UP" : "TRK UP");
-    put(find("height-unit"), settings.height === "ft" ? "FT" : "M");
-    put(find("trend"), `${settings.trend_s} S`);
+    put(find("height-unit"), settings.height === "ft" ? "ALT FT" : "ALT M");
+    put(find("trend"), `VEC ${settings.trend_s}`);
     find("auto-range").setAttribute("aria-pressed", String(settings.autoRange));
     for (const select of this.selects) select.value = String(settings[select.dataset.setting]);
     this.updateRange();

@@ -37,8 +37,9 @@ export class DecisionBar {
 
   /** Says a new decision to a screen reader: the distances in the reason change all the time, the command does not. */
   announce({ decision, companion }) {
-    const course_deg = decision.guidance?.course_deg;
-    const key = `${decision.layer} ${course_deg === undefined ? "" : Math.round((course_deg ?? 0) / 10)} ${companion.last_text}`;
+    const course_deg = decision.guidance?.course_deg ?? null;
+    const course = course_deg === null ? "" : Math.round(course_deg / 10); // to ten degrees: less is not worth saying
+    const key = `${decision.layer} ${course} ${companion.last_text}`;
     if (key === this.announced) return;
     this.announced = key;
     put(find("announcer"), `${WORDS[decision.layer] ?? "Unknown"}. ${decision.because}. ${companion.last_text}`);

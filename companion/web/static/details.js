@@ -74,7 +74,8 @@ export class DetailsPanel {
     const bearing_deg = threat?.bearing_deg ?? bearingOf(own, track);
     const hour = clockHour(bearing_deg, own?.course_deg ?? null);
     const height = (height_m) => (height_m === null ? UNKNOWN : `${heightText(height_m, settings)} ${settings.height}`);
-    const speed = (value_mps) => (value_mps === null ? UNKNOWN : `${speedText(value_mps, settings)} ${speedUnit(settings)}`);
+    const withUnit = (value_mps) => `${speedText(value_mps, settings)} ${speedUnit(settings)}`;
+    const speed = (value_mps) => (value_mps === null ? UNKNOWN : withUnit(value_mps));
     return [
       ["Distance", distanceText(threat?.distance_m ?? track.distance_m, settings)],
       ["Bearing", courseText(bearing_deg) + (hour === null ? "" : `, ${hour} o'clock`)],

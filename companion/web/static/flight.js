@@ -50,13 +50,13 @@ function fill(row, unit, parts, text) {
 }
 
 /** Height above mean sea level of home, when both heights are known. */
-export function homeAltitude_m(own) {
+function homeAltitude_m(own) {
   if (own === null || own.height_m === null || own.altitude_m === null) return null;
   return own.altitude_m - own.height_m;
 }
 
 /** Where the wind comes from, and how much of it. */
-export function windText(own, settings) {
+function windText(own, settings) {
   const north_mps = own?.wind_north_mps ?? null;
   const east_mps = own?.wind_east_mps ?? null;
   if (north_mps === null || east_mps === null) return "–";

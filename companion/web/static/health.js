@@ -53,8 +53,10 @@ function healthOf({ connected, silent_s, lost_share }) {
 function troublesOf({ service, aircraft }) {
   const troubles = [];
   if (service.recording_problem !== null) troubles.push(`Not recorded: ${service.recording_problem}`);
-  if ((service.position_age_s ?? 0) > OLD_POSITION_S) troubles.push(`Position ${service.position_age_s.toFixed(1)} s old`);
-  if ((service.tick_ms_p99 ?? 0) > SLOW_TICK_MS) troubles.push(`Decisions take ${service.tick_ms_p99.toFixed(0)} ms`);
+  const age_s = service.position_age_s ?? 0;
+  if (age_s > OLD_POSITION_S) troubles.push(`Position ${age_s.toFixed(1)} s old`);
+  const tick_ms = service.tick_ms_p99 ?? 0;
+  if (tick_ms > SLOW_TICK_MS) troubles.push(`Decisions take ${tick_ms.toFixed(0)} ms`);
   if (aircraft.armed === false) troubles.push("Disarmed");
   return troubles;
 }

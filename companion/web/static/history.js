@@ -25,6 +25,7 @@ export class History {
     this.changes = []; // {at_s, layer, because, time_unix_s}
     this.names = new Map(); // what an aircraft is called is the same object in all the moments
     this.shared = {};
+    this.seen = null; // the moment that was looked at last, and its state
   }
 
   /** Keeps a state that came at `at_s`; one that tells nothing new so soon after another is left out. */
@@ -56,7 +57,9 @@ export class History {
   /** The state shown at a moment: the last kept at or before it, else the first. */
   stateAt(at_s) {
     if (this.moments.length === 0) return null;
-    return unpack(this.moments[Math.max(0, lastBefore(this.moments, at_s))]);
+    const moment = this.moments[Math.max(0, lastBefore(this.moments, at_s))];
+    if (this.seen?.moment !== moment) this.seen = { moment, state: unpack(moment) };
+    return this.seen.state;
   }
 
   // A hundred aircraft for half an hour are 360 000 tracks: as objects they would take a phone's memory.

@@ -2,6 +2,8 @@
 
 import { find, make } from "./dom.js";
 
+const stepOf_s = (event) => (event.shiftKey ? 10 : 1);
+
 /** [what is written in the help, its meaning, the keys, what is done with `display` and the event] */
 const KEYS = [
   ["+  -", "Nearer, farther", ["+", "="], (display) => display.scope.zoom(1)],
@@ -14,8 +16,8 @@ const KEYS = [
   [null, null, ["k"], (display) => display.selectNext(-1)],
   ["F", "Centre on the selected one", ["f"], (display) => display.toggleFollow()],
   ["O  Esc", "Own aircraft", ["o", "Escape"], (display) => display.select("own")],
-  ["← →", "Back, forth by 1 s; with Shift 10 s", ["ArrowLeft"], (display, event) => display.step(event.shiftKey ? -10 : -1)],
-  [null, null, ["ArrowRight"], (display, event) => display.step(event.shiftKey ? 10 : 1)],
+  ["← →", "Back, forth by 1 s; with Shift 10 s", ["ArrowLeft"], (display, event) => display.step(-stepOf_s(event))],
+  [null, null, ["ArrowRight"], (display, event) => display.step(stepOf_s(event))],
   ["Home  End", "The oldest moment, the newest", ["Home"], (display) => display.moments.first()],
   [null, null, ["End"], (display) => display.moments.last()],
   ["L", "Back to live", ["l"], (display) => display.moments.live?.()],
@@ -33,7 +35,8 @@ const BUTTON_KEYS = [" ", "Enter"];
 function isTaken(event) {
   const { target, key } = event;
   if (!(target instanceof Element)) return false;
-  if (document.querySelector("dialog[open]") !== null || target.closest("input, select, textarea") !== null) return true;
+  if (document.querySelector("dialog[open]") !== null) return true;
+  if (target.closest("input, select, textarea") !== null) return true;
   return target.closest("button") !== null && BUTTON_KEYS.includes(key);
 }
 
@@ -46,6 +49,7 @@ export function listenToKeys(display) {
     event.preventDefault();
     entry[3](display, event);
   });
-  const shown = KEYS.filter(([written]) => written !== null);
-  find("keys").append(...shown.map(([written, meaning]) => make("div", "", make("dt", "", written), make("dd", "", meaning))));
+  for (const [written, meaning] of KEYS) {
+    if (written !== null) find("keys").append(make("div", "", make("dt", "", written), make("dd", "", meaning)));
+  }
 }

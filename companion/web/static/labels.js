@@ -34,9 +34,14 @@ export class Labels {
     this.taken.push([x, y, x + width, y + height]);
   }
 
-  free(x, y, width, height) {
+  /** Is there room? Places taken before the `from`th do not count. */
+  free(x, y, width, height, from = 0) {
     if (x < 0 || y < 0 || x + width > this.width_px || y + height > this.height_px) return false;
-    return !this.taken.some(([left, top, right, bottom]) => x < right && x + width > left && y < bottom && y + height > top);
+    for (let index = from; index < this.taken.length; index++) {
+      const [left, top, right, bottom] = this.taken[index];
+      if (x < right && x + width > left && y < bottom && y + height > top) return false;
+    }
+    return true;
   }
 
   /** Words at a place (their middle, half way up), whatever stands there. */

@@ -30,7 +30,9 @@ class Display {
     this.follow = null;
     this.statesDrawn = 0;
     this.tablesDrawnAt_ms = -Infinity;
-    this.waiting = false;
+    this.drawn = null; // the state that is on the canvas
+    this.waiting = false; // for the next picture of the screen
+    this.tablesWait = false; // for their turn
     this.settings = new Settings((name) => this.settingChanged(name));
     this.scope = new Scope(find("canvas"), this.settings, {
       redraw: () => this.redraw(),
@@ -71,7 +73,7 @@ class Display {
     put(find("title"), typeof info.title === "string" ? info.title : "");
     document.title = info.title ? `${info.title} – Companion` : "Companion";
     this.settings.suggest("height", info.height_unit);
-    this.role.offer(info.may_command === true);
+    this.role.offer(info.may_command === true && info.kind === "live");
     if ((info.kind === "replay") !== this.moments instanceof Replay) this.changeKind(info);
     if (info.kind === "replay") this.moments.setLayers((await getJson("api/timeline"))?.layers);
   }
@@ -130,8 +132,10 @@ class Display {
     this.timeline.draw(this.scope.palette);
     this.replayControls?.update();
     this.drawBanners(state);
-    if (performance.now() - this.tablesDrawnAt_ms >= TABLE_EVERY_MS) this.drawTables(state, ordered);
-    this.statesDrawn += 1;
+    this.tablesWait = performance.now() - this.tablesDrawnAt_ms < TABLE_EVERY_MS;
+    if (!this.tablesWait) this.drawTables(state, ordered);
+    if (state !== this.drawn) this.statesDrawn += 1;
+    this.drawn = state;
     mark(document.documentElement, "ready", true);
   }
 
@@ -169,11 +173,17 @@ class Display {
     put(find("no-position"), "NO POSITION: where our own aircraft is, is not known");
   }
 
-  /** Says when nothing comes any more: an old picture must not look like a new one. */
+  /** Says when nothing comes any more: an old picture must not look like a new one. The tables get their turn even when
+   * nothing follows the state that was too soon for them. */
   watch() {
     const silent_s = this.stream.silent_s;
     const stale = !this.stream.open || (silent_s > STALE_S && this.expecting);
     const visible = stale && silent_s > STALE_S;
+    if (visible !== this.timeline.stale) {
+      put(find("announcer"), visible ? "No data" : "Data again");
+      this.timeline.stale = visible;
+      this.redraw();
+    } else if (this.tablesWait) this.redraw();
     mark(document.documentElement, "stale", visible);
     show(find("no-data"), visible);
     if (visible) put(find("no-data"), this.staleWords(Math.floor(silent_s)));
@@ -182,7 +192,8 @@ class Display {
   staleWords(silent_s) {
     const { retryIn_s, open } = this.stream;
     if (open) return `NO DATA FOR ${silent_s} s: connected, but nothing comes`;
-    return `NO DATA FOR ${silent_s} s: ${retryIn_s === null ? "connecting" : `trying again in ${retryIn_s.toFixed(1)} s`}`;
+    const doing = retryIn_s === null ? "connecting" : `trying again in ${retryIn_s.toFixed(1)} s`;
+    return `NO DATA FOR ${silent_s} s: ${doing}`;
   }
 
   settingChanged(name) {

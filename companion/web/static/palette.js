@@ -1,8 +1,8 @@
 // The colours of the canvas: read from the style sheet, so that a theme is written in one place.
 
 const NAMES = [
-  "ground", "ink", "quiet", "faint", "grid", "own", "traffic", "caution", "warning", "clear", "edge", "commanded",
-  "mission", "fence", "path", "past",
+  "ground", "ink", "quiet", "faint", "grid", "own", "traffic", "caution", "amber", "warning", "clear", "edge",
+  "commanded", "mission", "fence", "path", "past",
 ];
 
 export const FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
@@ -15,6 +15,11 @@ export function readPalette() {
 /** The colour of an alarm; `calm` when there is none. */
 export function layerColour(palette, layer, calm = palette.quiet) {
   return { inner: palette.warning, outer: palette.caution }[layer] ?? calm;
+}
+
+/** What a symbol is filled with: in sunlight amber is brighter than words in it could be. */
+export function levelFill(palette, level) {
+  return level === "caution" ? palette.amber : levelColour(palette, level);
 }
 
 export function levelColour(palette, level) {

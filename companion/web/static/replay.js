@@ -30,7 +30,7 @@ export class Replay {
   }
 
   record(state) {
-    const { replay, decision, time_unix_s } = state;
+    const { replay, decision } = state;
     if (replay === null) return;
     this.duration_s = replay.duration_s ?? this.duration_s;
     if (this.wanted_s === null) this.at_s = replay.at_s ?? this.at_s;
@@ -39,7 +39,7 @@ export class Replay {
     // The words of a change are known once it has been seen.
     const near = (change) => Math.abs(change.at_s - (replay.at_s ?? Infinity)) < 1;
     const change = this.changes.find((entry) => entry.layer === decision.layer && entry.because === "" && near(entry));
-    if (change !== undefined) Object.assign(change, { because: decision.because, time_unix_s });
+    if (change !== undefined) change.because = decision.because;
   }
 
   get from_s() {

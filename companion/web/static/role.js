@@ -1,6 +1,6 @@
 // Changing the companion's role: asks for the token and for confirmation, then tells the server.
 
-import { find, mark, put, show } from "./dom.js";
+import { find, put, show } from "./dom.js";
 
 const MEANINGS = {
   off: "Nothing is computed any more. An aircraft that is being flown around traffic is given back first.",

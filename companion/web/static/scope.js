@@ -39,8 +39,10 @@ export class Scope {
     this.ratio = ratio;
     this.view.width_px = box.width;
     this.view.height_px = box.height;
-    this.corners = [...this.canvas.parentElement.querySelectorAll(".corner")].map((each) => each.getBoundingClientRect());
-    this.corners = this.corners.map(({ x, y, width, height }) => [x - box.x, y - box.y, width, height]);
+    this.corners = [...this.canvas.parentElement.querySelectorAll(".corner")].map((each) => {
+      const { x, y, width, height } = each.getBoundingClientRect();
+      return [x - box.x, y - box.y, width, height];
+    });
     this.redraw();
   }
 
@@ -121,8 +123,9 @@ export class Scope {
   zoom(by) {
     const steps_m = rangeSteps_m(this.settings);
     const range_m = this.view.range_m;
-    const next_m =
-      by > 0 ? steps_m.findLast((step_m) => step_m < range_m * 0.99) : steps_m.find((step_m) => step_m > range_m * 1.01);
+    const nearer_m = steps_m.findLast((step_m) => step_m < range_m * 0.99);
+    const farther_m = steps_m.find((step_m) => step_m > range_m * 1.01);
+    const next_m = by > 0 ? nearer_m : farther_m;
     if (next_m !== undefined) this.setRange(next_m);
   }
 

@@ -12,7 +12,7 @@ const number = (value) => (typeof value === "number" && Number.isFinite(value) ?
 const among = (value, allowed) => (allowed.includes(value) ? value : allowed[0]);
 const flag = (value) => value === true;
 
-/** Words of somebody else: of bounded length, with nothing in it that does not print or turns the direction of writing. */
+/** Words of somebody else: of bounded length, nothing in them that does not print or turns the direction of writing. */
 function words(value, longest = LONGEST_WORDS) {
   if (typeof value !== "string") return null;
   const printable = value.replace(/\p{C}/gu, "").trim();

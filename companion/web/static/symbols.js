@@ -16,7 +16,7 @@ function outline(pen, level, size_px) {
 }
 
 /** An aircraft: hollow or filled diamond, circle, square. An old one is dashed. */
-export function drawTraffic(pen, [x, y], level, colour, ground, old) {
+export function drawTraffic(pen, [x, y], level, { colour, fill, ground, old }) {
   pen.save();
   pen.translate(x, y);
   outline(pen, level, SIZE_PX[level] + 1.5);
@@ -24,7 +24,8 @@ export function drawTraffic(pen, [x, y], level, colour, ground, old) {
   pen.fill();
   outline(pen, level, SIZE_PX[level]);
   pen.lineWidth = 1.8;
-  pen.strokeStyle = pen.fillStyle = colour;
+  pen.strokeStyle = colour;
+  pen.fillStyle = fill;
   if (old) pen.setLineDash([2.5, 2.5]);
   else if (level !== "other") pen.fill();
   pen.stroke();
@@ -32,15 +33,16 @@ export function drawTraffic(pen, [x, y], level, colour, ground, old) {
 }
 
 /** Something that stands on the ground: the mast of a chart. */
-export function drawObstacle(pen, [x, y], level, colour, ground) {
-  if (level === "caution" || level === "warning") drawTraffic(pen, [x, y], level, colour, ground, false);
+export function drawObstacle(pen, [x, y], level, style) {
+  const alarming = level === "caution" || level === "warning";
+  if (alarming) drawTraffic(pen, [x, y], level, style);
   pen.save();
   pen.translate(x, y);
   pen.beginPath();
   pen.moveTo(-6, 6);
   pen.lineTo(0, -8);
   pen.lineTo(6, 6);
-  pen.strokeStyle = level === "caution" || level === "warning" ? ground : colour;
+  pen.strokeStyle = alarming ? style.ground : style.colour;
   pen.lineWidth = 1.6;
   pen.stroke();
   pen.beginPath();

@@ -60,7 +60,7 @@ function sector({ pen, view }, apex, axis_deg, half_deg, reach_px) {
   if (half < 180) pen.closePath();
 }
 
-/** The cone, the transition domain around it (who is in leaves only past that), and where our relative velocity points. */
+/** The cone, the transition domain around it (who is in leaves only past that), where our relative velocity points. */
 function drawCone(frame, cone) {
   const { pen, view, palette, state, places } = frame;
   const apex = view.place([0, 0]);

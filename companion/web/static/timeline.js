@@ -15,6 +15,7 @@ export class Timeline {
     this.canvas = find("timeline");
     this.pen = this.canvas.getContext("2d");
     this.source = null; // the past of a live stream, or a replay
+    this.stale = false; // nothing comes any more
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     this.listen();
   }
@@ -72,7 +73,7 @@ export class Timeline {
       const left_px = this.x_px(Math.max(at_s, from_s));
       const right_px = this.x_px(Math.min(changes[index + 1]?.at_s ?? to_s, to_s));
       const height_px = bottom_px * HEIGHT_SHARE[layer];
-      pen.fillStyle = layerColour(palette, layer, palette.clear);
+      pen.fillStyle = layer === "outer" ? palette.amber : layerColour(palette, layer, palette.clear);
       pen.fillRect(left_px, bottom_px - height_px, Math.max(right_px - left_px, 1.5), height_px);
     }
   }
@@ -110,7 +111,7 @@ export class Timeline {
 
   tell() {
     const { source, canvas } = this;
-    put(find("moment"), source.label);
+    put(find("moment"), this.stale ? "NO DATA" : source.label);
     canvas.setAttribute("aria-valuemin", String(Math.round(source.from_s)));
     canvas.setAttribute("aria-valuemax", String(Math.round(source.to_s)));
     canvas.setAttribute("aria-valuenow", String(Math.round(source.at_s)));

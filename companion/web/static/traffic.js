@@ -1,6 +1,6 @@
 // The other aircraft on the canvas: symbol, relative height, name, and where each will be.
 
-import { levelColour } from "./palette.js";
+import { levelColour, levelFill } from "./palette.js";
 import { nameOf } from "./state.js";
 import { drawClimbArrow, drawObstacle, drawSelection, drawTraffic } from "./symbols.js";
 import { relativeHeightTag } from "./units.js";
@@ -42,18 +42,21 @@ export function drawTrend({ pen, view, settings }, place, mover, colour) {
   pen.stroke();
 }
 
-/** The relative height above the symbol of who is above us, below it otherwise; the arrow beside it. */
-function drawHeight({ pen, palette, settings, labels, dense }, track, [x, y]) {
+/** The relative height above the symbol of who is above us, below it otherwise; the arrow beside it. In a crowd
+ * that of other traffic is left out where it would lie on a neighbour: neither could be read. */
+function drawHeight({ pen, palette, settings, labels, dense, selected, trafficFrom }, track, [x, y]) {
   const text = relativeHeightTag(track.relative_altitude_m, settings);
   if (text === "") return;
   const above = track.relative_altitude_m >= 0;
   const middle = above ? y - 17 : y + 17;
-  const colour = levelColour(palette, track.level);
+  const style = { colour: levelColour(palette, track.level), size_px: dense ? 11 : 12, weight: 600 };
+  const must = track.level !== "other" || track.track === selected;
+  if (!must && !labels.free(x - 12, middle - 5, 24, 10, trafficFrom)) return;
   pen.globalAlpha = isOld(track) ? 0.6 : 1;
-  const width = labels.write(text, x, middle, { colour, size_px: dense ? 11 : 12, weight: 600 });
+  const width = labels.write(text, x, middle, style);
   const climb_mps = track.climb_mps ?? 0;
   if (Math.abs(climb_mps) <= CLIMBS_MPS) return;
-  drawClimbArrow(pen, x + width / 2 + 6, middle, climb_mps > 0, colour);
+  drawClimbArrow(pen, x + width / 2 + 6, middle, climb_mps > 0, style.colour);
   labels.take(x + width / 2, middle - 6, 10, 12);
 }
 
@@ -62,8 +65,9 @@ function drawOne(frame, track, place) {
   const colour = levelColour(palette, track.level);
   const old = isOld(track);
   pen.globalAlpha = old ? 0.6 : 1;
-  if (track.kind === "obstacle") drawObstacle(pen, place, track.level, colour, palette.ground);
-  else drawTraffic(pen, place, track.level, colour, palette.ground, old);
+  const style = { colour, fill: levelFill(palette, track.level), ground: palette.ground, old };
+  if (track.kind === "obstacle") drawObstacle(pen, place, track.level, style);
+  else drawTraffic(pen, place, track.level, style);
   frame.labels.take(place[0] - 9, place[1] - 9, 18, 18);
   pen.globalAlpha = 1;
 }
@@ -80,7 +84,7 @@ function drawName({ pen, palette, labels, selected }, track, place) {
   pen.globalAlpha = 1;
 }
 
-/** All of them, the least urgent first, so that the urgent ones lie on top; the names in the other order, so that the
+/** All of them, the least urgent first, so that the urgent ones lie on top; the words in the other order, so that the
  * urgent ones have the best places. Returns how many are on the canvas. */
 export function drawAllTraffic(frame) {
   const { view, palette, pen, places, ordered, selected } = frame;
@@ -90,9 +94,9 @@ export function drawAllTraffic(frame) {
     drawTrend(frame, places.get(track.track), track, levelColour(palette, track.level));
   }
   pen.globalAlpha = 1;
-  const rising = [...seen].reverse();
-  for (const { track } of rising) drawOne(frame, track, places.get(track.track));
-  for (const { track } of rising) drawHeight(frame, track, places.get(track.track));
+  const trafficFrom = frame.labels.taken.length;
+  for (const { track } of [...seen].reverse()) drawOne(frame, track, places.get(track.track));
+  for (const { track } of seen) drawHeight({ ...frame, trafficFrom }, track, places.get(track.track));
   for (const { track } of seen) if (view.sees(places.get(track.track))) drawName(frame, track, places.get(track.track));
   if (places.has(selected)) drawSelection(pen, places.get(selected), palette.ink);
   return seen.length;

@@ -6,13 +6,16 @@ import { nameOf } from "./state.js";
 import { isOld } from "./traffic.js";
 import { courseText, distanceText, durationText, relativeHeightText } from "./units.js";
 
+const ALARMING = ["caution", "warning"];
+
 export class TrafficTable {
   constructor(settings, onSelect) {
     Object.assign(this, { settings, onSelect });
     this.body = find("traffic");
     this.rows = new Map();
     this.spare = [];
-    this.pointed = false;
+    this.pointed = false; // by a mouse
+    this.alarms = "";
     const frame = find("traffic-frame");
     frame.addEventListener("pointerenter", (event) => (this.pointed = event.pointerType === "mouse"));
     frame.addEventListener("pointerleave", () => (this.pointed = false));
@@ -27,8 +30,10 @@ export class TrafficTable {
     const present = new Set(ordered.map(({ track }) => track.track));
     for (const key of this.rows.keys()) if (!present.has(key)) this.remove(key);
     for (const entry of ordered) this.fill(entry, selected, bearing);
-    // Rows do not run away from under a mouse: the order waits until it has gone.
-    if (!this.pointed) this.arrange(ordered);
+    // Rows do not run away from under a mouse: the order waits until it has gone, or until somebody else alarms.
+    const alarms = ordered.filter(({ track }) => ALARMING.includes(track.level)).map(({ track }) => track.track).join();
+    if (!this.pointed || alarms !== this.alarms) this.arrange(ordered);
+    this.alarms = alarms;
   }
 
   fill({ track, threat }, selected, bearing) {

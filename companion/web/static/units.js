@@ -1,8 +1,8 @@
 // Quantities in words, in the units that are chosen: heights, distances, speeds, courses, times.
 
 export const UNKNOWN = "–";
-export const FOOT_M = 0.3048;
-export const NAUTICAL_MILE_M = 1852;
+const FOOT_M = 0.3048;
+const NAUTICAL_MILE_M = 1852;
 const KNOT_MPS = NAUTICAL_MILE_M / 3600;
 const MINUS = "\u2212"; // as wide as "+", so that columns stay aligned
 

@@ -5,7 +5,7 @@ import { distanceUnit_m } from "./units.js";
 const STEPS = [0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 40, 80]; // ranges, in km or NM
 const RING_STEPS = [1, 2, 2.5, 5, 10];
 const EARTH_M_PER_DEG = 111_319.5;
-export const ROSE_PX = 26; // room around the rose for its figures
+const ROSE_PX = 26; // room around the rose for its figures
 
 export const radians = (angle_deg) => (angle_deg * Math.PI) / 180;
 
