@@ -97,7 +97,7 @@ def demo(
         avoidance=not no_avoidance,
         record=record,
         autopilot=autopilot.value,
-        display=None if no_web else Settings(title=f"Demonstration: {scenario}"),
+        display=None if no_web else Settings(title=f"Demonstration: {Path(scenario).stem}"),
     )
     console = Console(highlight=False)
     with DemoView(console) as view:

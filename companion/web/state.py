@@ -31,7 +31,7 @@ from companion.avoidance.survey import mission_of, own_state
 from companion.engine.record import guidance_of, threat_text
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone
-from companion.model import Goal, Layer, Ownship, Snapshot, Threat, Track
+from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.units import course_deg
 from companion.web.moment import Moment
 from companion.web.trends import Trends
@@ -64,7 +64,7 @@ def state_of(moment: Moment, sequence: int, trends: Trends) -> dict[str, Any]:
             "last_text": shot.last_text,
         },
         "own": _own(shot.ownship, moment),
-        "goal": _goal(shot.goal),
+        "goal": _goal(shot),
         "decision": {
             "layer": str(shot.decision.layer),
             "because": shot.decision.because,
@@ -124,16 +124,16 @@ def _own(own: Ownship | None, moment: Moment) -> dict[str, Any] | None:
     }
 
 
-def _goal(goal: Goal | None) -> dict[str, Any] | None:
-    if goal is None:
+def _goal(shot: Snapshot) -> dict[str, Any] | None:
+    """The mission as course, speed and height from here, and the place that it leads to if there is one."""
+    goal, own = shot.goal, shot.ownship
+    if goal is None or own is None:
         return None
-    place_m, course_rad, altitude_m = goal.position_m, goal.course_rad, goal.altitude_m
-    if altitude_m is None and place_m is not None:
-        altitude_m = -place_m[2]
+    wanted, place_m = mission_of(own_state(shot.time_s, own), own, goal), goal.position_m
     return {
-        "course_deg": None if course_rad is None else _deg(course_rad),
-        "airspeed_mps": None if goal.airspeed_mps is None else round(goal.airspeed_mps, 1),
-        "altitude_m": None if altitude_m is None else round(altitude_m, 1),
+        "course_deg": _deg(wanted.course_rad),
+        "airspeed_mps": round(wanted.airspeed_mps, 1),
+        "altitude_m": round(wanted.altitude_m, 1),
         "north_m": None if place_m is None else round(place_m[0], 1),
         "east_m": None if place_m is None else round(place_m[1], 1),
     }
