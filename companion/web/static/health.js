@@ -18,6 +18,7 @@ export class HealthPanels {
     const troubles = troublesOf(state);
     show(find("trouble"), troubles.length > 0);
     put(find("trouble"), troubles.join(" · "));
+    put(find("links-note"), state.links.length === 0 ? "none told" : "");
     while (this.rows.length < state.links.length) this.addRow();
     this.rows.forEach((row, index) => {
       show(row.element, index < state.links.length);
