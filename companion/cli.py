@@ -1,4 +1,4 @@
-"""The command line: `companion run`, `check` and `replay`."""
+"""The command line: `companion run`, `check`, `replay` and `report`."""
 
 import asyncio
 import json
@@ -231,6 +231,52 @@ def _ignore_both(_: float, __: float) -> None:
     return None
 
 
+@app.command("report", epilog="Example: companion report companion-20260101-120000.mcap --out report.html")
+def report_command(
+    log: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FLIGHT.mcap|LOG.tlog", help="A recording, or any telemetry log.", show_default=False
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE.html", help="Where the page is written.")] = Path(
+        "report.html"
+    ),
+    config_file: Annotated[
+        Path | None, typer.Option("--config", metavar="CONFIG", help="Decide about a tlog with this one.")
+    ] = None,
+) -> None:
+    """Write a page about a flight: path, encounters, what was decided and why, what was told, the link.
+
+    An MCAP recording tells what was decided in flight, with the tlog beside it also what came over the link.
+    A tlog is driven through the engine, as by replay. Later parts of the same recording are read too.
+    """
+    # Drawing takes longer to import than the other commands take to start.
+    from companion.report.page import page_of
+    from companion.report.reading import files_of, read_log
+
+    config = None if config_file is None else load_config(config_file)
+    writable(out)
+
+    def engine() -> Engine:
+        return Engine(None if config is None else config.for_engine(load_obstacles(config)))
+
+    console = Console(highlight=False, soft_wrap=True)
+    with ExitStack() as stack:
+        on_progress: Callable[[int], object] = _ignore
+        if console.is_terminal:
+            on_progress = stack.enter_context(_ProgressBar(console, *files_of(log)))
+        found = read_log(log, engine, on_progress)
+        text = page_of(found)
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CompanionError(f"{out}: cannot be written: {error.strerror}") from error
+    for note in found.flight.notes:
+        console.print(note, markup=False, style="yellow")
+    console.print(f"{out}: {len(text) / 1000:.0f} kB", markup=False)
+
+
 def _ignore(_: object) -> None:
     return None
 
@@ -246,9 +292,9 @@ class _LineWriter:
 
 
 class _ProgressBar:
-    """A bar over the bytes of the log, on a terminal."""
+    """A bar over the bytes of a log and its later parts, on a terminal."""
 
-    def __init__(self, console: Console, log: Path) -> None:
+    def __init__(self, console: Console, *logs: Path) -> None:
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -258,8 +304,8 @@ class _ProgressBar:
             console=console,
             transient=True,
         )
-        size = log.stat().st_size if log.is_file() else 0
-        self._task = self._bar.add_task(log.name, total=size // 1000)
+        size = sum(log.stat().st_size for log in logs if log.is_file())
+        self._task = self._bar.add_task(logs[0].name, total=size // 1000)
 
     def __enter__(self) -> Callable[[int], None]:
         self._bar.start()

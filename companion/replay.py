@@ -4,9 +4,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
-from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Stepper
+from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Say, Stepper
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.model import Layer
@@ -19,7 +20,8 @@ _LONGEST_GAP_US = 60_000_000
 class LogClock:
     """Stamps to time that never runs backwards: equal to the stamps themselves in a log without jumps."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest_gap_us: int = _LONGEST_GAP_US) -> None:
+        self._longest_gap_us = longest_gap_us
         self._now_us: int | None = None
         self._offset_us = 0
         self.jumps = 0
@@ -29,7 +31,7 @@ class LogClock:
         if self._now_us is None:
             self._now_us = stamp_us
         now_us = stamp_us + self._offset_us
-        if not -_LONGEST_GAP_US <= now_us - self._now_us <= _LONGEST_GAP_US:
+        if not -self._longest_gap_us <= now_us - self._now_us <= self._longest_gap_us:
             self.jumps += 1
             self._offset_us = self._now_us - stamp_us
             now_us = self._now_us
@@ -74,15 +76,18 @@ def replay(
     path: Path,
     engine: Engine,
     *,
+    later_parts: Sequence[Path] = (),
     on_decision: Callable[[str], object] = lambda _line: None,
     on_moment: Callable[[float, float], object] = lambda _since_s, _now_s: None,
+    on_told: Callable[[int, Say], object] = lambda _time_us, _said: None,
     on_progress: Callable[[int], object] = lambda _bytes: None,
 ) -> Replay:
     """Drive the engine by a log; `LogError` when it cannot be read.
 
     What the companion itself sent, when it recorded the log, moves the clock and nothing else: the engine
-    knows its own address. `on_progress` is told how many bytes of the log are read, `on_moment` after every
-    tick with a position the time since the start and the engine's own [s].
+    knows its own address. `later_parts` are logs that go on where the one before ends. `on_progress` is told
+    how many bytes of all of them are read, `on_told` what the operator was told and when, `on_moment` after
+    every tick with a position the time since the start and the engine's own [s].
     """
     result = Replay()
     started_s = time.perf_counter()
@@ -93,6 +98,8 @@ def replay(
         nonlocal last
         since_s = (time_us - (first_us or time_us)) / 1e6
         for effect in effects:
+            if isinstance(effect, Say):
+                on_told(time_us, effect)
             if not isinstance(effect, Record):
                 continue
             on_decision(effect.line)
@@ -103,23 +110,25 @@ def replay(
                 result.events.append((since_s, decision.layer, decision.because))
                 last = decision.layer
 
-    log = read_tlog(path, only=WANTED)
+    logs = [read_tlog(each, only=WANTED) for each in (path, *later_parts)]
     clock = LogClock()
     stepper = Stepper(engine, perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
     now_us = 0
-    for count, (stamp_us, frame) in enumerate(log):
+    for count, (stamp_us, frame) in enumerate(chain.from_iterable(logs)):
         now_us = clock.at(stamp_us)
         if first_us is None:
             first_us = now_us
         if count % 256 == 0:
-            on_progress(log.read_bytes)
+            on_progress(sum(log.read_bytes for log in logs))
         stepper.advance(now_us)
         fact = frame_to_fact(frame, now_us / 1e6)
         if fact is None:
             result.unusable += 1
         else:
             stepper.receive(fact, now_us)
-    result.messages, result.bad_bytes, result.unknown = log.messages, log.bad_bytes, log.unknown
+    result.messages = sum(log.messages for log in logs)
+    result.bad_bytes = sum(log.bad_bytes for log in logs)
+    result.unknown = sum(log.unknown for log in logs)
     result.duration_s = (now_us - (first_us or 0)) / 1e6
     result.elapsed_s = time.perf_counter() - started_s
     return result

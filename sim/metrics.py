@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from companion.model import Vec2, Vec3
+from companion.separation import (
+    NMAC_HORIZONTAL_M,
+    NMAC_VERTICAL_M,
+    WELL_CLEAR_HORIZONTAL_M,
+    WELL_CLEAR_VERTICAL_M,
+)
 from sim.path import distance_to_path_m, thinned_path
 from sim.scenario import Scenario, World, undisturbed
 from sim.traffic import Intruder
-
-NMAC_HORIZONTAL_M, NMAC_VERTICAL_M = 152.4, 30.48
-WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M = 609.6, 76.2
 
 
 @dataclass

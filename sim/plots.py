@@ -21,6 +21,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from numpy.typing import NDArray
 
 from companion.model import Layer
+from companion.report.drawing import BANDS, COLOURS, DASHES, GREY, INK, dress
 from sim.paper import measures
 from sim.paper.flight import LAYERS, Flight
 from sim.paper.studies import TransitionPoint
@@ -31,16 +32,12 @@ Window = tuple[int, int]  # first and last step shown
 Style = dict[str, Any]
 
 _COLUMN_IN, _PAGE_IN = 5.2, 8.0  # printed 3.5 and 7.2 wide, which leaves no letter below 5 points
-_INK, _GREY = "#222222", "#8c8c8c"
-# Okabe and Ito's palette, which all kinds of colour vision tell apart; its oranges are the layers'.
-_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#000000", "#56B4E9", "#8A6D00")
 _MARKERS = ("o", "s", "D", "^", "v", "P")
-_DASHES = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1.2, 1.5)), (0, (1.2, 1.2)), (0, (9, 3)), (0, (3, 1, 1, 1, 1, 1)))
-_STRATEGIES = tuple(Style(color=c, ls=dash, lw=1.7) for c, dash in zip(_COLOURS, _DASHES, strict=True))
-_BANDS = {Layer.OUTER: ("#FFE2A6", 6.0), Layer.INNER: ("#EE9C6C", 10.0)}
+_STRATEGIES = tuple(Style(color=c, ls=dash, lw=1.7) for c, dash in zip(COLOURS, DASHES, strict=True))
+_BANDS = {Layer.OUTER: (BANDS[Layer.OUTER], 6.0), Layer.INNER: (BANDS[Layer.INNER], 10.0)}
 _STANDING, _MOVING = "#a8a8a8", ("#D6EAF7", "#D3EBDD", "#F1DDE9", "#F0EDC0")
 _KEY: Style = {"loc": "outside lower center", "fontsize": 9, "frameon": False, "columnspacing": 1.4}
-_TEXT: Style = {"fontsize": 7.5, "ha": "center", "va": "center_baseline", "color": _INK, "zorder": 8}
+_TEXT: Style = {"fontsize": 7.5, "ha": "center", "va": "center_baseline", "color": INK, "zorder": 8}
 _EDGE: Style = {"facecolors": "none", "linewidths": 0.7, "linestyles": "--"}
 _ASKED: Style = {"lw": 0.9, "ls": (0, (4, 1.5))}
 # More than these become a heap when each has its name, numbers and circles.
@@ -67,20 +64,20 @@ def commands_over_time(flight: Flight, path: Path) -> None:
     keys: list[Artist] = []
     for i, one in enumerate(flight.uavs):
         flown, steps = slice(0, one.steps + 1), np.arange(one.steps + 1)
-        course, style = np.unwrap(one.course[flown]), {"color": _COLOURS[i % 6], "lw": 1.7}
-        asked: Style = _ASKED | {"color": _COLOURS[i % 6] if group else _INK}
+        course, style = np.unwrap(one.course[flown]), {"color": COLOURS[i % 6], "lw": 1.7}
+        asked: Style = _ASKED | {"color": COLOURS[i % 6] if group else INK}
         if group:
             style |= {"marker": _MARKERS[i % 6], "ms": 5.0, "markevery": max(one.steps // 9, 1)}
         heading.plot(steps, np.degrees(course), **style)
         heading.plot(steps[:-1], np.degrees(course + one.turn_command[flown])[:-1], **asked)
         keys += speed.plot(steps, one.speed[flown], **style, label=one.uav.id if group else "flown")
         speed.plot(steps[:-1], one.uav.step + one.speed_command[: one.steps], **asked)
-    keys = [*keys[:_NAMED_UAVS], Line2D([], [], color=_INK, **_ASKED, label="asked for")]
+    keys = [*keys[:_NAMED_UAVS], Line2D([], [], color=INK, **_ASKED, label="asked for")]
     for axes, layer in itertools.product((heading, speed), () if group else _BANDS):
         for first, end in _runs(flight, 0, layer):
             axes.axvspan(first, end, color=_BANDS[layer][0], alpha=0.7, lw=0)
-    _dress(heading, "", "heading [°]")
-    _dress(speed, "step", "speed [lengths per step]")
+    dress(heading, "", "heading [°]")
+    dress(speed, "step", "speed [lengths per step]")
     speed.set_xlim(0, max(flight.steps, 1))
     figure.legend(handles=keys + ([] if group else _layer_key()), ncols=4, **_KEY)
     figure.savefig(path)
@@ -105,13 +102,13 @@ def safety_over_time(flights: Sequence[Flight], path: Path) -> None:
     if contacts.size:
         edges = np.unique([contacts.min(), contacts.max()])
         begins = edges - scene.uav_radius + scene.inner_radius
-        spans = [upper.axhspan(0.0, edge, color=_GREY, alpha=0.3, lw=0) for edge in edges]
-        lines = [upper.axhline(begin, color=_GREY, lw=0.9, ls="--") for begin in begins]
+        spans = [upper.axhspan(0.0, edge, color=GREY, alpha=0.3, lw=0) for edge in edges]
+        lines = [upper.axhline(begin, color=GREY, lw=0.9, ls="--") for begin in begins]
         spans[0].set_label("collision, " + " to ".join(f"{edge:.3g}" for edge in edges))
         lines[0].set_label("inner layer, " + " to ".join(f"{begin:.3g}" for begin in begins))
         keys += [spans[0], lines[0]]
-    _dress(upper, "", "shortest distance [lengths]")
-    _dress(lower, "step", "safety value, eq. 3 [lengths]")
+    dress(upper, "", "shortest distance [lengths]")
+    dress(lower, "step", "safety value, eq. 3 [lengths]")
     upper.set_ylim(bottom=0.0)
     lower.set_xlim(0, max(flight.steps for flight in flights))
     figure.legend(handles=keys, **_KEY)
@@ -155,9 +152,9 @@ def transition(points: Sequence[TransitionPoint], chosen_deg: float, path: Path)
             axes.plot(x, value, **style, marker=_MARKERS[i % 6], ms=4.5, label=name)
     labels = ("safety value [lengths]", "flights that arrived", "smallest clearance [lengths]", "path ratio")
     for axes, label in zip(panels, labels, strict=True):
-        axes.axvline(chosen_deg, color=_INK, lw=0.9, label=f"chosen: {chosen_deg:g}°")
+        axes.axvline(chosen_deg, color=INK, lw=0.9, label=f"chosen: {chosen_deg:g}°")
         axes.xaxis.set_major_locator(MaxNLocator(7, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
-        _dress(axes, "width of the transition domain Δβ [°]" if axes in panels[2:] else "", label)
+        dress(axes, "width of the transition domain Δβ [°]" if axes in panels[2:] else "", label)
     panels[1].yaxis.set_major_formatter(PercentFormatter(1.0))
     figure.legend(*panels[0].get_legend_handles_labels(), ncols=4, **_KEY)
     figure.savefig(path)
@@ -168,10 +165,10 @@ def shares(rows: Sequence[tuple[str, float, float, float]], path: Path) -> None:
     figure = _figure(_COLUMN_IN, 1.3 + 0.38 * len(rows), "Random fields, with 95 % intervals")
     axes = figure.subplots()
     for y, (_, share, low, high) in enumerate(rows):
-        axes.hlines(y, low, high, color=_COLOURS[0], lw=7.0, alpha=0.35)
-        axes.plot(share, y, "o", color=_COLOURS[0], ms=4.5)
+        axes.hlines(y, low, high, color=COLOURS[0], lw=7.0, alpha=0.35)
+        axes.plot(share, y, "o", color=COLOURS[0], ms=4.5)
         axes.text(1.06, y, f"{share:.1%}  ({low:.1%} to {high:.1%})", va="center_baseline", fontsize=8.5)
-    _dress(axes, "flown to the goal without collision", "")
+    dress(axes, "flown to the goal without collision", "")
     axes.set_yticks(range(len(rows)), [textwrap.fill(label, 20) for label, *_ in rows])
     axes.set(xlim=(-0.02, 1.02), ylim=(max(len(rows), 1) - 0.5, -0.5))
     axes.xaxis.set_major_formatter(PercentFormatter(1.0))
@@ -201,7 +198,7 @@ def _draw_map(axes: Axes, flight: Flight, view: Box, window: Window, every: int)
     """The scene from above during a window of steps, with a mark every so many (0: none, and thinner)."""
     axes.set(xlim=(view[0][0], view[1][0]), ylim=(view[0][1], view[1][1]), aspect="equal")
     axes.locator_params(nbins=8 if every else 5, steps=[1, 2, 5, 10])
-    _dress(axes, "x [lengths]", "y [lengths]")
+    dress(axes, "x [lengths]", "y [lengths]")
     if flight.scene.obstacles:
         _draw_obstacles(axes, flight, view, window, every)
     for i in range(len(flight.uavs)):
@@ -209,7 +206,7 @@ def _draw_map(axes: Axes, flight: Flight, view: Box, window: Window, every: int)
 
 
 def _draw_uav(axes: Axes, flight: Flight, i: int, window: Window, every: int) -> None:
-    one, colour, marker, size = flight.uavs[i], _COLOURS[i % 6], _MARKERS[i % 6], 1.0 if every else 0.65
+    one, colour, marker, size = flight.uavs[i], COLOURS[i % 6], _MARKERS[i % 6], 1.0 if every else 0.65
     first, last = (min(step, one.steps) for step in window)
     axes.plot(*one.position[: first + 1].T, color=colour, lw=0.9, ls=":", zorder=3)
     for layer, (band, width) in _BANDS.items():
@@ -217,7 +214,7 @@ def _draw_uav(axes: Axes, flight: Flight, i: int, window: Window, every: int) ->
         axes.add_collection(LineCollection(runs, colors=band, linewidths=width * size, zorder=1.5))
     axes.plot(*one.position[first : last + 1].T, color=colour, lw=1.8 * size, zorder=4)
     for place, shape, points in ((one.uav.start, ">", 8), (one.uav.goal, "*", 14)):
-        axes.plot(*place, shape, ms=points * size, mec=_INK, mfc=colour, mew=0.8 * size, zorder=6)
+        axes.plot(*place, shape, ms=points * size, mec=INK, mfc=colour, mew=0.8 * size, zorder=6)
     if not every or len(flight.uavs) > _NAMED_UAVS:
         return
     for step in _marks(first, last - (last == one.arrived_step), every):
@@ -237,11 +234,11 @@ def _draw_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every
     radius = np.array([sphere.radius for sphere in spheres])
     moves = np.array([sphere.velocity != (0.0, 0.0) for sphere in spheres])
     standing, tracks = flight.obstacles[0, ~moves], flight.obstacles[period, moves]
-    _draw_discs(axes, standing, radius[~moves], facecolors=_STANDING, edgecolors=_INK, lw=0.6, zorder=2)
+    _draw_discs(axes, standing, radius[~moves], facecolors=_STANDING, edgecolors=INK, lw=0.6, zorder=2)
     if few:
-        _draw_discs(axes, standing, radius[~moves] + flight.scene.inner_radius, edgecolors=_GREY, **_EDGE)
+        _draw_discs(axes, standing, radius[~moves] + flight.scene.inner_radius, edgecolors=GREY, **_EDGE)
     ends = list(tracks[[0, -1]].swapaxes(0, 1))
-    axes.add_collection(LineCollection(ends, colors=_INK, linewidths=0.8, linestyles=":", zorder=2))
+    axes.add_collection(LineCollection(ends, colors=INK, linewidths=0.8, linestyles=":", zorder=2))
     if few and every:
         shown = [flight.obstacles[step, moves] for step in _marks(*window, every)]
         _name_obstacles(axes, flight, view, window, every)
@@ -251,7 +248,7 @@ def _draw_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every
         shown = [tracks[np.min(gaps, axis=0).argmin(axis=0), np.arange(tracks.shape[1])]]
     tints = [_MOVING[m % len(_MOVING)] for m in range(tracks.shape[1])]
     for places in shown:
-        _draw_discs(axes, places, radius[moves], facecolors=tints, edgecolors=_INK, lw=0.4, zorder=2.5)
+        _draw_discs(axes, places, radius[moves], facecolors=tints, edgecolors=INK, lw=0.4, zorder=2.5)
 
 
 def _name_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every: int) -> None:
@@ -263,7 +260,7 @@ def _name_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every
             axes.annotate(sphere.id, (sphere.at[0], sphere.at[1] - sphere.radius - 0.25), **_TEXT)
         elif inside.size:
             ahead = np.array(sphere.velocity) / np.hypot(*sphere.velocity)
-            end, arrow = track[inside[-1]], {"arrowstyle": "-|>", "color": _INK, "lw": 0.8}
+            end, arrow = track[inside[-1]], {"arrowstyle": "-|>", "color": INK, "lw": 0.8}
             axes.annotate("", end, end - 0.3 * ahead, arrowprops=arrow, zorder=2)
             axes.annotate(sphere.id, track[inside[0]] - 0.3 * ahead, **_TEXT)
             for step in set(_marks(*window, every)) & set((inside + window[0]).tolist()):
@@ -284,16 +281,16 @@ def _map_key(flight: Flight, every: int) -> list[Line2D]:
     moving = [sphere.velocity != (0.0, 0.0) for sphere in flight.scene.obstacles]
     dots = [(">", 7, "white", "start"), ("*", 12, "white", "goal")]
     if every and count <= _NAMED_UAVS:
-        dots.append(("$1$", 6, _INK, f"every {every} steps"))
+        dots.append(("$1$", 6, INK, f"every {every} steps"))
     if not all(moving):
         dots.append(("o", 9, _STANDING, "standing obstacle"))
     if any(moving):
         dots.append(("o", 9, _MOVING[0], "moving obstacle" if few and every else "moving, when nearest"))
-    colour = _INK if count > 1 else _COLOURS[0]
+    colour = INK if count > 1 else COLOURS[0]
     keys = [Line2D([], [], c=colour, lw=1.8, label="on its mission"), *_layer_key()]
-    keys += [Line2D([], [], ls="", marker=m, ms=ms, mfc=c, mec=_INK, label=label) for m, ms, c, label in dots]
+    keys += [Line2D([], [], ls="", marker=m, ms=ms, mfc=c, mec=INK, label=label) for m, ms, c, label in dots]
     if (few and not all(moving)) or 1 < count <= _NAMED_UAVS:
-        keys.append(Line2D([], [], color=_GREY, lw=0.8, ls="--", label="inner radius $R_i + R_b$"))
+        keys.append(Line2D([], [], color=GREY, lw=0.8, ls="--", label="inner radius $R_i + R_b$"))
     return keys
 
 
@@ -324,10 +321,3 @@ def _figure(width_in: float, height_in: float, title: str) -> Figure:
     figure = Figure((width_in, height_in), dpi=160, layout=ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.06))
     figure.suptitle(textwrap.fill(title[0].upper() + title[1:], round(width_in * 11.5)), fontsize=11)
     return figure
-
-
-def _dress(axes: Axes, xlabel: str, ylabel: str) -> None:
-    axes.set(xlabel=xlabel, ylabel=ylabel, axisbelow=True)
-    axes.grid(color="#e4e4e4", lw=0.6)
-    axes.tick_params(labelsize=9, color=_GREY)
-    axes.spines[["top", "right"]].set_visible(False)

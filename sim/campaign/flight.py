@@ -12,15 +12,15 @@ from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import PressureAltitude, Traffic
 from companion.model import AltitudeReference, TrafficReport, TrafficSource, Vec3, adsb_key
-from companion.supervisor import State
-from sim.campaign.plane import AUTO, AUTOPILOT, FRAME, Limits, Plane
-from sim.encounters import Encounter, Heard, Observer, Surveillance
-from sim.metrics import (
+from companion.separation import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
+from companion.supervisor import State
+from sim.campaign.plane import AUTO, AUTOPILOT, FRAME, Limits, Plane
+from sim.encounters import Encounter, Heard, Observer, Surveillance
 
 Array = NDArray[np.floating]
 

@@ -1,9 +1,7 @@
 """The page of a campaign: one HTML file that opens offline, its figures drawn into it."""
 
-import base64
 import html
-import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -12,32 +10,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sim.campaign.flight import Flown
-from sim.campaign.plan import Plan
-from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, Figures, ratio_of
-from sim.encounters import Encounter
-from sim.metrics import (
+from companion.model import Layer
+from companion.report.drawing import BANDS
+from companion.report.html import image, table
+from companion.report.html import page as html_page
+from companion.separation import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
+from sim.campaign.flight import Flown
+from sim.campaign.plan import Plan
+from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, Figures, ratio_of
+from sim.encounters import Encounter
 
 _OWN, _COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#000000")
 _DASHES = ("--", "-.", ":", (0, (5, 1)))
-_LOST, _NEAR = "#FFE2A6", "#EE9C6C"
+_LOST, _NEAR = BANDS[Layer.OUTER], BANDS[Layer.INNER]
 _CLOSING_EDGES_MPS = (0.0, 30.0, 60.0, 90.0, np.inf)
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
-  color: #222; }
-table { border-collapse: collapse; margin: 1rem 0; } th, td { padding: .3rem .7rem; text-align: right; }
-th:first-child, td:first-child { text-align: left; } tr { border-bottom: 1px solid #ddd; }
-img { max-width: 100%; } .over { font-weight: bold; } .over::after { content: " over the line"; }
-h3 { margin-bottom: 0; } p.why { color: #555; margin-top: 0; }
-@media (prefers-color-scheme: dark) { body { background: #181818; color: #eee; } tr { border-color: #444; }
-img { background: #fff; } p.why { color: #bbb; } }
-"""
-
 Flight = tuple[Encounter, Flown]
 
 
@@ -46,8 +37,6 @@ def page(
 ) -> str:
     """The whole page. `worst` are the encounters to be drawn, by avoider."""
     parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>",
-        f"<title>Campaign, seed {plan.seed}</title><style>{_STYLE}</style>",
         "<h1>How safe it is</h1>",
         f"<p>{html.escape(_in_words(plan))}</p>",
         _summary_table(report),
@@ -66,7 +55,7 @@ def page(
         ]
         for encounter, flown in worst.get(name, ()):
             parts.append(_drawn(encounter, flown))
-    return "\n".join(parts) + "\n</html>\n"
+    return html_page(f"Campaign, seed {plan.seed}", parts)
 
 
 def _in_words(plan: Plan) -> str:
@@ -95,7 +84,7 @@ def _summary_table(report: dict[str, Any]) -> str:
         ]
         for name, f in report["avoiders"].items()
     ]  # fmt: skip
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _ratio(figures: dict[str, Any], name: str, line: float | None) -> str:
@@ -108,12 +97,6 @@ def _ratio(figures: dict[str, Any], name: str, line: float | None) -> str:
 
 def _number(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f}"
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = ["<table><tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
-    lines += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]
-    return "\n".join(lines) + "</table>"
 
 
 Groups = dict[str, NDArray[np.bool_]]
@@ -141,7 +124,7 @@ def _group_table(what: str, figures: Figures, groups: Groups) -> str:
                 _ratio(risk, "risk_ratio", RISK_RATIO_LINE), _ratio(lowc, "lowc_ratio", LOWC_RATIO_LINE),
             ]
         )  # fmt: skip
-    return _table((what, "encounters", "conflicts", "risk ratio", "well clear ratio"), rows)
+    return table((what, "encounters", "conflicts", "risk ratio", "well clear ratio"), rows)
 
 
 def _drawn(encounter: Encounter, flown: Flown) -> str:
@@ -154,17 +137,9 @@ def _drawn(encounter: Encounter, flown: Flown) -> str:
     why = "; ".join(f"{time_s:.0f} s {words}" for time_s, words in flown.reasons[:12])
     return (
         f"<h3>{html.escape(encounter.encounter_id)}: {html.escape(encounter.geometry)}</h3><p>{words}</p>"
-        f"<img alt='{html.escape(words)}' "
-        f"src='data:image/svg+xml;base64,{_svg(figure_of(encounter, flown))}'>"
+        f"{image(figure_of(encounter, flown), words)}"
         f"<p class=why>{html.escape(why)}</p>"
     )
-
-
-def _svg(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    # No date inside: the same campaign gives the same page.
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def figure_of(encounter: Encounter, flown: Flown) -> Figure:

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.model import Vec3
-from sim.encounters.encounter import DURATION_S, Encounter, Path, passing
-from sim.encounters.model import EncounterModel
-from sim.metrics import (
+from companion.separation import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
+from sim.encounters.encounter import DURATION_S, Encounter, Path, passing
+from sim.encounters.model import EncounterModel
 
 OWN_AIRSPEEDS_MPS = (20.0, 30.0)
 PASSES_S = (45.0, 90.0)

@@ -7,9 +7,9 @@ import pytest
 
 from companion.engine import Engine, EngineConfig
 from companion.mavlink.dialect import mavlink
+from companion.separation import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
 from companion.supervisor import State, SupervisorParams
 from sim.closed_loop import ClosedLoop
-from sim.metrics import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
 from sim.scenario import Autopilot, load_scenario
 from sim.traffic import Intruder, Manoeuvre
 from sim.vehicle import Mode, Px4Mode

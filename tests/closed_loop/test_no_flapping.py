@@ -8,9 +8,9 @@ import pytest
 
 from companion.engine import Engine
 from companion.model import Vec2
+from companion.separation import WELL_CLEAR_HORIZONTAL_M
 from companion.supervisor import State
 from sim.closed_loop import ClosedLoop
-from sim.metrics import WELL_CLEAR_HORIZONTAL_M
 from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
 from sim.traffic import AdsbReceiver, Intruder, Manoeuvre
 

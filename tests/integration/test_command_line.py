@@ -89,7 +89,9 @@ def test_a_log_without_frames_is_one_line(tmp_path: Path) -> None:
 def test_help_has_an_example_for_every_command(module: str) -> None:
     overview = call("--help", module=module)
     assert overview.returncode == 0
-    commands = {"companion": ["run", "check", "replay"], "sim": ["demo", "vehicle", "bench"]}[module]
+    commands = {"companion": ["run", "check", "replay", "report"], "sim": ["demo", "vehicle", "bench"]}[
+        module
+    ]
     for command in commands:
         assert command in overview.stdout
         text = call(command, "--help", module=module)

@@ -1,0 +1,152 @@
+"""The encounters of a flight: who came near, how near, and what was done about it."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.report.flight import LAYERS, Bools, Flight, Floats, Trail
+from companion.separation import (
+    NMAC_HORIZONTAL_M,
+    NMAC_VERTICAL_M,
+    WELL_CLEAR_HORIZONTAL_M,
+    WELL_CLEAR_VERTICAL_M,
+)
+
+# Near is who was in conflict, or within so many times well clear in both directions at once.
+_NEAR = 2.0
+# Not tracked for so long: what comes then is another encounter.
+_APART_S = 60.0
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Encounter:
+    """One aircraft that came near, once; the closest moment is that of the shortest slant distance.
+
+    `acted_s` is when it was first avoided in flight, `advised_s` when that was first decided, in seconds
+    before the closest moment. The deviations are the largest while the companion flew because of it:
+    `aside_m` from the mission (from straight on where it is not known), `height_m` from the height at the
+    first action.
+    """
+
+    trail: Trail
+    at: Indices  # moments of the flight
+    horizontal_m: Floats
+    vertical_m: Floats
+    closest: int  # index into the three before
+    layer: str
+    well_clear: bool
+    nmac: bool
+    acted_s: float | None
+    advised_s: float | None
+    aside_m: float | None
+    height_m: float | None
+
+    @property
+    def name(self) -> str:
+        """Who."""
+        return self.trail.name
+
+    @property
+    def closest_at(self) -> int:
+        """The closest moment, as an index into the flight's columns."""
+        return int(self.at[self.closest])
+
+    @property
+    def closest_horizontal_m(self) -> float:
+        """At the closest moment."""
+        return float(self.horizontal_m[self.closest])
+
+    @property
+    def closest_vertical_m(self) -> float:
+        """At the closest moment; positive above us."""
+        return float(self.vertical_m[self.closest])
+
+    @property
+    def closest_slant_m(self) -> float:
+        """At the closest moment."""
+        return math.hypot(self.closest_horizontal_m, self.closest_vertical_m)
+
+
+def encounters_of(flight: Flight) -> list[Encounter]:
+    """All encounters in the order of their closest moments."""
+    found = [one for trail in flight.trails.values() for one in _of_trail(flight, trail)]
+    return sorted(found, key=lambda one: one.closest_at)
+
+
+def _of_trail(flight: Flight, trail: Trail) -> Iterator[Encounter]:
+    at, (north_m, east_m) = trail.at, trail.relative_m
+    horizontal_m = np.hypot(north_m, east_m)
+    vertical_m = trail.altitude_m - flight.column("altitude_m")[at]
+    breaks = np.flatnonzero(np.diff(flight.time_s[at]) > _APART_S) + 1
+    for part in np.split(np.arange(len(at)), breaks):
+        threat = np.isin(at[part], trail.threat_at)
+        near = (horizontal_m[part] < _NEAR * WELL_CLEAR_HORIZONTAL_M) & (
+            np.abs(vertical_m[part]) < _NEAR * WELL_CLEAR_VERTICAL_M
+        )
+        if threat.any() or near.any():
+            yield _encounter(flight, trail, at[part], horizontal_m[part], vertical_m[part], threat)
+
+
+def _encounter(
+    flight: Flight, trail: Trail, at: Indices, horizontal_m: Floats, vertical_m: Floats, threat: Bools
+) -> Encounter:
+    closest = int(np.argmin(np.hypot(horizontal_m, vertical_m)))
+    guided = np.isfinite(flight.column("commanded_course_deg"))[at] & threat
+    advised, acted = at[guided], at[guided & flight.flying[at]]
+    closest_s = flight.time_s[at[closest]]
+
+    def before_s(moments: Indices) -> float | None:
+        return float(closest_s - flight.time_s[moments[0]]) if moments.size else None
+
+    aside_m, height_m = _deviation(flight, int(acted[0])) if acted.size else (None, None)
+    return Encounter(
+        trail=trail,
+        at=at,
+        horizontal_m=horizontal_m,
+        vertical_m=vertical_m,
+        closest=closest,
+        layer=LAYERS[int(flight.column("layer")[at[threat]].max())] if threat.any() else LAYERS[0],
+        well_clear=not _within(horizontal_m, vertical_m, WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M),
+        nmac=_within(horizontal_m, vertical_m, NMAC_HORIZONTAL_M, NMAC_VERTICAL_M),
+        acted_s=before_s(acted),
+        advised_s=before_s(advised),
+        aside_m=aside_m,
+        height_m=height_m,
+    )
+
+
+def _within(horizontal_m: Floats, vertical_m: Floats, across_m: float, aloft_m: float) -> bool:
+    return bool(((horizontal_m < across_m) & (np.abs(vertical_m) < aloft_m)).any())
+
+
+def _deviation(flight: Flight, first: int) -> tuple[float, float]:
+    """The largest, sideways and in height, from the first action until the aircraft was given back."""
+    not_ours = np.flatnonzero(~flight.flying[first:])
+    end = first + int(not_ours[0]) if not_ours.size else len(flight)
+    north_m, east_m = flight.column("north_m")[first:end], flight.column("east_m")[first:end]
+    heights_m = flight.column("altitude_m")[first:end]
+    legs_m = flight.legs_m
+    if len(legs_m) < 2:
+        course_rad = math.radians(flight.column("course_deg")[first])
+        begin = np.array([north_m[0], east_m[0]])
+        legs_m = np.array([begin, begin + 1e6 * np.array([math.cos(course_rad), math.sin(course_rad)])])
+    aside_m = _distance_m(np.column_stack([north_m, east_m]), legs_m)
+    return float(aside_m.max()), float(np.abs(heights_m - heights_m[0]).max())
+
+
+def _distance_m(places_m: Floats, legs_m: Floats) -> Floats:
+    """The distance of each place from the nearest leg."""
+    nearest_m = np.full(len(places_m), np.inf)
+    for begin, end in pairwise(legs_m):
+        along = end - begin
+        squared = float(along @ along)
+        share = np.clip((places_m - begin) @ along / (squared or 1.0), 0.0, 1.0)
+        off_m = places_m - begin - share[:, None] * along
+        nearest_m = np.minimum(nearest_m, np.hypot(off_m[:, 0], off_m[:, 1]))
+    return nearest_m

@@ -1,0 +1,82 @@
+"""`companion report` as a process: pages, notes, exit codes, one-line errors."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from companion.recording import parts_in, read_mcap
+from tests.integration.test_command_line import LOGS, assert_one_line, call
+from tests.unit.test_flight_report import recording
+
+
+def report(log: Path, out: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return call("report", str(log), "--out", str(out), *words)
+
+
+def test_of_a_recording(tmp_path: Path) -> None:
+    result = report(recording(tmp_path / "a.mcap"), tmp_path / "r.html")
+    assert result.returncode == 0, result.stderr
+    assert "r.html" in result.stdout
+    text = (tmp_path / "r.html").read_text()
+    assert text.startswith("<!doctype html>")
+    assert "N1 (A00001)" in text
+
+
+def test_of_a_recording_that_was_cut_off(tmp_path: Path) -> None:
+    path = recording(tmp_path / "a.mcap", close=False)
+    path.write_bytes(path.read_bytes()[:-50])
+    result = report(path, tmp_path / "r.html")
+    assert result.returncode == 0, result.stderr
+    assert "was cut off" in result.stdout
+    assert "was cut off" in (tmp_path / "r.html").read_text()
+
+
+@pytest.mark.skipif(not LOGS.is_dir(), reason=f"the recorded logs are not here: {LOGS}")
+@pytest.mark.parametrize("name", ["px4_sih_fixed_wing_adsb_two_intruders", "copter_2021_v2_cut"])
+def test_of_a_tlog(tmp_path: Path, name: str) -> None:
+    result = report(LOGS / f"{name}.tlog", tmp_path / "r.html")
+    assert result.returncode == 0, result.stderr
+    text = (tmp_path / "r.html").read_text()
+    if name.startswith("px4"):
+        assert "N51402 (A10001)" in text
+        assert "decided 46 s, not flown" in text
+    else:
+        assert "nothing is known of a position" in text
+
+
+def test_errors_are_one_line(tmp_path: Path) -> None:
+    out = tmp_path / "r.html"
+    assert_one_line(report(tmp_path / "nowhere.mcap", out), 1, "nowhere.mcap: cannot be read")
+    assert_one_line(report(tmp_path, out), 1, "cannot be read")
+    (tmp_path / "empty.tlog").touch()
+    assert_one_line(report(tmp_path / "empty.tlog", out), 1, "the file is empty")
+    (tmp_path / "a.png").write_bytes(b"\x89PNG" + bytes(1000))
+    assert_one_line(report(tmp_path / "a.png", out), 1, "no MAVLink frame")
+    log = recording(tmp_path / "a.mcap")
+    assert_one_line(report(log, tmp_path / "nowhere" / "r.html"), 2, "there is no folder")
+    assert_one_line(report(log, tmp_path), 2, "this is a folder")
+    assert_one_line(report(log, out, "--config", "nowhere.yaml"), 2, "nowhere.yaml")
+    assert not out.exists()
+
+
+@pytest.mark.wire
+def test_a_flown_demonstration_is_recorded_and_reported(tmp_path: Path) -> None:
+    command = "from sim.cli import main; main()"
+    words = ["demo", "--scenario", "head-on", "--speedup", "20", "--record", str(tmp_path / "rec")]
+    flown = subprocess.run(
+        [sys.executable, "-c", command, *words], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert flown.returncode == 0, flown.stdout
+    (name,) = parts_in(tmp_path / "rec")
+    mcap = name.path(tmp_path / "rec", ".mcap")
+    log = read_mcap(mcap)
+    assert {entry.topic for entry in log} >= {"/companion/decision", "/companion/text"}
+    assert log.whole
+    result = report(mcap, tmp_path / "r.html")
+    assert result.returncode == 0, result.stderr
+    text = (tmp_path / "r.html").read_text()
+    assert "taken over once" in text
+    assert "<h2>The link</h2>" in text
+    assert "well clear lost</th><td>never" in text

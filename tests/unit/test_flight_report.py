@@ -1,0 +1,355 @@
+"""The flight report: made-up records with known answers, and records that make no sense."""
+
+import contextlib
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.engine import Engine
+from companion.errors import LogError
+from companion.geodesy import LocalFrame
+from companion.mavlink.dialect import Encoder, mavlink
+from companion.mavlink.framing import FrameSplitter
+from companion.mavlink.tlog import TlogWriter
+from companion.recording import DECISION, STATE, TEXT, McapFile, Note
+from companion.report.encounters import encounters_of
+from companion.report.flight import Flight
+from companion.report.link import LinkLog
+from companion.report.page import page_of
+from companion.report.pieces import clock
+from companion.report.reading import Log, read_log
+
+FRAME = LocalFrame(47.0, 8.0)
+START_US = 1_750_000_000_000_000
+
+
+def record(time_s: float, north_m: float = 0.0, east_m: float = 0.0, **changes: Any) -> dict[str, Any]:
+    place = FRAME.to_geo(north_m, east_m, -500.0)
+    return {
+        "time_us": START_US + round(time_s * 1e6),
+        "layer": "clear",
+        "state": "monitor",
+        "flying": False,
+        "mode": "AUTO",
+        "guidance": None,
+        "tracks": 0,
+        "own": {
+            "lat_deg": place.lat_deg,
+            "lon_deg": place.lon_deg,
+            "north_m": north_m,
+            "east_m": east_m,
+            "altitude_m": 500.0,
+            "course_deg": 0.0,
+            "ground_speed_mps": 20.0,
+            "airspeed_mps": 20.0,
+            "climb_mps": 0.0,
+        },
+        "because": "no conflict",
+        "threats": [],
+        "traffic": [],
+        **changes,
+    }
+
+
+def track(name: str, north_m: float, east_m: float, altitude_m: float = 500.0) -> dict[str, Any]:
+    return {
+        "track": name, "icao": name, "callsign": "N1 ", "kind": "aircraft", "north_m": north_m,
+        "east_m": east_m, "altitude_m": altitude_m, "course_deg": 0.0, "ground_speed_mps": 50.0,
+        "climb_mps": 0.0, "age_s": 0.1,
+    }  # fmt: skip
+
+
+def threat(name: str) -> dict[str, Any]:
+    return {"track": name, "layer": "outer"}
+
+
+GUIDANCE = {"course_deg": 45.0, "airspeed_mps": 22.0, "altitude_m": 560.0}
+
+
+def avoided() -> Iterator[dict[str, Any]]:
+    """North at 20 m/s, one a second. A00001 comes head on at 30 m/s, and is next to us at 60 s.
+
+    From 20 to 80 s the companion flies: 400 m to the east and 60 m up, from 40 s on. A00002 stays 10 km away,
+    A00003 meets us at 130 s, 100 m beside and 20 m below, and nobody does anything about it.
+    """
+    for second in range(200):
+        flying = 20 <= second < 80
+        east_m = 400.0 if 40 <= second < 80 else 0.0
+        one = record(second, 20.0 * second, east_m)
+        one["own"]["altitude_m"] = 560.0 if 40 <= second < 80 else 500.0
+        if flying:
+            one |= {
+                "flying": True,
+                "state": "outer",
+                "layer": "outer",
+                "mode": "GUIDED",
+                "guidance": GUIDANCE,
+            }
+            one["threats"] = [threat("A00001")]
+        one["traffic"] = [
+            track("A00001", 50.0 * (60 - second), -east_m),
+            track("A00002", 10_000.0, 0.0),
+            track("A00003", 0.0, 100.0 + 30.0 * abs(second - 130), 480.0),
+        ]
+        yield one
+
+
+def flight_of(records: Iterator[dict[str, Any]] | list[Any]) -> Flight:
+    flight = Flight("made-up")
+    for one in records:
+        flight.take(json.dumps(one))
+    return flight
+
+
+def test_encounters_have_the_figures_that_they_were_made_with() -> None:
+    flight = flight_of(avoided())
+    assert (len(flight), flight.unusable) == (200, 0)
+    first, second = encounters_of(flight)
+    assert first.name == "N1 (A00001)"
+    assert flight.time_s[first.closest_at] == pytest.approx(60.0)
+    assert first.closest_horizontal_m == pytest.approx(400.0)
+    assert first.closest_vertical_m == pytest.approx(-60.0)
+    assert first.closest_slant_m == pytest.approx(math.hypot(400.0, 60.0))
+    assert (first.layer, first.well_clear, first.nmac) == ("outer", False, False)
+    assert (first.acted_s, first.advised_s) == (pytest.approx(40.0), pytest.approx(40.0))
+    assert first.aside_m == pytest.approx(400.0, abs=0.5)
+    assert first.height_m == pytest.approx(60.0)
+    assert flight.time_s[second.closest_at] == pytest.approx(130.0)
+    assert (second.closest_horizontal_m, second.closest_vertical_m) == (100.0, -20.0)
+    assert (second.layer, second.well_clear, second.nmac) == ("clear", False, True)
+    assert (second.acted_s, second.advised_s, second.aside_m, second.height_m) == (None,) * 4
+
+
+def test_the_deviation_counts_from_the_mission_where_it_is_known() -> None:
+    flight = flight_of(avoided())
+    legs_m = [(0.0, 150.0), (1_000.0, 150.0), (9_000.0, 150.0)]
+    places = [FRAME.to_geo(north_m, east_m, 0.0) for north_m, east_m in legs_m]
+    flight.mission = [(place.lat_deg, place.lon_deg) for place in places]
+    (first, _) = encounters_of(flight)
+    assert first.aside_m == pytest.approx(250.0, abs=1.0)
+
+
+def test_advice_that_nobody_flew_is_told_as_such() -> None:
+    records = [one | {"flying": False, "state": "monitor"} for one in avoided()]
+    first, _ = encounters_of(flight_of(records))
+    assert (first.acted_s, first.advised_s, first.aside_m) == (None, pytest.approx(40.0), None)
+
+
+def test_who_comes_back_later_is_another_encounter() -> None:
+    def records() -> Iterator[dict[str, Any]]:
+        for second in range(300):
+            here = second < 100 or second >= 200
+            yield record(second, traffic=[track("A1", 0.0, 500.0 + second)] if here else [])
+
+    first, second = encounters_of(flight_of(records()))
+    assert (first.closest_horizontal_m, second.closest_horizontal_m) == (500.0, 700.0)
+    assert first.well_clear is False
+    assert second.well_clear is True
+
+
+def test_changes_are_told_once_and_readiness_is_none() -> None:
+    records = [
+        record(0),
+        record(1, state="standby"),
+        record(2, state="outer", layer="outer", flying=True, mode="GUIDED", guidance=GUIDANCE),
+        record(3, state="outer", layer="outer", flying=True, mode="GUIDED",
+               guidance=GUIDANCE | {"course_deg": 50.0}),
+        record(4, state="outer", layer="outer", flying=True, mode="GUIDED",
+               guidance=GUIDANCE | {"course_deg": 60.0}),
+        record(5, mode="AUTO"),
+    ]  # fmt: skip
+    flight = flight_of(records)
+    assert [change.time_s for change in flight.changes] == [0.0, 2.0, 4.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"own": None},
+        {"own": {"lat_deg": 47.0}},
+        {"own": record(0)["own"] | {"lat_deg": 147.0}},
+        {"own": record(0)["own"] | {"altitude_m": 1e300}},
+        {"own": record(0)["own"] | {"course_deg": True}},
+        {"own": record(0)["own"] | {"course_deg": "north"}},
+        {"layer": "middle"},
+        {"time_us": "now"},
+        {"time_us": 1.5},
+        {"guidance": {"course_deg": None}},
+        {"guidance": [1, 2, 3]},
+        {"traffic": 5},
+        {"traffic": [{"track": "A"}]},
+        {"traffic": [track("A", math.nan, 0.0)]},
+        {"threats": [7]},
+    ],
+    ids=str,
+)
+def test_records_that_make_no_sense_are_left_out(change: dict[str, Any]) -> None:
+    flight = flight_of([record(0), record(1) | change, record(2)])
+    assert (len(flight), flight.unusable) == (2, 1)
+    assert [*flight.time_s] == [0.0, 2.0]
+
+
+@pytest.mark.parametrize("line", [b"", b"\xff", b"null", b"[]", b"7", b'{"a":' * 5000, b'{"time_us":1e999}'])
+def test_lines_that_are_no_records_are_left_out(line: bytes) -> None:
+    flight = Flight("made-up")
+    flight.take(line)
+    assert (len(flight), flight.unusable) == (0, 1)
+
+
+def test_times_that_jump_are_not_believed_but_an_hour_without_position_is() -> None:
+    times_us = [START_US, START_US + 10**6, START_US + 3601 * 10**6, 2**63, 2**63 + 10**6, 5, -(10**30)]
+    flight = flight_of([record(0) | {"time_us": time_us} for time_us in times_us])
+    assert [*flight.time_s] == [0.0, 1.0, 3601.0, 3601.0, 3602.0, 3602.0, 3602.0]
+    assert flight.jumps == 3
+    assert flight.unusable == 0
+    assert "at a time that is not known" in page_of(
+        Log(flight_of([record(0) | {"time_us": 10**30}, record(1) | {"time_us": 10**30 + 1}]))
+    )
+
+
+def test_the_link_counts_what_is_missing_and_where_it_was_silent() -> None:
+    encoder, splitter, link = Encoder(), FrameSplitter(), LinkLog()
+    heartbeat = mavlink.MAVLink_heartbeat_message(1, 3, 217, 10, 4, 3)
+    for number in range(100):
+        raw = encoder.encode(heartbeat, 1, 1)
+        (frame,) = splitter.feed(raw)
+        if number not in (10, 11, 50) and not 60 <= number < 70:
+            link.observe(0.5 * number, frame)
+    raw = encoder.encode(mavlink.MAVLink_statustext_message(4, b"Fence bre", 7, 0), 1, 1)
+    raw += encoder.encode(mavlink.MAVLink_statustext_message(4, b"ached", 7, 1), 1, 1)
+    for frame in splitter.feed(raw):
+        link.observe(50.0, frame)
+    autopilot = link.autopilot
+    assert autopilot is not None
+    assert (autopilot.messages, autopilot.lost) == (89, 13)
+    assert autopilot.gaps == [(29.5, 35.0)]
+    assert autopilot.per_second[3] == 2
+    assert [told.text for told in link.texts] == ["Fence breached"]
+
+
+def test_a_page_is_whole_offline_and_the_same_every_time() -> None:
+    flight = flight_of(avoided())
+    flight.notes.append("<b>cut off</b>")
+    text = page_of(Log(flight))
+    assert "N1 (A00001)" in text
+    assert "404 m" in text
+    assert "&lt;b&gt;cut off" in text
+    assert "<script" not in text
+    assert not re.findall(r"(?:src|href)='?\"?https?:", text)
+    again = flight_of(avoided())
+    again.notes.append("<b>cut off</b>")
+    assert page_of(Log(again)) == text
+
+
+@pytest.mark.parametrize("records", [[record(0)], [record(0), record(0)], [record(0)] * 3 + [record(1, 1e6)]])
+def test_flights_of_hardly_anything_make_a_page(records: list[dict[str, Any]]) -> None:
+    for one in records:
+        one["traffic"] = [track("A1", 0.0, 0.0)]
+    assert "<h2>Encounters" in page_of(Log(flight_of(records)))
+
+
+def test_more_aircraft_than_can_be_drawn_are_in_the_table() -> None:
+    names = [f"A{number:05X}" for number in range(40)]
+    records = [
+        record(second, 20.0 * second, traffic=[track(name, 0.0, 100.0 + second) for name in names])
+        for second in range(20)
+    ]
+    text = page_of(Log(flight_of(records)))
+    assert all(f"({name})</td>" in text for name in names)
+    assert text.count("<h3>") == 12
+
+
+def test_clock() -> None:
+    assert [clock(s) for s in (0.0, 59.6, 61.0, 3600.0, 7384.0, -2.0)] == [
+        "0:00", "1:00", "1:01", "1:00:00", "2:03:04", "-0:02",
+    ]  # fmt: skip
+
+
+# --- from files
+
+
+def recording(path: Path, *, close: bool = True) -> Path:
+    file = McapFile(path)
+    mission = {"items": [{"sequence": 1, "lat_deg": 47.0, "lon_deg": 8.0, "altitude_m": 500.0}]}
+    for one in avoided():
+        notes = [Note(DECISION, one["time_us"], json.dumps(one))]
+        notes.append(Note(STATE, one["time_us"], json.dumps({"version": 1, "mission": mission})))
+        if one["time_us"] == START_US + 20_000_000:
+            text = json.dumps({"time_us": one["time_us"], "severity": 4, "text": "Traffic <N1>"})
+            notes.append(Note(TEXT, one["time_us"], text))
+        file.flush(notes)
+    if close:
+        file.close()
+    return path
+
+
+def test_a_recording_is_read_with_what_was_told_and_the_mission(tmp_path: Path) -> None:
+    log = read_log(recording(tmp_path / "a.mcap"), Engine)
+    assert len(log.flight) == 200
+    assert [(told.time_s, told.text) for told in log.flight.told] == [(20.0, "Traffic <N1>")]
+    assert log.flight.mission == [(47.0, 8.0)]
+    assert log.link is None
+    assert log.flight.notes == ["a.tlog is not beside it: nothing is known of the link"]
+    assert "Traffic &lt;N1&gt;" in page_of(log)
+
+
+def test_a_recording_that_was_cut_off_is_reported_up_to_there(tmp_path: Path) -> None:
+    path = recording(tmp_path / "a.mcap", close=False)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    log = read_log(path, Engine)
+    assert 50 < len(log.flight) < 150
+    assert log.flight.notes[0].startswith("a.mcap was cut off")
+
+
+def test_later_parts_are_read_too(tmp_path: Path) -> None:
+    for part in ("", ".part2", ".part4"):
+        recording(tmp_path / f"companion-20260101-120000{part}.mcap")
+    log = read_log(tmp_path / "companion-20260101-120000.mcap", Engine)
+    assert len(log.flight) == 400
+
+
+def test_the_tlog_beside_a_recording_tells_of_the_link(tmp_path: Path) -> None:
+    recording(tmp_path / "a.mcap")
+    writer = TlogWriter(tmp_path / "a.tlog")
+    for second in range(10):
+        raw = Encoder().encode(mavlink.MAVLink_heartbeat_message(1, 3, 217, 10, 4, 3), 1, 1)
+        writer.write(START_US + second * 1_000_000, raw)
+    writer.close()
+    log = read_log(tmp_path / "a.mcap", Engine)
+    assert log.link is not None
+    assert log.link.autopilot is not None
+    assert log.link.autopilot.messages == 10
+    assert "messages a second" in page_of(log)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(500), "no MAVLink frame"),
+        (b"\x89MCAP0\r\n", "no decision"),
+    ],
+)
+def test_what_tells_nothing_is_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(LogError, match=words):
+        read_log(tmp_path / "a.mcap", Engine)
+
+
+def test_random_bytes_and_damage_never_raise_anything_else(tmp_path: Path) -> None:
+    chance = np.random.default_rng(5)
+    whole = recording(tmp_path / "whole.mcap").read_bytes()
+    path = tmp_path / "a.mcap"
+    for _ in range(60):
+        raw = bytearray(whole[: chance.integers(0, len(whole))])
+        for at in chance.integers(0, max(len(raw), 1), 5):
+            raw[at : at + 1] = chance.bytes(1)
+        path.write_bytes(bytes(raw) if chance.random() < 0.7 else chance.bytes(2000))
+        with contextlib.suppress(LogError):
+            read_log(path, Engine)
