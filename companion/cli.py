@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -16,10 +16,18 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion import __version__
-from companion.config import Config, describe, load_config, load_obstacles
+from companion.config import (
+    Config,
+    describe,
+    describe_saved,
+    load_config,
+    load_obstacles,
+    load_saved,
+    tuned,
+)
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
-from companion.keeper import Keeper
+from companion.keeper import Keeper, LastingKeeper
 from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
@@ -63,9 +71,19 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...]) -> None:
     await open_at_start(links)
     log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder = _recorder(config, log)
-    engine, watchdog = Engine(config.for_engine(obstacles)), Watchdog(os.environ)
-    keeper = Keeper(config.state_file)
-    runtime = Runtime(engine, links, recorder=recorder, watchdog=watchdog, keeper=keeper)
+    saved = load_saved(config)
+    if saved.problem is not None:
+        log.warning(saved.problem)
+    for line in describe_saved(config, saved):
+        log.info("%s: %s", config.settings_file, line)
+    runtime = Runtime(
+        Engine(config.for_engine(obstacles), saved=saved.values),
+        links,
+        recorder=recorder,
+        watchdog=Watchdog(os.environ),
+        keeper=Keeper(config.state_file),
+        settings=LastingKeeper(config.settings_file),
+    )
     await runtime.run(on_signals=True)
 
 
@@ -102,14 +120,19 @@ def check(
     config = load_config(config_file)
     obstacles = load_obstacles(config)
     console = Console(highlight=False, soft_wrap=True)
+    saved = load_saved(config)
     if table:
         console.print(printed(), markup=False)
     elif link:
-        _check_link(console, config, seconds)
+        _check_link(console, tuned(config, saved), seconds)
     else:
         console.print(describe(config), markup=False, end="")
         if config.obstacle_files:
             console.print(f"# obstacle_files: {len(obstacles)} obstacles", markup=False)
+        for line in describe_saved(config, saved):
+            console.print(f"# {config.settings_file}: {line}", markup=False, style="yellow")
+        if saved.problem is not None:
+            console.print(f"# {saved.problem}", markup=False, style="yellow")
         console.print(f"{config_file}: good to fly with", markup=False, style="green")
 
 
@@ -137,6 +160,10 @@ def replay_command(
     config_file: Annotated[
         Path | None, typer.Option("--config", metavar="CONFIG", help="Decide with this configuration.")
     ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option("--settings", metavar="FILE", help="With these settings, as a flight had saved them."),
+    ] = None,
     decisions: Annotated[
         Path | None,
         typer.Option("--decisions", metavar="OUT.jsonl", help="Write every decision, one JSON line each."),
@@ -145,7 +172,8 @@ def replay_command(
 ) -> None:
     """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
     config = None if config_file is None else load_config(config_file)
-    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)))
+    saved = None if settings is None else _values_in(settings, config or Config(links=()))
+    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)), saved=saved)
     console = Console(highlight=False)
     with ExitStack() as stack:
         on_decision: Callable[[str], object] = _ignore
@@ -158,6 +186,14 @@ def replay_command(
     _print_replay(console, log, result)
     if report is not None:
         writable(report).write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
+
+
+def _values_in(settings: Path, config: Config) -> Mapping[str, float]:
+    """What was saved in a file that somebody named: then all of it has to be used."""
+    saved = load_saved(config, settings)
+    if saved.problem is not None or not settings.exists():
+        raise ConfigError(saved.problem or f"{settings}: there is no such file")
+    return saved.values
 
 
 def _ignore(_: object) -> None:

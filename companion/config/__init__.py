@@ -3,6 +3,17 @@
 from companion.config.description import describe
 from companion.config.loader import load_config
 from companion.config.obstacle_files import load_obstacles
+from companion.config.saved_settings import SavedSettings, describe_saved, load_saved, tuned
 from companion.config.schema import Config, RecordingParams
 
-__all__ = ["Config", "RecordingParams", "describe", "load_config", "load_obstacles"]
+__all__ = [
+    "Config",
+    "RecordingParams",
+    "SavedSettings",
+    "describe",
+    "describe_saved",
+    "load_config",
+    "load_obstacles",
+    "load_saved",
+    "tuned",
+]
