@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from companion.config.document import shown
+from companion.config.keys import file_key
 from companion.config.schema import Config
 from companion.engine.tunables import BY_NAME, values_changed, with_values
 
@@ -56,4 +57,4 @@ def describe_saved(config: Config, saved: SavedSettings) -> Iterator[str]:
     for name, value in saved.values.items():
         tunable = BY_NAME[name]
         before = tunable.shown(tunable.value(configured))
-        yield f"{name} {tunable.shown(value)} instead of {before}: {tunable.field}"
+        yield f"{name} {tunable.shown(value)} instead of {before}: {file_key(tunable.field)}"
