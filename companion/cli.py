@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
@@ -17,10 +17,20 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from companion import __version__
 from companion.address import host_and_port
-from companion.config import Config, WebParams, describe, load_config, load_obstacles, reference
+from companion.config import (
+    Config,
+    WebParams,
+    describe,
+    describe_saved,
+    load_config,
+    load_obstacles,
+    load_saved,
+    reference,
+    tuned,
+)
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
-from companion.keeper import Keeper
+from companion.keeper import Keeper, LastingKeeper
 from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
@@ -87,9 +97,20 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
     await open_at_start(links)
     log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder = _recorder(config, log)
-    engine, watchdog = Engine(config.for_engine(obstacles)), Watchdog(os.environ)
-    keeper = Keeper(config.state_file)
-    runtime = Runtime(engine, links, recorder=recorder, watchdog=watchdog, keeper=keeper, display=display)
+    saved = load_saved(config)
+    if saved.problem is not None:
+        log.warning(saved.problem)
+    for line in describe_saved(config, saved):
+        log.info("%s: %s", config.settings_file, line)
+    runtime = Runtime(
+        Engine(config.for_engine(obstacles), saved=saved.values),
+        links,
+        recorder=recorder,
+        watchdog=Watchdog(os.environ),
+        keeper=Keeper(config.state_file),
+        settings=LastingKeeper(config.settings_file),
+        display=display,
+    )
     await runtime.run(on_signals=True)
 
 
@@ -141,14 +162,19 @@ def check(
     config = load_config(config_file)
     obstacles = load_obstacles(config)
     console = Console(highlight=False, soft_wrap=True)
+    saved = load_saved(config)
     if table:
         console.print(printed(), markup=False)
     elif link:
-        _check_link(console, config, seconds)
+        _check_link(console, tuned(config, saved), seconds)
     else:
         console.print(describe(config), markup=False, end="")
         if config.obstacle_files:
             console.print(f"# obstacle_files: {len(obstacles)} obstacles", markup=False)
+        for line in describe_saved(config, saved):
+            console.print(f"# {config.settings_file}: {line}", markup=False, style="yellow")
+        if saved.problem is not None:
+            console.print(f"# {saved.problem}", markup=False, style="yellow")
         console.print(f"{config_file}: good to fly with", markup=False, style="green")
 
 
@@ -176,6 +202,10 @@ def replay_command(
     config_file: Annotated[
         Path | None, typer.Option("--config", metavar="CONFIG", help="Decide with this configuration.")
     ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option("--settings", metavar="FILE", help="With these settings, as a flight had saved them."),
+    ] = None,
     decisions: Annotated[
         Path | None,
         typer.Option("--decisions", metavar="OUT.jsonl", help="Write every decision, one JSON line each."),
@@ -190,7 +220,8 @@ def replay_command(
 ) -> None:
     """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
     config = None if config_file is None else load_config(config_file)
-    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)))
+    saved = None if settings is None else _values_in(settings, config or Config(links=()))
+    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)), saved=saved)
     cinema = _cinema(engine, _replay_settings(log, config, listen_at)) if web else None
     console = Console(highlight=False)
     with ExitStack() as stack:
@@ -275,6 +306,14 @@ def report_command(
     for note in found.flight.notes:
         console.print(note, markup=False, style="yellow")
     console.print(f"{out}: {len(text) / 1000:.0f} kB", markup=False)
+
+
+def _values_in(settings: Path, config: Config) -> Mapping[str, float]:
+    """What was saved in a file that somebody named: then all of it has to be used."""
+    saved = load_saved(config, settings)
+    if saved.problem is not None or not settings.exists():
+        raise ConfigError(saved.problem or f"{settings}: there is no such file")
+    return saved.values
 
 
 def _ignore(_: object) -> None:

@@ -12,9 +12,9 @@ from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
 
 from companion.clock import Clock, SteadyClock
-from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Say, Stepper, Transmit
+from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
 from companion.errors import CompanionError
-from companion.keeper import Keeper
+from companion.keeper import Keeper, LastingKeeper
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
@@ -54,6 +54,7 @@ class Runtime:
         watchdog: Watchdog | None = None,
         keeper: Keeper | None = None,
         display: Display | None = None,
+        settings: LastingKeeper | None = None,
     ) -> None:
         self.engine = engine
         self.links = list(links)
@@ -70,6 +71,7 @@ class Runtime:
             display.on_role = self._ask_for_role
         self._times = LoopTimes()
         self._started_s = time.monotonic()
+        self._settings = settings
         self._encoder = Encoder()
         self._orders: dict[str, Order] = {}  # by link: each counts for itself
         self._arrived_s: float | None = None
@@ -95,6 +97,8 @@ class Runtime:
             self._sum_up()
             if self.recorder is not None:
                 self.recorder.close()
+            if self._settings is not None:
+                self._settings.close()
         if self._failure is not None:
             raise self._failure
         if not self.engine.finished:
@@ -256,6 +260,9 @@ class Runtime:
                 case Keep():
                     if self._keeper is not None:
                         self._keeper.keep(effect.text)
+                case Save():
+                    if self._settings is not None:
+                        self._settings.keep(effect.text)
                 case Say():
                     if self.recorder is not None:
                         self.recorder.text(time_us, effect.severity, effect.text)

@@ -81,6 +81,8 @@ class Config:
     web: WebParams = field(default_factory=WebParams)
     # What a run that is killed while it flies the aircraft leaves to the next, which then gives it back.
     state_file: Path = Path("companion.state")
+    # Settings that the operator changed by MAVLink parameters; from then on they go before this file.
+    settings_file: Path = Path("companion.settings")
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
@@ -101,6 +103,8 @@ class Config:
                 raise ValueError(f"supervisor.take_over_from: {name} is never taken over from")
         if self.autopilot != "auto" and not MODES_OF[self.autopilot] & {*self.supervisor.take_over_from}:
             raise ValueError(f"supervisor.take_over_from: {self.autopilot} has none of these modes")
+        if self.settings_file == self.state_file:
+            raise ValueError("settings_file and state_file must be two files")
         self.for_engine()  # refuses what its sections contradict each other in
 
     def for_engine(self, known_obstacles: tuple[Obstacle, ...] = ()) -> EngineConfig:

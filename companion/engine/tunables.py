@@ -119,14 +119,14 @@ TUNABLES: tuple[Tunable, ...] = (
     Tunable("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", 20, 2000, "obstacles, sideways"),
     Tunable("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", 10, 500, "obstacles, in height"),
     Tunable("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", 300, 20_000, "reach of the outer layer"),
-    Tunable("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "the same at the closing speed"),
+    Tunable("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the further one counts"),
     Tunable("CA_INNER_DIST", "avoidance.inner_radius_m", "m", 50, 5000, "reach of the inner layer"),
-    Tunable("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "the same at the closing speed"),
+    Tunable("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the further one counts"),
     Tunable(
         "CA_DOMAIN", "avoidance.delta_beta_rad", "deg", 0, 180, "width of the transition domain", _DEGREES
     ),
-    Tunable("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "begin when nearer than that, soon"),
-    Tunable("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "begin when nearer than that, later"),
+    Tunable("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "missed by less, and soon: begin"),
+    Tunable("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "missed by less, later on: begin"),
     Tunable("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "so much more room to give back"),
     Tunable("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "clear for so long to give back"),
     Tunable("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "no further up or down"),

@@ -129,3 +129,29 @@ def test_replay_writes_report_and_decisions(tmp_path: Path) -> None:
     lines = [json.loads(line) for line in decisions.read_text().splitlines()]
     assert len(lines) == figures["decisions"]
     assert "outer" in result.stdout
+
+
+def test_settings_that_were_saved_go_before_the_configuration(tmp_path: Path) -> None:
+    config, saved = tmp_path / "companion.yaml", tmp_path / "companion.settings"
+    config.write_text(f"links: [udpin:127.0.0.1:14550]\nsettings_file: {saved}\n")
+    saved.write_text('{"CA_ROLE": 1, "CA_DOMAIN": 45.5, "CA_OLD": 1}')
+    result = call("check", str(config))
+    assert result.returncode == 0
+    assert f"# {saved}: CA_ROLE 1 instead of 2: supervisor.role\n" in result.stdout
+    assert f"# {saved}: CA_DOMAIN 45.5 deg instead of 90 deg: avoidance.delta_beta_deg\n" in result.stdout
+    assert f"# {saved}: not used: CA_OLD: unknown\n" in result.stdout
+    assert "good to fly with" in last_line(result.stdout)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [(None, "there is no such file"), ("{", "damaged"), ('{"CA_DOMAIN": 999}', "CA_DOMAIN: 999 refused")],
+)
+def test_a_replay_uses_all_of_the_settings_that_are_named(
+    tmp_path: Path, text: str | None, words: str
+) -> None:
+    log, settings = tmp_path / "flight.tlog", tmp_path / "settings"
+    log.write_bytes(b"")
+    if text is not None:
+        settings.write_text(text)
+    assert_one_line(call("replay", str(log), "--settings", str(settings)), 2, words)

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from companion.config import load_config, load_obstacles
+from companion.config.keys import file_key
+from companion.engine.tunables import TUNABLES
 from companion.supervisor import Role
 
 ROOT = Path(__file__).parents[2]
@@ -35,6 +37,19 @@ def test_the_roles_have_the_numbers_that_it_says() -> None:
     assert {name: int(number) for name, number in table.items()} == {
         role.name.lower(): role.value for role in Role
     }
+
+
+def rows_of_settings() -> list[str]:
+    """The table of settings as it should be; after a change, this is what to put there."""
+    return [
+        f"| `{tunable.name}` | `{file_key(tunable.field)}` | {tunable.unit} "
+        f"| {tunable.lowest:g} to {tunable.highest:g} | {tunable.words} |"
+        for tunable in TUNABLES
+    ]
+
+
+def test_the_settings_are_those_of_the_table_in_the_code() -> None:
+    assert re.findall(r"^\| `CA_\w+` \| `.*$", TEXT, re.MULTILINE) == rows_of_settings()
 
 
 @pytest.mark.parametrize(
