@@ -88,7 +88,8 @@ def _display_settings(config: Config) -> Settings:
             raise ConfigError(f"web.token_file {token_file}: cannot be read: {error}") from error
         if len(token) < SHORTEST_TOKEN:
             raise ConfigError(f"web.token_file {token_file}: must have at least {SHORTEST_TOKEN} characters")
-    return Settings(host, port, token, config.web.origins)
+    in_feet = config.engine.text_units == "aviation"
+    return Settings(host, port, token, config.web.origins, feet=in_feet)
 
 
 async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display | None) -> None:

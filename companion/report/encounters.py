@@ -132,7 +132,11 @@ def _deviation(flight: Flight, first: int) -> tuple[float, float]:
     north_m, east_m = flight.column("north_m")[first:end], flight.column("east_m")[first:end]
     heights_m = flight.column("altitude_m")[first:end]
     legs_m = flight.legs_m
-    if len(legs_m) < 2:
+    if len(legs_m) > 0:
+        # To the first of its places the mission leads from where the aircraft was.
+        begun_m = np.array([[flight.column("north_m")[0], flight.column("east_m")[0]]])
+        legs_m = np.vstack([begun_m, legs_m])
+    else:
         course_rad = math.radians(flight.column("course_deg")[first])
         begin = np.array([north_m[0], east_m[0]])
         legs_m = np.array([begin, begin + 1e6 * np.array([math.cos(course_rad), math.sin(course_rad)])])

@@ -15,6 +15,7 @@ class Settings:
     token: str | None = None
     origins: tuple[str, ...] = ()
     title: str = "Companion"
+    feet: bool = False  # heights, until somebody chooses otherwise on the page
 
     @property
     def url(self) -> str:

@@ -41,7 +41,13 @@ async def test_the_state_is_there_once_there_is_something_to_tell() -> None:
         assert answer.json["decision"]["layer"] == "outer"
         assert (await at.ask("/healthz")).json == {"status": "ok", "kind": "live", "autopilot_known": True}
         info = (await at.ask("/api/info")).json
-        assert info == {"kind": "live", "title": "Companion", "duration_s": None, "may_command": False}
+        assert info == {
+            "kind": "live",
+            "title": "Companion",
+            "duration_s": None,
+            "height_unit": "m",
+            "may_command": False,
+        }
 
 
 async def test_every_answer_forbids_browsers_what_is_not_ours() -> None:
