@@ -203,8 +203,10 @@ class Display {
     this.redrawAll();
   }
 
+  /** The words at once, that a key is answered however busy the screen is; the picture as soon as it can be. */
   redrawAll() {
-    this.tablesDrawnAt_ms = -Infinity;
+    const state = this.shown;
+    if (state !== null) this.drawTables(state, byUrgency(state));
     this.redraw();
   }
 
