@@ -23,7 +23,7 @@ from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.recorder import Recorder
 from companion.supervisor import Role, State
 from companion.watchdog import Watchdog
-from companion.web import Display
+from companion.web import Display, Onlookers
 from companion.web.loop_times import LoopTimes
 from companion.web.moment import Health
 
@@ -69,6 +69,7 @@ class Runtime:
         self._display = display
         if display is not None:
             display.on_role = self._ask_for_role
+        self._onlookers = Onlookers(display, recorder)
         self._times = LoopTimes()
         self._started_s = time.monotonic()
         self._settings = settings
@@ -164,8 +165,7 @@ class Runtime:
         self._stepper.advance(now_us)
         if self._stepper.ticks > ticks:
             self._times.observe(time.perf_counter() - begun_s)
-            if self._display is not None:
-                self._display.show(self.engine, now_us / 1e6, self._health)
+            self._onlookers.look(self.engine, now_us, self._health)
 
     def _health(self) -> Health:
         return Health.of(

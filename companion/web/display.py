@@ -11,9 +11,8 @@ import sys
 import time
 from collections.abc import Callable
 
-from companion.engine import Engine
 from companion.links.backoff import Backoff
-from companion.web.moment import Health, moment_of
+from companion.web.moment import Moment
 from companion.web.pipe import packed
 from companion.web.settings import Settings
 
@@ -35,24 +34,22 @@ class Display:
         self.process_id: int | None = None  # while it runs
         self._pipe: asyncio.StreamWriter | None = None
         self._shown_s = -1.0
-        self._broken = False
         self._backoff = Backoff()
 
-    def show(self, engine: Engine, now_s: float, health: Callable[[], Health]) -> None:
-        """Show this moment, if there is room for it now."""
+    def is_ready(self) -> bool:
+        """Whether there is room for a moment now, and the last is long enough ago to see a difference."""
         pipe, wall_s = self._pipe, time.monotonic()
-        if pipe is None or self._broken or wall_s - self._shown_s < _SHORTEST_INTERVAL_S:
-            return
+        if pipe is None or wall_s - self._shown_s < _SHORTEST_INTERVAL_S:
+            return False
         self._shown_s = wall_s
-        if pipe.transport.get_write_buffer_size() > 0:
-            self.dropped += 1
-            return
-        try:
-            pipe.write(packed(moment_of(engine, now_s, health())))
-        except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
-            # A display that cannot be drawn is no reason to give the aircraft back: it is only switched off.
-            self._broken = True
-            _log.exception("display: switched off")
+        full = pipe.transport.get_write_buffer_size() > 0
+        self.dropped += full
+        return not full
+
+    def show(self, moment: Moment) -> None:
+        """Hand a moment over; to be asked first whether it `is_ready`."""
+        if self._pipe is not None:
+            self._pipe.write(packed(moment))
 
     async def run(self) -> None:
         """Keep the display's process alive until cancelled; a failure is told once, and tried again."""

@@ -7,15 +7,15 @@ from typing import Any
 
 from companion.web.moment import Health
 
-_OVER_S = 5.0  # rates are those of the last so many seconds
 _TICKS = 600  # a minute of ticks
 
 
 class Trends:
-    """Is shown the health of every moment, and says what it comes to."""
+    """Is shown the health of every moment, and says what it comes to. Rates are over the last `over_s`."""
 
-    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic, over_s: float = 5.0) -> None:
         self._clock_s = clock_s
+        self._over_s = over_s
         self._health: deque[tuple[float, Health]] = deque()
         self._ticks_s: deque[float] = deque(maxlen=_TICKS)
         self._heard_s: dict[str, float] = {}
@@ -29,7 +29,7 @@ class Trends:
             if link.frames > (0 if known is None else known.frames):
                 self._heard_s[link.address] = now_s
         self._health.append((now_s, health))
-        while now_s - self._health[0][0] > _OVER_S:
+        while now_s - self._health[0][0] > self._over_s:
             self._health.popleft()
         self._ticks_s.append(health.tick_s)
 
@@ -55,7 +55,7 @@ class Trends:
             told.append(
                 {
                     "address": link.address,
-                    "connected": silent_s is not None and silent_s < _OVER_S,
+                    "connected": silent_s is not None and silent_s < self._over_s,
                     "frames_per_s": round(frames / span_s, 1),
                     "lost_share": round(lost / (frames + lost), 4) if frames + lost > 0 else 0.0,
                     "silent_s": None if silent_s is None else round(silent_s, 1),

@@ -9,6 +9,8 @@ import pytest
 
 from companion.engine import Engine
 from companion.model import Track
+from companion.recorder import Recorder
+from companion.web import Onlookers
 from companion.web.loop_times import LoopTimes
 from companion.web.moment import Health, LinkCount, moment_of
 from companion.web.pipe import packed, unpacked
@@ -155,3 +157,27 @@ def test_health_counts_links_that_were_never_heard() -> None:
     assert trends.tick_ms_p99() is None
     trends.show(Health.of(0.0, LoopTimes(), ()))
     assert trends.links() == []
+
+
+class Engineless:
+    """Stands where an engine should: whatever is asked of it fails."""
+
+
+def test_what_cannot_be_shown_is_told_once_and_never_raised(caplog: pytest.LogCaptureFixture) -> None:
+    recorded: list[str] = []
+
+    class Notes(Recorder):
+        def __init__(self) -> None:
+            """Nothing to open."""
+
+        def state(self, time_us: int, line: str) -> None:  # noqa: ARG002
+            recorded.append(line)
+
+    onlookers = Onlookers(None, Notes())
+    for tick in range(3):
+        onlookers.look(Engineless(), tick * 10_000_000, health)  # type: ignore[arg-type]
+    assert [r.getMessage() for r in caplog.records] == ["display: switched off"]
+    onlookers = Onlookers(None, Notes())
+    for tick in range(250):
+        onlookers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
+    assert [json.loads(line)["sequence"] for line in recorded] == [1, 2, 3], "every ten seconds"
