@@ -145,6 +145,7 @@ def encounter(flight: Flight, one: Encounter, number: int) -> Figure:
         ylim=(middle[1] - half, middle[1] + half),
     )
     above.locator_params(nbins=5)
+    above.ticklabel_format(useOffset=False, style="plain")
     dress(above, "east [m]", "north [m]")
 
     times_s = flight.time_s[one.at[theirs]]

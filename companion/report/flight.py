@@ -25,6 +25,8 @@ _LONGEST_GAP_US = 6 * 3600 * 1_000_000
 _LARGEST = 1e7
 # Guidance that changes by less than this is the same as before.
 _COURSE_DEG, _SPEED_MPS, _HEIGHT_M = 10.0, 1.0, 15.0
+# An autopilot without a fix says 0, 0, where nobody flies.
+_NOWHERE_DEG = 1e-3
 _WATCHING = frozenset({State.STANDBY, State.MONITOR})
 
 
@@ -139,6 +141,7 @@ class Flight:
     trails: dict[str, Trail] = field(default_factory=dict)
     mission: list[tuple[float, float]] = field(default_factory=list)  # latitude and longitude [deg]
     unusable: int = 0
+    without_fix: int = 0
 
     def __post_init__(self) -> None:
         self._columns: dict[str, array[float]] = {name: array("d") for name in _COLUMNS}
@@ -194,6 +197,9 @@ class Flight:
         lat, lon = _number(own, "lat_deg"), _number(own, "lon_deg")
         if abs(lat) > 90.0 or abs(lon) > 180.0:
             raise ValueError("no place on earth")
+        if math.hypot(lat, lon) < _NOWHERE_DEG:
+            self.without_fix += 1
+            return
         columns = {
             name: _number(own, name)
             for name in ("altitude_m", "course_deg", "ground_speed_mps", "airspeed_mps")

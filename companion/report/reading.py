@@ -116,6 +116,10 @@ def _from_tlog(path: Path, engine: Engine, on_progress: Progress) -> Log:
 def _note_missing(flight: Flight) -> None:
     if flight.unusable:
         flight.notes.append(f"{flight.unusable:,} decisions in the log make no sense and are left out")
+    if flight.without_fix:
+        flight.notes.append(
+            f"{flight.without_fix:,} decisions are left out: the aircraft had no position yet"
+        )
     if flight.jumps:
         flight.notes.append(
             f"the time is not believed in {flight.jumps:,} places: it steps by hours, or back"

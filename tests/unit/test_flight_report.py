@@ -202,6 +202,13 @@ def test_lines_that_are_no_records_are_left_out(line: bytes) -> None:
     assert (len(flight), flight.unusable) == (0, 1)
 
 
+def test_an_aircraft_without_a_fix_is_nowhere() -> None:
+    nowhere = record(0)["own"] | {"lat_deg": 0.0, "lon_deg": 1e-7}
+    flight = flight_of([record(0) | {"own": nowhere}, record(1, 10.0), record(2, 20.0)])
+    assert (len(flight), flight.unusable, flight.without_fix) == (2, 0, 1)
+    assert flight.column("north_m").max() == pytest.approx(10.0, abs=0.1)
+
+
 def test_times_that_jump_are_not_believed_but_an_hour_without_position_is() -> None:
     times_us = [START_US, START_US + 10**6, START_US + 3601 * 10**6, 2**63, 2**63 + 10**6, 5, -(10**30)]
     flight = flight_of([record(0) | {"time_us": time_us} for time_us in times_us])
