@@ -19,7 +19,7 @@ from tests.web_bench import TOKEN, health, live, moment_after, site
 
 pytestmark = pytest.mark.wire
 
-ALERTS = Path(__file__).parents[2] / "configs" / "alerts.yaml"
+ALERTS = Path(__file__).parents[2] / "configs" / "prometheus" / "alerts.yaml"
 MOMENT = moment_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
