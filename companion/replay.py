@@ -77,7 +77,7 @@ def replay(
     engine: Engine,
     *,
     later_parts: Sequence[Path] = (),
-    on_decision: Callable[[str], object] = lambda _line: None,
+    on_decision: Callable[[str], object] | None = None,
     on_told: Callable[[int, Say], object] = lambda _time_us, _said: None,
     on_progress: Callable[[int], object] = lambda _bytes: None,
 ) -> Replay:
@@ -99,7 +99,8 @@ def replay(
                 on_told(time_us, effect)
             if not isinstance(effect, Record):
                 continue
-            on_decision(effect.line)
+            if on_decision is not None:
+                on_decision(effect.line)
             decision = engine.decision
             result.layers[decision.layer] += 1
             if decision.layer is not last:
