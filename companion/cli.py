@@ -226,7 +226,7 @@ def replay_command(
     cinema = _cinema(engine, _replay_settings(log, config, listen_at)) if web else None
     console = Console(highlight=False)
     with ExitStack() as stack:
-        on_decision: Callable[[str], object] = _ignore
+        on_decision: Callable[[str], object] | None = None
         if decisions is not None:
             on_decision = _LineWriter(stack.enter_context(writable(decisions).open("w", encoding="utf-8")))
         on_progress: Callable[[int], object] = _ignore

@@ -77,7 +77,7 @@ def replay(
     engine: Engine,
     *,
     later_parts: Sequence[Path] = (),
-    on_decision: Callable[[str], object] = lambda _line: None,
+    on_decision: Callable[[str], object] | None = None,
     on_moment: Callable[[float, float], object] = lambda _since_s, _now_s: None,
     on_told: Callable[[int, Say], object] = lambda _time_us, _said: None,
     on_progress: Callable[[int], object] = lambda _bytes: None,
@@ -102,7 +102,8 @@ def replay(
                 on_told(time_us, effect)
             if not isinstance(effect, Record):
                 continue
-            on_decision(effect.line)
+            if on_decision is not None:
+                on_decision(effect.line)
             decision = engine.decision
             result.layers[decision.layer] += 1
             on_moment(since_s, time_us / 1e6)
