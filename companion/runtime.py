@@ -270,7 +270,7 @@ class Runtime:
                         logging.WARNING if effect.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO
                     )
                     _log.log(level, effect.text)
-        self._tell_recorder_problem()
+        self._tell_recorder_problem(time_us)
 
     def _send(self, time_us: int, effect: Transmit) -> None:
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
@@ -283,11 +283,14 @@ class Runtime:
             if self._arrived_s is not None:
                 self.latencies_s.append(time.perf_counter() - self._arrived_s)
 
-    def _tell_recorder_problem(self) -> None:
+    def _tell_recorder_problem(self, time_us: int) -> None:
+        """Once, in the log and to the operator; to him without the path."""
         problem = None if self.recorder is None else self.recorder.problem
         if problem is not None and problem != self._problem_told:
             self._problem_told = problem
             _log.error("recording: %s", problem)
+            why = problem.rpartition(": ")[2]
+            self._perform(time_us, self.engine.announce(f"Not recorded: {why}", time_us / 1e6))
 
     async def _watch_silence(self) -> None:
         """Say once that nobody answers, and once that somebody does."""

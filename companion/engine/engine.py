@@ -28,7 +28,7 @@ from companion.engine.settings import Settings
 from companion.engine.surroundings import Surroundings
 from companion.geodesy import LocalFrame
 from companion.geofence import LocalFence
-from companion.mavlink.dialect import Message
+from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AttitudeTarget,
     AutopilotVersion,
@@ -237,6 +237,10 @@ class Engine:
             self.operator.role = held.role
         self.aircraft.expect(held.system_id)
         self._authority.recover(held)
+
+    def announce(self, text: str, now_s: float) -> list[Effect]:
+        """What the shell has to tell the operator: as a warning, once."""
+        return self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, text, now_s)
 
     def emergency_release(self, now_s: float) -> list[Message]:
         """Messages that ask for the former mode, when the engine itself cannot be trusted any more.

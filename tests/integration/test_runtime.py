@@ -240,3 +240,40 @@ async def test_whatever_fails_beside_the_engine_gives_the_aircraft_back(tmp_path
         await asyncio.wait_for(running, 10.0)
     assert autopilot.mode == 10
     flying.cancel()
+
+
+class FullDisk(Recorder):
+    """Records until the disk is full."""
+
+    full = False
+
+    @property
+    def problem(self) -> str | None:
+        return "/media/card/companion.tlog: No space left on device" if self.full else None
+
+
+async def test_a_full_disk_is_told_to_the_operator_once_and_flying_goes_on(tmp_path: Path) -> None:
+    near, far = memory_pair()
+    autopilot, recorder = Autopilot(far), FullDisk(tmp_path, 0.0)
+    runtime = Runtime(Engine(), [near], recorder=recorder)
+    told: list[str] = []
+    hear = autopilot.hear
+
+    def listen(frames: list[Frame], link: object) -> None:
+        for frame in frames:
+            message = decode(frame)
+            if message is not None and message.get_type() == "STATUSTEXT":
+                told.append(message.text)
+        hear(frames, link)
+
+    autopilot.hear = listen  # type: ignore[method-assign]
+    flying, running = asyncio.create_task(autopilot.run()), asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    recorder.full = True
+    await asyncio.sleep(1.0)
+    assert runtime.engine.supervisor.flying
+    assert [text for text in told if "recorded" in text] == ["Not recorded: No space left on device"]
+    runtime.stop()
+    await running
+    flying.cancel()
+    await asyncio.gather(flying, return_exceptions=True)
