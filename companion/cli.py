@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -73,8 +74,17 @@ def run(
     """
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
-    display = None if no_web or not config.web.enabled else Display(_display_settings(config))
+    display = None if no_web or not config.web.enabled else Display(_display_in_flight(config))
     asyncio.run(_run(config, load_obstacles(config), display))
+
+
+def _display_in_flight(config: Config) -> Settings:
+    """The same, read-only where the token is no good: whoever starts again in flight must not fail for it."""
+    try:
+        return _display_settings(config)
+    except ConfigError as error:
+        logging.getLogger("companion").error("%s; the display is read-only", error)
+        return _display_settings(replace(config, web=replace(config.web, token_file=None)))
 
 
 def _display_settings(config: Config) -> Settings:
@@ -97,7 +107,7 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
     links = [open_link(address) for address in config.links]
     await open_at_start(links)
     log.info("companion %s on %s", __version__, ", ".join(config.links))
-    recorder = _recorder(config, log)
+    recorder, not_recorded = _recorder(config, log)
     saved = load_saved(config)
     if saved.problem is not None:
         log.warning(saved.problem)
@@ -107,6 +117,7 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
         Engine(config.for_engine(obstacles), saved=saved.values),
         links,
         recorder=recorder,
+        not_recorded=not_recorded,
         watchdog=Watchdog(os.environ),
         keeper=Keeper(config.state_file),
         settings=LastingKeeper(config.settings_file),
@@ -115,22 +126,23 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
     await runtime.run(on_signals=True)
 
 
-def _recorder(config: Config, log: logging.Logger) -> Recorder | None:
-    """The recorder; a card that cannot be written to must not keep the aircraft from being protected."""
-    if not config.recording.enabled:
-        return None
+def _recorder(config: Config, log: logging.Logger) -> tuple[Recorder | None, str | None]:
+    """The recorder, or why there is none: a card that cannot be written to must not keep us from flying."""
+    recording = config.recording
+    if not recording.enabled:
+        return None, None
     try:
         recorder = Recorder(
-            config.recording.directory,
+            recording.directory,
             time.time(),
-            max_file_bytes=config.recording.max_file_mb * MB,
-            max_total_bytes=config.recording.max_total_mb * MB,
+            max_file_bytes=recording.max_file_mb * MB,
+            max_total_bytes=recording.max_total_mb * MB,
         )
     except LogError as error:
         log.error("%s; flying without a recording", error)
-        return None
+        return None, str(error)
     log.info("recording %s", recorder.tlog_path)
-    return recorder
+    return recorder, None
 
 
 @app.command(epilog="Example: companion check configs/arduplane.yaml --link")
@@ -161,6 +173,7 @@ def check(
     if config_file is None:
         raise ConfigError("CONFIG is missing: the configuration file")
     config = load_config(config_file)
+    _display_settings(config)
     obstacles = load_obstacles(config)
     console = Console(highlight=False, soft_wrap=True)
     saved = load_saved(config)

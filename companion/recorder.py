@@ -36,7 +36,8 @@ class Recorder:
     what is wrong. Before a file has `max_file_bytes` a new part begins, `….part2.tlog` and so on. When all
     recordings in the folder have more than `max_total_bytes`, the oldest are deleted.
 
-    Whoever flies calls what comes before `run`; it waits for no disk. All else is done in threads.
+    Whoever flies calls what comes before `run`: it is written where the system keeps it in memory, or waits
+    for the thread. Bringing it onto the disk, and all else, is done in threads.
     """
 
     def __init__(
@@ -180,3 +181,6 @@ class Recorder:
             complete_all(self._directory, but=self._part.paths, go_on=lambda: not self._closed)
         except OSError as error:
             self._problem = f"{self._directory}: {error.strerror}"
+        except Exception as error:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
+            # An old file that nobody can make sense of is no reason to give the aircraft back.
+            self._problem = f"{self._directory}: an old recording cannot be completed: {error!r}"

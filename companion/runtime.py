@@ -54,6 +54,7 @@ class Runtime:
         watchdog: Watchdog | None = None,
         keeper: Keeper | None = None,
         display: Display | None = None,
+        not_recorded: str | None = None,
         settings: LastingKeeper | None = None,
     ) -> None:
         self.engine = engine
@@ -67,6 +68,7 @@ class Runtime:
         self._watchdog = watchdog or Watchdog({})
         self._keeper = keeper
         self._display = display
+        self._not_recorded = not_recorded  # why, from the beginning
         if display is not None:
             display.on_role = self._ask_for_role
         self._onlookers = Onlookers(display, recorder)
@@ -118,7 +120,7 @@ class Runtime:
                 if self.recorder is not None:
                     owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
                 if self._display is not None:
-                    owned.append(tasks.create_task(self._owned(self._display.run()), name="display"))
+                    owned.append(tasks.create_task(_beside(self._display.run()), name="display"))
                 owned.append(tasks.create_task(self._owned(self._watch_silence()), name="silence"))
                 await self._tick_until_stopped()
                 for task in owned:
@@ -175,8 +177,12 @@ class Runtime:
             skipped_ticks=self._stepper.skipped_ticks,
             unusable=self.unusable,
             setpoints_sent=self.setpoints_sent,
-            recording_problem=None if self.recorder is None else self.recorder.problem,
+            recording_problem=self._recording_problem,
         )
+
+    @property
+    def _recording_problem(self) -> str | None:
+        return self._not_recorded if self.recorder is None else self.recorder.problem
 
     def _ask_for_role(self, name: str) -> None:
         """A browser asks for another role: by a message like a ground station's, so that it is recorded."""
@@ -285,7 +291,7 @@ class Runtime:
 
     def _tell_recorder_problem(self, time_us: int) -> None:
         """Once, in the log and to the operator; to him without the path."""
-        problem = None if self.recorder is None else self.recorder.problem
+        problem = self._recording_problem
         if problem is not None and problem != self._problem_told:
             self._problem_told = problem
             _log.error("recording: %s", problem)
@@ -332,6 +338,14 @@ class Runtime:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self.stop)
             undo.callback(loop.remove_signal_handler, number)
+
+
+async def _beside(work: Coroutine[None, None, None]) -> None:
+    """A task that nobody's life depends on: its failure is told, and all else goes on."""
+    try:
+        await work
+    except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
+        _log.exception("display: switched off")
 
 
 def _address(engine: Engine) -> tuple[int, int]:

@@ -18,10 +18,11 @@ class LinkState(StrEnum):
 
 
 class Backoff:
-    """The state of one link. Waits double from `SHORTEST_WAIT_S` to `LONGEST_WAIT_S`, until it was up."""
+    """The state of one link. Waits double from `SHORTEST_WAIT_S` to the longest, until it was up."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest_wait_s: float = LONGEST_WAIT_S) -> None:
         self.state = LinkState.OPENING
+        self._longest_wait_s = longest_wait_s
         self._wait_s = SHORTEST_WAIT_S
         self._retry_at_s = 0.0
         self._steady_at_s = 0.0
@@ -43,7 +44,7 @@ class Backoff:
             self._told = False
         self.state = LinkState.WAITING
         self._retry_at_s = now_s + self._wait_s
-        self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S)
+        self._wait_s = min(2.0 * self._wait_s, self._longest_wait_s)
         level = logging.DEBUG if self._told else logging.WARNING
         self._told = True
         return level

@@ -26,7 +26,7 @@ _KNOWN = frozenset(Opcode)
 # A second of a thousand tracks is a tenth of this; what is larger nobody of ours wrote.
 _LONGEST_RECORD_BYTES = 32 << 20
 # What the library and the decompressors raise for bytes that are something else.
-_DAMAGE = (McapError, ZstdError, struct.error, ValueError, RuntimeError, MemoryError)
+_DAMAGE = (McapError, ZstdError, struct.error, ValueError, RuntimeError, MemoryError, OverflowError)
 
 
 class Entry(NamedTuple):

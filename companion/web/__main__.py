@@ -5,7 +5,6 @@ import contextlib
 import json
 import os
 import sys
-from pathlib import Path
 from typing import Any
 
 from companion.errors import CompanionError
@@ -16,8 +15,6 @@ from companion.web.serving import listen, serve
 from companion.web.settings import Settings
 from companion.web.source import Live
 
-_NICER = 10
-_FIRST_TO_GO = "500"
 _PIPE_BYTES = 1 << 20
 
 
@@ -68,13 +65,5 @@ async def _main_and_away() -> None:
     os._exit(code)
 
 
-def _give_way() -> None:
-    """When processor or memory are short, the flying loop keeps them."""
-    os.nice(_NICER)
-    with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO, encoding="ascii")
-
-
 if __name__ == "__main__":
-    _give_way()
     asyncio.run(_main_and_away())

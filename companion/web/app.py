@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
@@ -112,21 +113,26 @@ class _Pages:
         if not isinstance(self._source, Live) or self._settings.token is None:
             return _error(403, "this display is read-only: no token is configured")
         if not has_token(request.headers.get("authorization"), self._settings):
-            return _error(401, "the token is missing or wrong")
+            return _error(401, "the token is missing or wrong", {"WWW-Authenticate": "Bearer"})
         wish = await _small_json(request)
         role = None if wish is None else wish.get("role")
         if not isinstance(role, str) or role.upper() not in Role.__members__:
             return _error(400, f"role must be one of {', '.join(r.name.lower() for r in Role)}")
+        role = role.lower()
+        if not self._source.is_fresh:
+            return _error(503, "the flying loop is silent")
         self._ask_role(role)
         if await self._comes_into_effect(self._source, role):
             return JSONResponse({"role": role})
-        return _error(409, f"{role} did not come into effect: not allowed, or the flying loop is silent")
+        return _error(409, f"{role} did not come into effect")
 
     @staticmethod
     async def _comes_into_effect(source: Live, role: str) -> bool:
+        """What was on its way when it was asked shows nothing yet: the one after the next counts."""
+        asked_at = source.sequence
         try:
             async with asyncio.timeout(_ROLE_PATIENCE_S):
-                while source.moment is None or source.moment.role != role:
+                while source.sequence < asked_at + 2 or source.moment is None or source.moment.role != role:
                     await source.changed.wait()
         except TimeoutError:
             return False
@@ -186,13 +192,14 @@ async def _small_json(request: Request) -> Mapping[str, Any] | None:
     return wish if isinstance(wish, dict) else None
 
 
-def _error(status: int, words: str) -> Response:
-    return JSONResponse({"error": words}, status_code=status)
+def _error(status: int, words: str, headers: Mapping[str, str] | None = None) -> Response:
+    return JSONResponse({"error": words}, status_code=status, headers=headers)
 
 
 async def _not_found(_: Request, __: Exception) -> Response:
     return _error(404, "there is nothing here")
 
 
-async def _not_so(_: Request, __: Exception) -> Response:
-    return _error(405, "not by this method")
+async def _not_so(_: Request, refused: Exception) -> Response:
+    allowed = refused.headers if isinstance(refused, HTTPException) else None
+    return _error(405, "not by this method", allowed)

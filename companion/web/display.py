@@ -5,11 +5,14 @@ shares neither its interpreter nor its file descriptors. A moment that finds the
 """
 
 import asyncio
+import contextlib
 import json
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from companion.links.backoff import Backoff
 from companion.web.moment import Moment
@@ -19,8 +22,11 @@ from companion.web.settings import Settings
 _log = logging.getLogger("companion")
 
 _SHORTEST_INTERVAL_S = 0.08  # a clock that runs faster than the wall's makes more ticks than anybody can see
-_STEADY_AFTER_S = 2.0
 _LONGEST_LINE_BYTES = 4096
+_PRIORITY = 10  # of nice(1): after everybody else
+_FIRST_TO_GO = "500"
+# A port that is taken stays so, most likely, and every start costs a second of a small computer.
+_LONGEST_WAIT_S = 60.0
 _PATIENCE_AT_END_S = 1.0
 
 
@@ -34,7 +40,7 @@ class Display:
         self.process_id: int | None = None  # while it runs
         self._pipe: asyncio.StreamWriter | None = None
         self._shown_s = -1.0
-        self._backoff = Backoff()
+        self._backoff = Backoff(_LONGEST_WAIT_S)
 
     def is_ready(self) -> bool:
         """Whether there is room for a moment now, and the last is long enough ago to see a difference."""
@@ -56,7 +62,10 @@ class Display:
         while True:
             self._backoff.opening()
             self._backoff.opened(time.monotonic())
-            problem = await self._run_once()
+            try:
+                problem = await self._run_once()
+            except (OSError, RuntimeError, ValueError) as error:
+                problem = f"cannot be started: {error}"  # no memory, no descriptors, no interpreter any more
             level = self._backoff.failed(time.monotonic())
             _log.log(level, "display: %s; flying on without it, trying again", problem)
             await asyncio.sleep(self._backoff.wait_s(time.monotonic()))
@@ -65,6 +74,7 @@ class Display:
         """Until it ends; why it did."""
         process = await asyncio.create_subprocess_exec(
             sys.executable,
+            "-P",  # what it imports is what we import, wherever we were started
             "-m",
             "companion.web",
             stdin=asyncio.subprocess.PIPE,
@@ -77,6 +87,7 @@ class Display:
         assert process.stdout is not None
         self.process_id, problem = process.pid, "it ended"
         try:
+            _make_way(process.pid)
             process.stdin.write(packed(self.settings))
             self._pipe = process.stdin
             while line := await process.stdout.readline():
@@ -93,7 +104,7 @@ class Display:
         """Do what a line from the display says; its problem, if it is one."""
         try:
             said = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             return None
         match said:
             case {"serving": str(url)}:
@@ -107,12 +118,23 @@ class Display:
         return None
 
 
+def _make_way(process_id: int) -> None:
+    """When processor or memory are short, the flying loop keeps them."""
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, process_id, _PRIORITY)
+        Path(f"/proc/{process_id}/oom_score_adj").write_text(_FIRST_TO_GO, encoding="ascii")
+
+
 async def _ended(process: asyncio.subprocess.Process) -> None:
     """Its pipe is closed, so it ends by itself; else it is ended."""
     try:
         async with asyncio.timeout(_PATIENCE_AT_END_S):
             await process.wait()
-    except (TimeoutError, asyncio.CancelledError):
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+    except asyncio.CancelledError:
         if process.returncode is None:
             process.kill()
         await process.wait()
+        raise

@@ -1,6 +1,7 @@
 """What the flying process hands to the display, ten times a second: references to what it has anyway.
 
-Everything that costs time, and every mistake in drawing conclusions from it, is left to the other process.
+What costs time, and every mistake in drawing conclusions from it, is left to the other process. Only for the
+record the same is done here too, every ten seconds.
 """
 
 from collections.abc import Sequence

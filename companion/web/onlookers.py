@@ -27,32 +27,36 @@ class Onlookers:
         self._recorded_us: int | None = None
         self._trends = Trends(over_s=2e-6 * _RECORDED_EVERY_US)
         self._count = 0
-        self._broken = False
+        self._broken: set[str] = set()
 
     def look(self, engine: Engine, now_us: int, health: Callable[[], Health]) -> None:
         """The engine has ticked."""
-        if self._broken:
+        if self._display is not None and self._display.is_ready():
+            self._try("display", lambda: self._show(engine, now_us, health))
+        if self._recorder is not None and self._is_due(now_us):
+            self._try("state in the record", lambda: self._record(engine, now_us, health))
+
+    def _try(self, what: str, act: Callable[[], None]) -> None:
+        """What cannot be drawn is no reason to give the aircraft back: it is only not drawn any more."""
+        if what in self._broken:
             return
         try:
-            self._look(engine, now_us, health)
+            act()
         except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
-            # What cannot be drawn is no reason to give the aircraft back: it is only not drawn any more.
-            self._broken = True
-            _log.exception("display: switched off")
+            self._broken.add(what)
+            _log.exception("%s: switched off", what)
 
-    def _look(self, engine: Engine, now_us: int, health: Callable[[], Health]) -> None:
-        shows = self._display is not None and self._display.is_ready()
-        records = self._recorder is not None and self._is_due(now_us)
-        if not (shows or records):
-            return
+    def _show(self, engine: Engine, now_us: int, health: Callable[[], Health]) -> None:
+        if self._display is not None:
+            self._display.show(moment_of(engine, now_us / 1e6, health()))
+
+    def _record(self, engine: Engine, now_us: int, health: Callable[[], Health]) -> None:
+        self._recorded_us = now_us
+        self._count += 1
         moment = moment_of(engine, now_us / 1e6, health())
-        if self._display is not None and shows:
-            self._display.show(moment)
-        if self._recorder is not None and records:
-            self._recorded_us = now_us
-            self._count += 1
-            self._trends.show(moment.health)
-            state = state_of(moment, self._count, self._trends)
+        self._trends.show(moment.health)
+        state = state_of(moment, self._count, self._trends)
+        if self._recorder is not None:
             self._recorder.state(now_us, json.dumps(state, separators=(",", ":"), allow_nan=False))
 
     def _is_due(self, now_us: int) -> bool:

@@ -15,7 +15,7 @@ from companion.web.settings import Settings
 
 MOST_CONNECTIONS = 128
 # Who connects and says nothing is shown out.
-_FIRST_WORD_S = 10.0
+_NEXT_WORD_S = 10.0
 _MOST_HEADER_BYTES = 16_384
 _MOST_MESSAGE_BYTES = 4_096
 _PING_S = 10.0
@@ -27,21 +27,34 @@ class _Bounded(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        self._word_awaited = self.loop.call_soon(_nothing)
         if len(self.connections) > MOST_CONNECTIONS:
             transport.abort()
             return
-        self._word_awaited = self.loop.call_later(_FIRST_WORD_S, self._show_out, transport)
+        self._await_word()
 
-    def _show_out(self, transport: asyncio.Transport) -> None:
-        said_nothing = cast("RequestResponseCycle | None", self.cycle) is None
-        if said_nothing and not transport.is_closing() and transport.get_protocol() is self:
-            transport.abort()
+    def on_response_complete(self) -> None:
+        super().on_response_complete()
+        self._await_word()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        awaited = getattr(self, "_word_awaited", None)
-        if awaited is not None:
-            awaited.cancel()
+        self._word_awaited.cancel()
         super().connection_lost(exc)
+
+    def _await_word(self) -> None:
+        """The next whole request, or out."""
+        self._word_awaited.cancel()
+        self._word_awaited = self.loop.call_later(_NEXT_WORD_S, self._show_out)
+
+    def _show_out(self) -> None:
+        cycle, transport = cast("RequestResponseCycle | None", self.cycle), self.transport
+        answered = cycle is None or cycle.response_complete
+        if answered and not transport.is_closing() and transport.get_protocol() is self:
+            transport.abort()
+
+
+def _nothing() -> None:
+    """Nobody is waited for yet."""
 
 
 def listen(settings: Settings) -> socket.socket:

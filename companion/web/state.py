@@ -21,6 +21,7 @@ local frame that moves along with the aircraft: they are good for differences wi
 
 import json
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -233,6 +234,7 @@ def _mission(moment: Moment) -> dict[str, Any] | None:
     }
 
 
+@lru_cache(maxsize=256)
 def _fence(zone: FenceZone) -> dict[str, Any]:
     places = list(zone.vertices_deg)
     if zone.centre_deg is not None and zone.radius_m is not None:

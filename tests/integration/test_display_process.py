@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from companion.web import Display
 from companion.web.settings import Settings
 from sim.demo import DemoOptions, DemoState, fly_demo
 from sim.scenario import load_scenario
@@ -135,15 +136,79 @@ async def test_the_display_ends_with_a_companion_that_is_killed(tmp_path: Path) 
     [(None, "cannot be read"), ("short\n", "at least 12 characters")],
     ids=["none", "short"],
 )
-async def test_a_bad_token_refuses_to_start(token: str | None, said: str, tmp_path: Path) -> None:
+async def test_a_bad_token_is_found_by_check_and_keeps_nobody_from_flying(
+    token: str | None, said: str, tmp_path: Path
+) -> None:
+    """Whoever starts again in flight must not fail for a file of the display's."""
     config, secret = tmp_path / "companion.yaml", tmp_path / "token"
     if token is not None:
         secret.write_text(token)
-    config.write_text(f"links: [udpin:127.0.0.1:1]\nweb: {{token_file: {json.dumps(str(secret))}}}\n")
-    companion = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "companion", "run", str(config), stderr=asyncio.subprocess.PIPE
+    port, link = free_tcp_port(), free_tcp_port()
+    config.write_text(
+        f"links: [udpin:127.0.0.1:{link}]\nrecording: {{enabled: false}}\n"
+        f"state_file: {tmp_path / 'state'}\nsettings_file: {tmp_path / 'settings'}\n"
+        f"web: {{token_file: {json.dumps(str(secret))}, listen: '127.0.0.1:{port}'}}\n"
     )
-    _, errors = await companion.communicate()
-    assert companion.returncode == 2
+    checking = await started("check", config)
+    _, errors = await checking.communicate()
+    assert checking.returncode == 2
     (line,) = errors.decode().splitlines()
     assert said in line
+    companion = await started("run", config)
+    answer = await until(Site(port, []), "/api/info", lambda a: a.status == 200)
+    assert answer.json["may_command"] is False
+    companion.terminate()
+    _, errors = await companion.communicate()
+    assert companion.returncode == 0
+    assert "the display is read-only" in errors.decode()
+
+
+async def started(command: str, config: Path) -> asyncio.subprocess.Process:
+    return await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "companion", command, str(config), stderr=asyncio.subprocess.PIPE
+    )
+
+
+async def test_a_display_that_cannot_be_started_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def no_memory(*_: object, **__: object) -> None:
+        raise OSError(12, "Cannot allocate memory")
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", no_memory)
+    running = asyncio.create_task(Display(Settings()).run())
+    await asyncio.sleep(0.8)
+    assert not running.done()
+    running.cancel()
+    (told,) = [r.getMessage() for r in caplog.records if r.levelname == "WARNING"]
+    assert told.startswith("display: cannot be started: [Errno 12] Cannot allocate memory; flying on")
+
+
+async def test_a_display_is_ended_also_when_it_is_just_ending() -> None:
+    """Told to end while the old process is being waited for, no new one is begun."""
+    display = Display(Settings(port=free_tcp_port()))
+    running = asyncio.create_task(display.run())
+    async with asyncio.timeout(PATIENCE_S):
+        while display._pipe is None:  # noqa: ASYNC110 - a process sets no events
+            await asyncio.sleep(0.02)
+    display._pipe.close()
+    await asyncio.sleep(0.01)
+    running.cancel()
+    async with asyncio.timeout(10.0):
+        await asyncio.gather(running, return_exceptions=True)
+    assert running.cancelled()
+
+
+async def test_where_nothing_can_be_recorded_everybody_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    config, port, link = tmp_path / "companion.yaml", free_tcp_port(), free_tcp_port()
+    config.write_text(
+        f"links: [udpin:127.0.0.1:{link}]\nrecording: {{directory: {tmp_path / 'file'}}}\n"
+        f"state_file: {tmp_path / 'state'}\nsettings_file: {tmp_path / 'settings'}\n"
+        f"web: {{listen: '127.0.0.1:{port}'}}\n"
+    )
+    companion, at = await started("run", config), Site(port, [])
+    await until(at, "/metrics", lambda a: b"companion_recording_failed 1.0" in a.body)
+    companion.terminate()
+    _, errors = await companion.communicate()
+    assert "Not recorded: " in errors.decode()

@@ -1,6 +1,7 @@
 """The display's server from outside: what it tells, what it refuses, and that nobody spoils it for others."""
 
 import asyncio
+import contextlib
 import json
 import re
 import socket
@@ -12,10 +13,12 @@ import websockets
 import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
+from companion.web import serving
 from companion.web.app import MOST_VIEWERS
+from companion.web.moment import Moment
 from companion.web.settings import Settings
 from companion.web.source import Live
-from tests.web_bench import TOKEN, health, live, moment_after, site
+from tests.web_bench import TOKEN, Answer, health, live, moment_after, site
 
 pytestmark = pytest.mark.wire
 
@@ -24,9 +27,9 @@ MOMENT = moment_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
 
-async def show_on(source: Live, interval_s: float = 0.02) -> None:
+async def show_on(source: Live, interval_s: float = 0.02, moment: Moment = MOMENT) -> None:
     while True:
-        source.show(MOMENT)
+        source.show(moment)
         await asyncio.sleep(interval_s)
 
 
@@ -138,32 +141,65 @@ async def test_the_stream_is_for_our_own_page(origin: str | None, allowed: bool)
 
 
 async def test_the_role_is_changed_by_who_has_the_token_and_by_nobody_else() -> None:
-    source = live(replace(MOMENT, role="advise"))
+    source = live()
+    showing = asyncio.create_task(show_on(source, moment=replace(MOMENT, role="advise")))
     body = b'{"role": "advise"}'
     async with site(source, WITH_TOKEN) as at:
 
-        async def order(token: str | None, body: bytes = body, **headers: str) -> int:
+        async def order(token: str | None, body: bytes = body, **headers: str) -> Answer:
             if token is not None:
                 headers["Authorization"] = f"Bearer {token}"
-            return (await at.ask("/api/role", method="POST", headers=headers, body=body)).status
+            return await at.ask("/api/role", method="POST", headers=headers, body=body)
 
-        assert await order(None) == 401
-        assert await order("a-token-of-others") == 401
-        assert await order(TOKEN, Origin="http://evil.example") == 403
+        await asyncio.sleep(0.1)
+        refused = await order(None)
+        assert (refused.status, refused.headers["www-authenticate"]) == (401, "Bearer")
+        assert (await order("a-token-of-others")).status == 401
+        assert (await order(TOKEN, Origin="http://evil.example")).status == 403
         assert at.roles == []
-        assert await order(TOKEN) == 200
-        assert at.roles == ["advise"]
+        assert (await order(TOKEN)).status == 200
+        assert (await order(TOKEN, b'{"role": "ADVISE"}')).json == {"role": "advise"}
+        assert at.roles == ["advise", "advise"]
         for junk in (b"", b"{", b"[]", b'{"role": 2}', b'{"role": "pilot"}', b"[" * 1000, b"x" * 5000):
-            assert await order(TOKEN, junk) == 400, junk
-        assert at.roles == ["advise"]
-        assert await order(TOKEN, b'{"role": "fly"}') == 409, "nothing shows that it came into effect"
-    async with site(source) as at:
+            assert (await order(TOKEN, junk)).status == 400, junk
+        assert len(at.roles) == 2
+        assert (await order(TOKEN, b'{"role": "fly"}')).status == 409, (
+            "nothing shows that it came into effect"
+        )
+        showing.cancel()
+        await asyncio.sleep(2.2)
+        assert (await order(TOKEN)).status == 503, "what was long ago shows nothing"
+        assert len(at.roles) == 3
+
+
+async def test_without_a_token_nobody_gives_orders() -> None:
+    async with site(live(MOMENT)) as at:
         answer = await at.ask(
-            "/api/role", method="POST", headers={"Authorization": f"Bearer {TOKEN}"}, body=body
+            "/api/role",
+            method="POST",
+            headers={"Authorization": f"Bearer {TOKEN}"},
+            body=b'{"role": "advise"}',
         )
         assert answer.status == 403
         assert "no token is configured" in answer.json["error"]
-        assert (await at.ask("/api/role")).status == 405
+        wrong = await at.ask("/api/role")
+        assert (wrong.status, wrong.headers["allow"]) == (405, "POST")
+
+
+async def test_who_says_half_a_word_after_a_whole_one_is_shown_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serving, "_NEXT_WORD_S", 0.3)
+    async with site(live(MOMENT)) as at:
+        for word in (b"", b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\nG"):
+            reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
+            writer.write(word)
+            async with asyncio.timeout(5.0):
+                with contextlib.suppress(ConnectionResetError):
+                    while await reader.read(65_536):
+                        pass
+            writer.close()
+        async with websockets.connect(at.stream) as stream:
+            await asyncio.sleep(0.6)
+            assert stream.state is websockets.State.OPEN, "who looks on stays"
 
 
 @pytest.mark.parametrize(

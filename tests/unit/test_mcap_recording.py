@@ -1,5 +1,6 @@
 """The MCAP file of a recording: what other programs need, what a cut leaves, and a disk that fails."""
 
+import contextlib
 import errno
 import json
 import os
@@ -213,3 +214,16 @@ def test_what_is_no_mcap_is_one_line(tmp_path: Path) -> None:
         read_mcap(tmp_path / "nowhere.mcap")
     with pytest.raises(LogError, match="cannot be read"):
         read_mcap(tmp_path)
+
+
+def test_any_one_byte_may_be_wrong(tmp_path: Path) -> None:
+    """Completing what former runs left is done at every start: nothing in it may ever end one."""
+    written(tmp_path / "whole", chunks=1)
+    whole = (tmp_path / "whole").read_bytes()
+    path = tmp_path / "companion-20260101-120000.mcap"
+    for at in range(len(whole)):
+        for wrong in (0xFF, 0x7F):
+            path.write_bytes(whole[:at] + bytes([wrong]) + whole[at + 1 :])
+            with contextlib.suppress(LogError):
+                list(read_mcap(path))
+            complete_all(tmp_path)

@@ -176,7 +176,7 @@ def test_what_cannot_be_shown_is_told_once_and_never_raised(caplog: pytest.LogCa
     onlookers = Onlookers(None, Notes())
     for tick in range(3):
         onlookers.look(Engineless(), tick * 10_000_000, health)  # type: ignore[arg-type]
-    assert [r.getMessage() for r in caplog.records] == ["display: switched off"]
+    assert [r.getMessage() for r in caplog.records] == ["state in the record: switched off"]
     onlookers = Onlookers(None, Notes())
     for tick in range(250):
         onlookers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
