@@ -3,10 +3,10 @@
 | address | what |
 |---|---|
 | `GET /` | the display |
-| `GET /api/state` | one state, see `companion.web.state`; 503 while there is none |
+| `GET /api/state` | one state, see `state.md`; 503 while there is none |
 | `WS /ws` | states as they come, ten a second; who is slow misses some |
 | `GET /api/info` | `kind` (live, replay), `title`, `duration_s`, `height_unit`, `may_command` |
-| `GET /api/timeline` | of a replay, when the layer changed |
+| `GET /api/timeline` | of a replay, when the layer changed, to which, and why |
 | `POST /api/role` | `{"role": "off"|"advise"|"fly"}` with `Authorization: Bearer TOKEN` |
 | `GET /healthz` | 200 while the flying loop tells what it does, else 503 |
 | `GET /metrics` | for Prometheus |

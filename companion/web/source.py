@@ -34,8 +34,8 @@ class Source(ABC):
     def view(self) -> "View":
         """One viewer's own way through the states."""
 
-    def layers(self) -> list[tuple[float, str]]:
-        """When the layer changed [s since the start], where that is known beforehand."""
+    def layers(self) -> list[tuple[float, str, str]]:
+        """When the layer changed [s since the start], to which, and why; where that is known beforehand."""
         return []
 
 
@@ -123,16 +123,16 @@ class Recorded(Source):
     def __init__(self) -> None:
         self.at_s: list[float] = []
         self._states: list[bytes] = []
-        self._layers: list[tuple[float, str]] = []
+        self._layers: list[tuple[float, str, str]] = []
 
     def add(self, at_s: float, state: dict[str, Any]) -> None:
         """One more state, later than those before."""
         self.at_s.append(at_s)
         # An hour is 36,000 states: they are kept packed.
         self._states.append(zlib.compress(json.dumps(state, separators=(",", ":")).encode(), 1))
-        layer = state["decision"]["layer"]
-        if not self._layers or self._layers[-1][1] != layer:
-            self._layers.append((at_s, layer))
+        decision = state["decision"]
+        if not self._layers or self._layers[-1][1] != decision["layer"]:
+            self._layers.append((at_s, decision["layer"], decision["because"]))
         self.duration_s = at_s
 
     def at(self, at_s: float) -> bytes:
@@ -147,7 +147,7 @@ class Recorded(Source):
         """Each viewer plays for himself."""
         return RecordedView(self)
 
-    def layers(self) -> list[tuple[float, str]]:
+    def layers(self) -> list[tuple[float, str, str]]:
         """When the layer changed."""
         return self._layers
 

@@ -1,22 +1,6 @@
 """A moment as JSON for pages and programs: units in the names, degrees, numbers rounded to their worth.
 
-`GET /api/state` is one of these, `/ws` a stream of them. `null` is unknown. `north_m` and `east_m` are in a
-local frame that moves along with the aircraft: they are good for differences within one state. `lat_deg` and
-`lon_deg` are WGS 84, `altitude_m` is above mean sea level, courses and bearings are clockwise from north.
-
-| key | what |
-|---|---|
-| `version`, `sequence`, `time_unix_s` | of this format; counts up by one per state; the engine's clock |
-| `aircraft` | the autopilot, its firmware, mode, whether armed |
-| `companion` | `role` (off, advise, fly), the supervisor's `state`, whether it is `flying`, its last words |
-| `own`, `goal` | our aircraft; what the mission wants of it |
-| `decision` | `layer`, `guidance` (null: the mission), `threats`, the reason in words |
-| `predicted` | our path ahead, [north, east, altitude] every five seconds for a minute |
-| `volumes` | reach of the two layers around us, and well clear |
-| `cones` | collision cones of the threats, with the transition domain (paper, section 3.1) |
-| `tracks` | the traffic; `level` is how a TCAS would show it |
-| `mission`, `fences` | as read from the autopilot, fences of the configuration too |
-| `links`, `service` | how the links and the service do |
+Every key is explained in `state.md` beside this file.
 """
 
 import json

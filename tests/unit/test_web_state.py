@@ -3,14 +3,18 @@
 import asyncio
 import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from companion.engine import Engine
+from companion.geofence import FenceZone
 from companion.model import Track
 from companion.recorder import Recorder
 from companion.web import Onlookers
+from companion.web import state as state_module
 from companion.web.loop_times import LoopTimes
 from companion.web.moment import Health, LinkCount, moment_of
 from companion.web.pipe import packed, unpacked
@@ -113,13 +117,13 @@ def film() -> Recorded:
     source = Recorded()
     for tick in range(100):
         layer = "clear" if tick < 50 else "outer"
-        source.add(tick / 10.0, {"sequence": tick, "decision": {"layer": layer}})
+        source.add(tick / 10.0, {"sequence": tick, "decision": {"layer": layer, "because": "so"}})
     return source
 
 
 async def test_a_recorded_flight_is_played_stopped_and_searched() -> None:
     source = film()
-    assert source.layers() == [(0.0, "clear"), (5.0, "outer")]
+    assert source.layers() == [(0.0, "clear", "so"), (5.0, "outer", "so")]
     view = source.view()
     states = view.states()
 
@@ -181,3 +185,22 @@ def test_what_cannot_be_shown_is_told_once_and_never_raised(caplog: pytest.LogCa
     for tick in range(250):
         onlookers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
     assert [json.loads(line)["sequence"] for line in recorded] == [1, 2, 3], "every ten seconds"
+
+
+def test_every_key_is_explained() -> None:
+    text = (Path(state_module.__file__).parent / "state.md").read_text()
+    explained = set(re.findall(r"`(\w+)`", text)) | set(re.findall(r"\b(\w+_(?:m|deg))\b", text))
+    moment = moment_after(40.0)
+    zone = FenceZone(inclusion=True, centre_deg=(-35.0, 149.0), radius_m=100.0)
+    moment = replace(moment, zones=(zone,), health=health(links=(LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)))
+    trends = Trends()
+    trends.show(moment.health)
+    assert keys_of(state_of(moment, 1, trends)) <= explained
+
+
+def keys_of(value: object) -> set[str]:
+    if isinstance(value, dict):
+        return {*value} | {key for inside in value.values() for key in keys_of(inside)}
+    if isinstance(value, list):
+        return {key for inside in value for key in keys_of(inside)}
+    return set()

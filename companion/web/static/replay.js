@@ -1,5 +1,6 @@
 // Which moment of a log is shown: the server plays it, and goes where it is told.
 
+import { words } from "./state.js";
 import { durationText } from "./units.js";
 
 export const SPEEDS = [0.5, 1, 2, 5, 10, 20, 50];
@@ -25,21 +26,17 @@ export class Replay {
   /** The changes of layer over the whole log, as the server tells them. */
   setLayers(layers) {
     const usable = (Array.isArray(layers) ? layers : []).filter((entry) => Number.isFinite(entry?.[0]));
-    this.changes = usable.map(([at_s, layer]) => ({ at_s, layer, because: "", time_unix_s: null }));
+    this.changes = usable.map(([at_s, layer, because]) => ({ at_s, layer, because: words(because) ?? "", time_unix_s: null }));
     this.changed();
   }
 
   record(state) {
-    const { replay, decision } = state;
+    const { replay } = state;
     if (replay === null) return;
     this.duration_s = replay.duration_s ?? this.duration_s;
     if (this.wanted_s === null) this.at_s = replay.at_s ?? this.at_s;
     this.playing = replay.playing;
     this.speed = replay.speed ?? this.speed;
-    // The words of a change are known once it has been seen.
-    const near = (change) => Math.abs(change.at_s - (replay.at_s ?? Infinity)) < 1;
-    const change = this.changes.find((entry) => entry.layer === decision.layer && entry.because === "" && near(entry));
-    if (change !== undefined) change.because = decision.because;
   }
 
   get from_s() {

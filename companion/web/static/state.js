@@ -13,7 +13,7 @@ const among = (value, allowed) => (allowed.includes(value) ? value : allowed[0])
 const flag = (value) => value === true;
 
 /** Words of somebody else: of bounded length, nothing in them that does not print or turns the direction of writing. */
-function words(value, longest = LONGEST_WORDS) {
+export function words(value, longest = LONGEST_WORDS) {
   if (typeof value !== "string") return null;
   const printable = value.replace(/\p{C}/gu, "").trim();
   return printable === "" ? null : printable.slice(0, longest);
