@@ -15,7 +15,7 @@ from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
 from sim.traffic import AdsbReceiver, Intruder, Manoeuvre
 
 BASE = load_scenario("head-on")
-ENCOUNTERS = 60
+ENCOUNTERS = 40
 BATCHES = 20
 # As the aircraft of the scenarios flies; where an encounter starts is reckoned by it.
 CRUISE_MPS = 24.0
