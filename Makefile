@@ -3,6 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.locked
+BUILT := $(VENV)/.built
 
 .PHONY: run test check setup browser lock clean
 
@@ -18,13 +19,17 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-setup: $(STAMP)
+setup: $(BUILT)
 
-$(STAMP): requirements.lock pyproject.toml
+$(STAMP): requirements.lock
 	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "Companion needs Python 3.11 or newer")'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+# The one compiled file; it needs a C compiler and Python's headers (Debian: gcc, python3-dev).
+$(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.pyx
+	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
 # Chromium, for the tests of the display; they are skipped without. Debian, as root.
@@ -33,7 +38,7 @@ browser:
 		apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; }
 
 # Writes requirements.lock anew from pyproject.toml; run it when a dependency changes.
-lock: setup
+lock: $(STAMP)
 	CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/pip-compile --quiet --extra dev --all-build-deps --generate-hashes --allow-unsafe \
 		--strip-extras --no-emit-index-url --no-emit-find-links --output-file requirements.lock pyproject.toml
 

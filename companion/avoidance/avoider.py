@@ -188,7 +188,8 @@ class Avoider:
 
     def _bounded(self, situation: Situation) -> Situation:
         """The same within the fence, without what was refused, heights spared where that is safer."""
-        situation = replace(situation, spares_heights=self.spares_heights)
+        if situation.spares_heights is not self.spares_heights:
+            situation = replace(situation, spares_heights=self.spares_heights)
         if self.fence is None and not self._refusals.refused:
             return situation
         ahead_s = self._fence_look_ahead_s(situation.own)
@@ -255,7 +256,7 @@ class Avoider:
         if self._held is not None:
             self._held = self._within_limits(self._held)
         situation = self._bounded(conflict(state, mission, survey, goal, self.params, self.envelope))
-        pressing = survey.tracks.subset(survey.pressing(self.params.priced_tracks))
+        pressing = survey.pressing(self.params.priced_tracks)
         layer, priced = self._priced(situation, survey, pressing)
         best = priced.best()
         self._layer, self._held = layer, priced.commands.row(best)

@@ -7,29 +7,32 @@ cone, the goal would pull back into it, and the aircraft would chatter along its
 """
 
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.avoidance.geometry import Array, signed_angle_rad
+from companion.avoidance.geometry import Array
+from companion.compiled import kernels
+
+_STILL_MPS = 1e-6
 
 
 def half_angle_rad(distance_m: Array, radius_m: Array) -> Array:
     """beta1 = asin(radius / distance), shape (N,); pi within the radius, where every direction collides."""
-    inside = distance_m <= radius_m
-    ratio = np.where(inside, 0.0, radius_m / np.maximum(distance_m, 1e-9))
-    return np.where(inside, np.pi, np.arcsin(np.minimum(ratio, 1.0)))
+    beta1: Array = kernels.half_angles(distance_m, radius_m)
+    return beta1
 
 
 def approach_angle_rad(rel_position_m: Array, own_rel_velocity_mps: Array) -> Array:
-    """alpha: angle from the line of sight to our velocity relative to the obstacle; positive to the left.
+    """alpha: angle from the line of sight to our velocity relative to the obstacle, in [-pi, pi], (N,).
 
-    `rel_position_m` is obstacle minus own, `own_rel_velocity_mps` own minus obstacle, both (N, 2+). With no
-    relative motion nothing approaches: alpha is pi.
+    `rel_position_m` is obstacle minus own, `own_rel_velocity_mps` own minus obstacle, both (N, 2+). Positive
+    is to the left as a pilot sees it: anticlockwise from above, with x north and y east (paper §3.1, fig. 2).
+    With no relative motion nothing approaches: alpha is pi.
     """
-    alpha = signed_angle_rad(rel_position_m, own_rel_velocity_mps)
-    still = np.hypot(own_rel_velocity_mps[:, 0], own_rel_velocity_mps[:, 1]) < 1e-6
-    return np.where(still, np.pi, alpha)
+    alpha: Array = kernels.approach_angles(rel_position_m, own_rel_velocity_mps, _STILL_MPS)
+    return alpha
 
 
 class TransitionDomain:
@@ -45,8 +48,7 @@ class TransitionDomain:
     def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> NDArray[np.bool_]:
         """In whose cone we are, shape (N,): in the wider one of those entered before."""
         if self._inside:
-            was_inside = np.array([i in self._inside for i in ids], dtype=np.bool_)
-            beta1_rad = np.where(was_inside, beta1_rad + self.delta_beta_rad, beta1_rad)
+            beta1_rad = beta1_rad + [self.delta_beta_rad if i in self._inside else 0.0 for i in ids]
         covered: NDArray[np.bool_] = np.abs(alpha_rad) <= beta1_rad
         return covered
 
@@ -56,7 +58,7 @@ class TransitionDomain:
         That is for those covered within reach, which is def. 3's conflict by distance: the domain is entered
         and kept only there.
         """
-        self._inside = frozenset(i for i, is_in in zip(ids, inside.tolist(), strict=True) if is_in)
+        self._inside = frozenset(compress(ids, inside.tolist()))
 
     def reset(self) -> None:
         """Forget all obstacles."""

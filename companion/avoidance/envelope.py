@@ -5,10 +5,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
-import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from companion.avoidance.geometry import Array
 from companion.units import STANDARD_GRAVITY_MPS2
 
 
@@ -48,15 +46,14 @@ class Envelope:
         ):
             raise ValueError("min_altitude_m must not exceed max_altitude_m")
 
+    @property
+    def turn_acceleration_mps2(self) -> float:
+        """Across, in a coordinated turn at the bank limit: g tan(bank)."""
+        return STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad)
+
     def turn_rate_radps(self, airspeed_mps: float) -> float:
         """Turn rate of a coordinated turn at the bank limit, g tan(bank) / V, within the rate limit."""
-        bank_limited = STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad) / max(airspeed_mps, 1.0)
-        return min(bank_limited, self.max_turn_rate_radps)
-
-    def turn_rates_radps(self, airspeed_mps: Array) -> Array:
-        """`turn_rate_radps` of many airspeeds."""
-        bank_limited = STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad) / np.maximum(airspeed_mps, 1.0)
-        return np.minimum(bank_limited, self.max_turn_rate_radps)
+        return min(self.turn_acceleration_mps2 / max(airspeed_mps, 1.0), self.max_turn_rate_radps)
 
     def clamp_airspeed_mps(self, airspeed_mps: float) -> float:
         """The nearest airspeed that can be flown."""
@@ -64,8 +61,9 @@ class Envelope:
 
     def airspeed_mps(self, pace: Pace, wanted_mps: float) -> float:
         """The airspeed of a pace, within the limits."""
-        of_pace = {Pace.SLOWEST: self.min_airspeed_mps, Pace.FASTEST: self.max_airspeed_mps}
-        return of_pace.get(pace, self.clamp_airspeed_mps(wanted_mps))
+        if pace is Pace.KEEP:
+            return self.clamp_airspeed_mps(wanted_mps)
+        return self.min_airspeed_mps if pace is Pace.SLOWEST else self.max_airspeed_mps
 
     def clamp_altitude_m(self, altitude_m: float) -> float:
         """The nearest height between floor and ceiling."""

@@ -4,8 +4,12 @@ Arrays run over tracks first: positions and velocities are (N, 2) or (N, 3), nor
 means other minus own unless a docstring says otherwise.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+
+from companion.compiled import kernels
 
 Array = NDArray[np.float64]
 
@@ -13,38 +17,33 @@ Array = NDArray[np.float64]
 _STILL_MPS = 1e-6
 
 
-def time_to_closest_s(rel_position_m: Array, rel_velocity_mps: Array) -> Array:
-    """Horizontal time to closest approach [s], shape (N,); negative once past, inf if nothing moves."""
-    along = np.einsum("ni,ni->n", rel_position_m[:, :2], rel_velocity_mps[:, :2])
-    speed2 = np.einsum("ni,ni->n", rel_velocity_mps[:, :2], rel_velocity_mps[:, :2])
-    moving = speed2 > _STILL_MPS**2
-    return np.where(moving, -along / np.where(moving, speed2, 1.0), np.inf)
+class RelativeMotion(NamedTuple):
+    """Others against us, flying straight: places and velocities (N, 3), other minus own, the rest (N,).
+
+    `distance_m` is horizontal. `closing_mps` is the rate at which it shrinks, 0 where it grows.
+    `time_to_closest_s` is until the horizontal closest approach: negative once past, inf if nothing moves.
+    """
+
+    position_m: Array
+    velocity_mps: Array
+    distance_m: Array
+    closing_mps: Array
+    time_to_closest_s: Array
+
+
+def relative_motion(
+    position_m: Array, velocity_mps: Array, own_position_m: Array, own_velocity_mps: Array
+) -> RelativeMotion:
+    """How others, (N, 3), fly relative to us, (3,)."""
+    return RelativeMotion(
+        *kernels.relative_motion(position_m, velocity_mps, own_position_m, own_velocity_mps, _STILL_MPS)
+    )
 
 
 def position_at(rel_position_m: Array, rel_velocity_mps: Array, time_s: Array) -> Array:
     """Relative positions after `time_s` (N,) of straight flight, shape like the positions."""
     finite = np.where(np.isfinite(time_s), time_s, 0.0)
     return rel_position_m + rel_velocity_mps * finite[:, None]
-
-
-def signed_angle_rad(from_vector: Array, to_vector: Array) -> Array:
-    """Angle from one horizontal vector to another, shape (N,), in [-pi, pi]; positive to the left.
-
-    Left as a pilot sees it: anticlockwise from above, with x north and y east (paper §3.1, fig. 2).
-    A vector without length has no direction: its angle is 0.
-    """
-    cross = from_vector[..., 0] * to_vector[..., 1] - from_vector[..., 1] * to_vector[..., 0]
-    dot = from_vector[..., 0] * to_vector[..., 0] + from_vector[..., 1] * to_vector[..., 1]
-    # In north-east coordinates a positive cross product turns clockwise, to the right.
-    return np.arctan2(-cross, dot)
-
-
-def closing_speed_mps(rel_position_m: Array, rel_velocity_mps: Array) -> Array:
-    """Rate at which the slant distance shrinks, shape (N,); 0 where it grows."""
-    distance = np.sqrt(np.einsum("ni,ni->n", rel_position_m, rel_position_m))
-    rate = np.einsum("ni,ni->n", rel_position_m, rel_velocity_mps) / np.maximum(distance, 1e-9)
-    closing: Array = np.maximum(-rate, 0.0)
-    return closing
 
 
 def vertical_distance_m(above_m: Array, grounded: NDArray[np.bool_]) -> Array:

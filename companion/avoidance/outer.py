@@ -16,10 +16,12 @@ own, the distance of the goal in that of the outer layer's radius.
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, Le
+from numpy.typing import NDArray
 
 from companion.avoidance.geometry import Array, wrap_pi
 from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
@@ -29,7 +31,8 @@ from companion.avoidance.strategies import Height, Speed, height_m, speed_mps
 from companion.model import Guidance
 
 # The repulsion against an attraction of 1: deflections of 10 to 86 degrees, where all push straight across.
-_GAIN_STEPS = np.tan(np.radians([10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0]))
+_GAINS = np.tan(np.radians([10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0]))
+_GAIN_STEPS = np.concatenate([_GAINS, -_GAINS])  # to the right, to the left
 
 
 class OuterMethod(StrEnum):
@@ -85,36 +88,37 @@ def resultant_command(situation: Situation, threats: Threats, params: FieldParam
 def field_commands(situation: Situation, threats: Threats, params: FieldParams, *, heights: bool) -> Commands:
     """Rows of the field: the mission's course, the resultant, the ladder; with `heights` over and under."""
     course_rad = situation.mission.course_rad
-    plain_rad = _limited(course_rad, np.array([resultant_rad(course_rad, 1.0, threats, params)]), params)
-    courses_rad = np.concatenate([[course_rad], plain_rad, _ladder(course_rad, threats, params)])
+    wanted_rad = np.concatenate(
+        [[resultant_rad(course_rad, 1.0, threats, params)], _ladder(course_rad, threats, params)]
+    )
+    limit_rad = params.largest_deflection_rad
+    deflected_rad = np.minimum(np.maximum(wrap_pi(wanted_rad - course_rad), -limit_rad), limit_rad)
+    courses_rad = np.concatenate([[course_rad], course_rad + deflected_rad])
     choices = (Height.MISSION, Height.OVER, Height.UNDER) if heights else (Height.MISSION,)
-    ground_of = np.repeat(np.arange(len(courses_rad)), len(choices))
-    height_of = np.tile(np.arange(len(choices)), len(courses_rad))
+    ground_of, height_of = _every_pair(len(courses_rad), len(choices))
     heights_m = np.array([height_m(choice, situation) for choice in choices])
     speeds_mps = np.full(len(courses_rad), speed_mps(Speed.MISSION, situation))
     return Commands(courses_rad, speeds_mps, heights_m, ground_of, height_of)
 
 
-def _limited(course_rad: float, wanted_rad: Array, params: FieldParams) -> Array:
-    limit_rad = params.largest_deflection_rad
-    return course_rad + np.clip(wrap_pi(wanted_rad - course_rad), -limit_rad, limit_rad)
+@cache
+def _every_pair(grounds: int, heights: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of each of the heights for each of the grounds: the places of both, (K,) each."""
+    return np.repeat(np.arange(grounds), heights), np.tile(np.arange(heights), grounds)
 
 
 def _ladder(course_rad: float, threats: Threats, params: FieldParams) -> Array:
     """Courses of the force with every gain step, to the right, then to the left."""
     ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
-    right = np.array([-ahead[1], ahead[0]])
     pull = attraction(np.zeros(2), ahead, params.attraction_gain)
     push = repulsion_magnitude(threats.surface_m / threats.reach_m, 1.0, params.repulsion_gain)
-    velocity_mps = threats.own_rel_velocity_mps
-    speed = np.maximum(np.hypot(velocity_mps[:, 0], velocity_mps[:, 1]), 1e-6)
-    across = np.stack([-velocity_mps[:, 1], velocity_mps[:, 0]], axis=1) / speed[:, None]
-    across *= np.where(across @ right < 0.0, -1.0, 1.0)[:, None]  # all threats push to one side
+    north_mps, east_mps = threats.own_rel_velocity_mps[:, 0], threats.own_rel_velocity_mps[:, 1]
+    # Across our velocity relative to each, all to the right: north and east, (2, N).
+    to_right = np.where(ahead[0] * north_mps + ahead[1] * east_mps < 0.0, -1.0, 1.0)
+    across = np.array([-east_mps, north_mps]) * (to_right / np.maximum(np.hypot(north_mps, east_mps), 1e-6))
     # Far out the field is too weak to matter, near by too strong for any gentle way: what counts of the sum
-    # is
-    # its direction, in which each threat has the share of its push.
-    total = (np.maximum(push, 1e-3)[:, None] * across).sum(axis=0)
+    # is its direction, in which each threat has the share of its push.
+    total = across @ np.maximum(push, 1e-3)
     total *= params.attraction_gain / max(math.hypot(total[0], total[1]), 1e-9)
-    steps = np.concatenate([_GAIN_STEPS, -_GAIN_STEPS])[:, None]
-    force = pull + steps * total
-    return _limited(course_rad, np.arctan2(force[:, 1], force[:, 0]), params)
+    courses_rad: Array = np.arctan2(pull[1] + _GAIN_STEPS * total[1], pull[0] + _GAIN_STEPS * total[0])
+    return courses_rad

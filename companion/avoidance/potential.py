@@ -24,8 +24,9 @@ def repulsion_magnitude(surface_distance: Array, reach: Array | float, gain: flo
     surface; `reach` is rho_o. Both share one unit of length, and the force depends on it: the outer layer
     uses rho_o itself as the unit.
     """
-    rho = np.maximum(surface_distance, _CONTACT)
-    return np.where(rho < reach, gain * (1.0 / rho - 1.0 / np.asarray(reach)) / rho**2, 0.0)
+    inverse = 1.0 / np.maximum(surface_distance, _CONTACT)
+    magnitude: Array = gain * np.maximum(inverse - 1.0 / reach, 0.0) * inverse * inverse
+    return magnitude
 
 
 def repulsion(rel_position: Array, surface_distance: Array, reach: Array | float, gain: float) -> Array:

@@ -8,25 +8,26 @@ ground, and holding it takes a crab angle. Tracks fly on, and go on for a while 
 """
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
+from companion.avoidance.geometry import Array
+from companion.compiled import kernels
 from companion.model import Goal, Guidance
 from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
 TIMES_S = np.concatenate([np.arange(0.0, 12.0, 1.0), np.arange(12.0, 60.0, 2.0), np.arange(60.0, 91.0, 3.0)])
+_TIMES_S: list[float] = TIMES_S.tolist()  # to be looked up in
 _STEPS_S = np.diff(TIMES_S)
 _MIDDLES_S = TIMES_S[:-1] + 0.5 * _STEPS_S
 HORIZON_S = float(TIMES_S[-1])
-# Millimetres over ten kilometres, and half the memory to walk through.
-_Float = np.float32
 # Turns end at a time that nobody knows: in the encounter models of MIT Lincoln Laboratory an aircraft that is
 # in a turn goes on, in the mean, like one whose rate of turn fades with this time constant.
 _TURN_FADES_S = 35.0
@@ -34,7 +35,6 @@ _TURN_FADES_S = 35.0
 _TURNED_S = _TURN_FADES_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_FADES_S))
 # Of the whole time, what lies before each moment but the first.
 TIME_SHARES = _STEPS_S / HORIZON_S
-_EXPOSURE_WEIGHTS = TIME_SHARES.astype(_Float)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,8 @@ class OwnState:
     @property
     def ground_mps(self) -> Array:
         """Velocity over ground as flown now: north and east, (2,)."""
-        return _over_ground_mps(self.course_rad - self.crab_rad, self.airspeed_mps, self.wind_mps)
+        heading_rad = self.course_rad - self.crab_rad
+        return np.array(_over_ground_mps(heading_rad, self.airspeed_mps, self.wind_mps))
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,41 +179,23 @@ class Tracks:
             self.turn_radps[index],
         )
 
-    def but(self, *, turn_radps: Array | None = None, climb_mps: Array | None = None) -> "Tracks":
-        """The same with other rates of turn, or of climb, (N,)."""
-        velocity_mps = self.velocity_mps
-        if climb_mps is not None:
-            velocity_mps = np.column_stack([velocity_mps[:, :2], -climb_mps])
-        return replace(
-            self,
-            velocity_mps=velocity_mps,
-            turn_radps=self.turn_radps if turn_radps is None else turn_radps,
-        )
+    def repeated(self, count: int) -> "Tracks":
+        """All of them so many times, one set after the other."""
+        return self.subset(np.arange(count * len(self)) % len(self))
 
-    def followed_by(self, *others: "Tracks") -> "Tracks":
-        """These, and others after them."""
-        listed = (self, *others)
-        return Tracks(
-            tuple(track_id for tracks in listed for track_id in tracks.ids),
-            np.concatenate([tracks.position_m for tracks in listed]),
-            np.concatenate([tracks.velocity_mps for tracks in listed]),
-            np.concatenate([tracks.protected_horizontal_m for tracks in listed]),
-            np.concatenate([tracks.protected_vertical_m for tracks in listed]),
-            np.concatenate([tracks.grounded for tracks in listed]),
-            np.concatenate([tracks.shell_m for tracks in listed]),
-            np.concatenate([tracks.turn_radps for tracks in listed]),
+    def velocity_until_closest_mps(self, path_m: Array) -> Array:
+        """Velocities until the closest approach to a ground path (T, 2); the mean, if one turns, (N, 3)."""
+        velocity_mps: Array = kernels.velocities_until_closest(
+            self.position_m, self.velocity_mps, self.turn_radps, path_m, TIMES_S, _TURNED_S
         )
+        return velocity_mps
 
     def ground_m(self) -> Array:
         """Where they are at the times of the prediction, north and east, shape (N, T, 2)."""
-        ahead: Array = self.position_m[:, None, :2] + self.velocity_mps[:, None, :2] * TIMES_S[:, None]
-        for track in np.flatnonzero(self.turn_radps).tolist():
-            north_mps, east_mps = self.velocity_mps[track, :2].tolist()
-            turned = np.exp(1j * self.turn_radps[track] * _TURNED_S) * complex(north_mps, east_mps)
-            flown = np.cumsum(turned * _STEPS_S)
-            ahead[track, 1:, 0] = self.position_m[track, 0] + flown.real
-            ahead[track, 1:, 1] = self.position_m[track, 1] + flown.imag
-        return ahead
+        ahead_m: Array = kernels.tracks_ahead(
+            self.position_m, self.velocity_mps, self.turn_radps, TIMES_S, _TURNED_S
+        )
+        return ahead_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +214,12 @@ class Separation:
 
 def times_until(time_s: float) -> Array:
     """The times of the prediction until the first that is not before `time_s`, two at least, (T,)."""
-    return TIMES_S[: max(int(np.searchsorted(TIMES_S, time_s)) + 1, 2)]
+    return TIMES_S[: moment_at(time_s) + 1]
+
+
+def moment_at(time_s: float) -> int:
+    """Place of the first time of the prediction that is not before `time_s`; the first step at least."""
+    return min(max(bisect_left(_TIMES_S, time_s), 1), len(_TIMES_S) - 1)
 
 
 def turn_around_s(own: OwnState, envelope: Envelope) -> float:
@@ -271,30 +259,23 @@ def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Env
 
     The nose turns the way round that is short for the course, as autopilots fly it.
     """
-    turning_s = np.maximum(_MIDDLES_S - envelope.response_s, 0.0)
-    # Who speeds up in a turn turns slower: the rate of the greater speed is within the limits at both.
-    rate_radps = envelope.turn_rates_radps(np.maximum(target_mps, own.airspeed_mps))[:, None]
-    most_rad = rate_radps * turning_s
-    gained_mps = envelope.max_acceleration_mps2 * _MIDDLES_S
-    airspeed_mps = own.airspeed_mps + _within(target_mps[:, None] - own.airspeed_mps, -gained_mps, gained_mps)
-    turn_rad = wrap_pi(target_rad - own.course_rad)[:, None]
-    crab_rad = own.crab_rad
-    if own.wind_mps.any():
-        turn_rad = turn_rad + crab_rad - _crab_rad(target_rad[:, None], airspeed_mps, own.wind_mps)
-    heading_rad = own.course_rad - crab_rad + _within(turn_rad, -most_rad, most_rad)
-    through_m = _STEPS_S * airspeed_mps
-    path = np.empty((len(target_rad), len(TIMES_S), 2))
-    path[:, 0] = own.position_m[:2]
-    for axis, direction in enumerate((np.cos(heading_rad), np.sin(heading_rad))):
-        carried_m = own.position_m[axis] + own.wind_mps[axis] * TIMES_S[1:]
-        path[:, 1:, axis] = carried_m + np.cumsum(through_m * direction, axis=1)
-    return path
-
-
-def _within(values: Array, low: Array, high: Array) -> Array:
-    """As `np.clip`, without its overhead, which counts for arrays as small as these."""
-    clipped: Array = np.minimum(np.maximum(values, low), high)
-    return clipped
+    path_m: Array = kernels.ground_paths(
+        own.position_m[0],
+        own.position_m[1],
+        own.course_rad,
+        own.crab_rad,
+        own.airspeed_mps,
+        own.wind_mps[0],
+        own.wind_mps[1],
+        target_rad,
+        target_mps,
+        envelope.turn_acceleration_mps2,
+        envelope.max_turn_rate_radps,
+        envelope.response_s,
+        envelope.max_acceleration_mps2,
+        TIMES_S,
+    )
+    return path_m
 
 
 def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> Array:
@@ -303,40 +284,39 @@ def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array)
     Where the wind is too strong for the course the nose points as far into it as helps, and the aircraft goes
     where it is blown.
     """
-    crab_rad = _steady_crab_rad(course_rad, airspeed_mps, wind_mps)
-    return _over_ground_mps(course_rad - crab_rad, airspeed_mps, wind_mps)
+    heading_rad = course_rad - _steady_crab_rad(course_rad, airspeed_mps, wind_mps)
+    return np.array(_over_ground_mps(heading_rad, airspeed_mps, wind_mps))
 
 
-def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> Array:
-    north, east = math.cos(heading_rad), math.sin(heading_rad)
-    return np.array([airspeed_mps * north + wind_mps[0], airspeed_mps * east + wind_mps[1]])
+def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> tuple[float, float]:
+    north_mps, east_mps = wind_mps.tolist()
+    return (
+        airspeed_mps * math.cos(heading_rad) + north_mps,
+        airspeed_mps * math.sin(heading_rad) + east_mps,
+    )
 
 
 def _steady_crab_rad(course_rad: float, airspeed_mps: float, wind_mps: Array) -> float:
-    if not wind_mps.any():
-        return 0.0
-    return float(_crab_rad(np.array(course_rad), np.array(airspeed_mps), wind_mps))
-
-
-def _crab_rad(course_rad: Array, airspeed_mps: Array, wind_mps: Array) -> Array:
     """How far left of a course the nose must point to hold it: the wind triangle."""
-    across_mps = wind_mps[1] * np.cos(course_rad) - wind_mps[0] * np.sin(course_rad)
-    crab: Array = np.arcsin(
-        _within(across_mps / np.maximum(airspeed_mps, 1e-3), np.array(-1.0), np.array(1.0))
-    )
-    return crab
+    north_mps, east_mps = wind_mps.tolist()
+    across_mps = east_mps * math.cos(course_rad) - north_mps * math.sin(course_rad)
+    return math.asin(min(max(across_mps / max(airspeed_mps, 1e-3), -1.0), 1.0))
 
 
 def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
     """Heights, shape (Z, T): the present climb until the command bites, then at the limit, then hold."""
     now_m = -float(own.position_m[2])
     climb_mps = min(max(own.climb_mps, -2.0 * envelope.max_sink_mps), 2.0 * envelope.max_climb_mps)
-    before_m = now_m + climb_mps * np.minimum(TIMES_S, envelope.response_s)
-    acting_s = np.maximum(TIMES_S - envelope.response_s, 0.0)
-    to_go_m = target_m[:, None] - (now_m + climb_mps * envelope.response_s)
-    gained_m = _within(to_go_m, -envelope.max_sink_mps * acting_s, envelope.max_climb_mps * acting_s)
-    altitude: Array = before_m + gained_m
-    return altitude
+    altitude_m: Array = kernels.altitudes(
+        now_m,
+        climb_mps,
+        target_m,
+        envelope.response_s,
+        envelope.max_sink_mps,
+        envelope.max_climb_mps,
+        TIMES_S,
+    )
+    return altitude_m
 
 
 def separation(
@@ -346,30 +326,46 @@ def separation(
 
     Only what happens within `horizon_s` counts.
     """
-    count = max(int(np.searchsorted(TIMES_S, horizon_s, side="right")), 2)
-    # Single precision needs numbers of moderate size, so all is measured from where we are.
-    here = np.array([*paths.ground_m[0, 0], -paths.altitude_m[0, 0]])
-    others = (tracks.ground_m()[:, :count] - here[:2]).astype(_Float)
-    start_down = (tracks.position_m[:, 2:3] - here[2]).astype(_Float)
-    rate_down = tracks.velocity_mps[:, 2:3].astype(_Float)
-    times = TIMES_S[:count].astype(_Float)
-    ground = (paths.ground_m[:, :count] - here[:2]).astype(_Float)
-    height = (paths.altitude_m[:, :count] + here[2]).astype(_Float)
-    north = ground[:, None, :, 0] - others[..., 0]
-    east = ground[:, None, :, 1] - others[..., 1]
-    horizontal = np.sqrt(north * north + east * east)
-    horizontal *= (1.0 / tracks.protected_horizontal_m).astype(_Float)[:, None]
-    above = height[:, None, :] + (start_down + rate_down * times)
-    vertical = vertical_distance_m(above, tracks.grounded[:, None])
-    vertical *= (1.0 / tracks.protected_vertical_m).astype(_Float)[:, None]
-    ratio = np.maximum(horizontal[paths.ground_of], vertical[paths.height_of])
-    closest = ratio.min(axis=2)
-    depth = np.maximum(1.0 - ratio[..., 1:], 0.0, dtype=_Float)
-    weights = _EXPOSURE_WEIGHTS[: count - 1]
-    exposure = (depth @ weights).astype(np.float64)
-    if not shells:
-        return Separation(closest.astype(np.float64), exposure, np.zeros_like(exposure))
-    volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0)).astype(_Float)[:, None]
-    in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0, dtype=_Float)
-    nearness = (in_shell @ weights).astype(np.float64)
-    return Separation(closest.astype(np.float64), exposure, nearness)
+    count = max(bisect_right(_TIMES_S, horizon_s), 2)
+    closest, exposure, nearness = kernels.separation(
+        paths.ground_m,
+        paths.altitude_m,
+        paths.ground_of,
+        paths.height_of,
+        tracks.position_m,
+        tracks.velocity_mps,
+        tracks.turn_radps,
+        tracks.protected_horizontal_m,
+        tracks.protected_vertical_m,
+        tracks.grounded.view(np.uint8),
+        tracks.shell_m,
+        TIMES_S,
+        _TURNED_S,
+        TIME_SHARES,
+        count,
+        shells,
+    )
+    return Separation(closest, exposure, nearness)
+
+
+def left_to_pass(paths: Paths, tracks: Tracks, then: int, onward_mps: Array, altitude_m: float) -> Array:
+    """How deep the worst volume is entered by who leaves ground paths at moment `then`, shape (H,).
+
+    He flies straight on over ground (north and east, (2,)) at a height; 1 is through the middle, 0 is clear.
+    """
+    deepest: Array = kernels.left_to_pass(
+        paths.ground_m,
+        then,
+        onward_mps[0],
+        onward_mps[1],
+        altitude_m,
+        tracks.position_m,
+        tracks.velocity_mps,
+        tracks.turn_radps,
+        tracks.protected_horizontal_m,
+        tracks.protected_vertical_m,
+        tracks.grounded.view(np.uint8),
+        TIMES_S,
+        _TURNED_S,
+    )
+    return deepest

@@ -13,12 +13,12 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
+from companion import units
 from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.fence import Breach, Fence
-from companion.avoidance.geometry import Array, vertical_distance_m, wrap_pi
+from companion.avoidance.geometry import Array, wrap_pi
 from companion.avoidance.prediction import (
     HORIZON_S,
-    TIMES_S,
     Commands,
     OwnState,
     Paths,
@@ -26,8 +26,9 @@ from companion.avoidance.prediction import (
     Tracks,
     fly_ahead,
     ground_velocity_mps,
+    left_to_pass,
+    moment_at,
     separation,
-    times_until,
 )
 from companion.avoidance.refusals import Refusals
 from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, surprises
@@ -136,13 +137,13 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
     (`Priced.closest`) is told of what is predicted alone.
     Rows that ask for what the autopilot refused are left out.
     """
-    refusals, mission = situation.refusals, _mission_within_limits(situation)
+    refusals = situation.refusals
     if held is not None and refusals.refused:
-        held = refusals.instead(held, mission, commands)
+        held = refusals.instead(held, _mission_within_limits(situation), commands)
     if held is not None:
         commands = commands.after(held)
     if refusals.refused:
-        commands = refusals.without(commands, mission)
+        commands = refusals.without(commands, _mission_within_limits(situation))
     weights = situation.weights
     paths = fly_ahead(situation.own, commands, situation.envelope)
     kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
@@ -153,12 +154,17 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         cost += _separation_price(situation, separation(paths, surprised, horizon_s=within_s)) @ shares
     # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
     # goal.
-    cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
-    cost += effort(situation, commands)
+    if weights.nearness > 0.0:
+        cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
+    off = _off_mission(situation, commands)
+    of_grounds, of_heights = _effort(situation, commands, off)
     if situation.mission_then_m is not None:
-        cost += _outcome_price(situation, situation.mission_then_m, paths, tracks)[commands.ground_of]
+        of_grounds += _outcome_price(situation, situation.mission_then_m, paths, tracks)
+    cost += of_grounds[commands.ground_of] + of_heights[commands.height_of]
     if held is not None:
-        cost[1:] += np.where(_eases(situation, commands, held), weights.ease, weights.switch)[1:]
+        course_eases, height_eases = _eases(situation, off, held)
+        eases = course_eases[commands.ground_of] & height_eases[commands.height_of]
+        cost[1:] += np.where(eases[1:], weights.ease, weights.switch)
     closest, contained = kept.closest.min(axis=1, initial=np.inf), np.ones(len(commands), dtype=bool)
     if situation.fence is not None:
         breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
@@ -191,26 +197,12 @@ def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tr
     That is the distance from where the mission would be, and what is left to do: who flies on beside a threat
     keeps clear of it for as long as he likes, but is no nearer to passing it.
     """
-    weights, then = situation.weights, len(times_until(situation.passed_s)) - 1
+    weights, then, mission = situation.weights, moment_at(situation.passed_s), situation.mission
     off_m = paths.ground_m[:, then] - mission_then_m
     cost: Array = weights.aside / 100.0 * np.hypot(off_m[:, 0], off_m[:, 1])
-    if weights.unresolved <= 0.0:
-        return cost
-    others_m = tracks.ground_m()[:, then - 1 : then + 1]
-    theirs_mps = (others_m[:, 1] - others_m[:, 0]) / (TIMES_S[then] - TIMES_S[then - 1])
-    mission = situation.mission
-    ours_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps)
-    approach_mps = theirs_mps - ours_mps  # (N, 2)
-    rel_m = others_m[None, :, 1] - paths.ground_m[:, None, then]  # (H, N, 2)
-    speed2 = np.maximum((approach_mps * approach_mps).sum(axis=1), 1.0)
-    to_go_s = -(rel_m * approach_mps).sum(axis=2) / speed2
-    missed_m = rel_m + approach_mps * np.maximum(to_go_s, 0.0)[..., None]
-    horizontal = np.hypot(missed_m[..., 0], missed_m[..., 1]) / tracks.protected_horizontal_m
-    then_m = -tracks.position_m[:, 2] - tracks.velocity_mps[:, 2] * TIMES_S[then]
-    above_m = mission.altitude_m - then_m
-    vertical = vertical_distance_m(above_m, tracks.grounded) / tracks.protected_vertical_m
-    left = np.maximum(1.0 - np.maximum(horizontal, vertical), 0.0)
-    cost += weights.unresolved * left.max(axis=1, initial=0.0)
+    if weights.unresolved > 0.0:
+        onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps)
+        cost += weights.unresolved * left_to_pass(paths, tracks, then, onward_mps, mission.altitude_m)
     return cost
 
 
@@ -246,18 +238,14 @@ def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Arra
     return cost
 
 
-def _eases(situation: Situation, commands: Commands, held: Guidance) -> NDArray[np.bool_]:
-    """Which rows lie between what is held and the mission, in course and in height, (K,)."""
+def _eases(situation: Situation, off: "_OffMission", held: Guidance) -> tuple[NDArray[np.bool_], ...]:
+    """Which courses, (H,), and which heights, (Z,), lie between what is held and the mission."""
     mission = situation.mission
-    course = _between(
-        wrap_pi(commands.course_rad - mission.course_rad),
-        float(wrap_pi(np.array(held.course_rad - mission.course_rad))),
-        _SAME_COURSE_RAD,
+    held_rad = units.wrap_pi(held.course_rad - mission.course_rad)
+    return (
+        _between(off.course_rad, held_rad, _SAME_COURSE_RAD),
+        _between(off.height_m, held.altitude_m - mission.altitude_m, _SAME_HEIGHT_M),
     )
-    height = _between(
-        commands.altitude_m - mission.altitude_m, held.altitude_m - mission.altitude_m, _SAME_HEIGHT_M
-    )
-    return course[commands.ground_of] & height[commands.height_of]
 
 
 def _between(values: Array, end: float, slack: float) -> NDArray[np.bool_]:
@@ -265,20 +253,33 @@ def _between(values: Array, end: float, slack: float) -> NDArray[np.bool_]:
     return (values >= min(end, 0.0) - slack) & (values <= max(end, 0.0) + slack)
 
 
-def effort(situation: Situation, commands: Commands) -> Array:
-    """What rows cost apart from separation, shape (K,)."""
+@dataclass(frozen=True, slots=True)
+class _OffMission:
+    """How far courses (H,) and heights (Z,) of commands are off the mission's: to the right, above it."""
+
+    course_rad: Array
+    height_m: Array
+
+
+def _off_mission(situation: Situation, commands: Commands) -> _OffMission:
+    mission = situation.mission
+    return _OffMission(
+        wrap_pi(commands.course_rad - mission.course_rad), commands.altitude_m - mission.altitude_m
+    )
+
+
+def _effort(situation: Situation, commands: Commands, off: _OffMission) -> tuple[Array, Array]:
+    """What courses and speeds, (H,), and heights, (Z,), cost of themselves."""
     weights, mission = situation.weights, situation.mission
-    off_course_rad = wrap_pi(commands.course_rad - mission.course_rad)
     ground = (
         weights.turn / math.pi * np.abs(wrap_pi(commands.course_rad - situation.own.course_rad))
-        + weights.deviation / math.pi * np.abs(off_course_rad)
+        + weights.deviation / math.pi * np.abs(off.course_rad)
         + weights.speed / 10.0 * np.abs(commands.airspeed_mps - mission.airspeed_mps)
     )
     if situation.right_preferred:
-        ground += weights.wrong_side * (off_course_rad < math.radians(-1.0))
-    off_height_m = commands.altitude_m - mission.altitude_m
-    height = weights.height / 100.0 * np.abs(off_height_m) + weights.descent * (off_height_m < -1.0)
+        ground += weights.wrong_side * (off.course_rad < math.radians(-1.0))
+    higher_m = np.abs(off.height_m)
+    height = weights.height / 100.0 * higher_m + weights.descent * (off.height_m < -1.0)
     if situation.spares_heights:
-        height += weights.spared_height * (np.abs(off_height_m) > _SAME_HEIGHT_M)
-    cost: Array = ground[commands.ground_of] + height[commands.height_of]
-    return cost
+        height += weights.spared_height * (higher_m > _SAME_HEIGHT_M)
+    return ground, height

@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.params import AvoidanceParams
-from companion.avoidance.prediction import HORIZON_S, OwnState, times_until
+from companion.avoidance.prediction import HORIZON_S, OwnState, moment_at
 from companion.avoidance.pricing import Situation
 from companion.avoidance.survey import Survey, distance_m
 from companion.model import Goal, Guidance, Threat
@@ -23,22 +23,22 @@ def conflict(
     envelope: Envelope,
 ) -> Situation:
     """The conflicts of a survey, of which there is one at least: heights over and under, sides, times."""
-    threat = survey.conflict
+    threat = np.flatnonzero(survey.conflict)
     # A threat's height matters while it is within the horizontal volume, around the closest approach.
-    rel_speed = np.hypot(survey.own_rel_velocity_mps[threat, 0], survey.own_rel_velocity_mps[threat, 1])
-    crossing_s = np.minimum(survey.tracks.protected_horizontal_m[threat] / np.maximum(rel_speed, 1.0), 30.0)
-    closest_s = np.clip(survey.time_to_closest_s[threat], 0.0, HORIZON_S)
-    height = -survey.tracks.position_m[threat, 2]
-    climb = -survey.tracks.velocity_mps[threat, 2]
-    first = height + climb * np.maximum(closest_s - crossing_s, 0.0)
-    last = height + climb * (closest_s + crossing_s)
+    approach_mps, tracks = survey.own_rel_velocity_mps[threat], survey.tracks
+    rel_speed = np.hypot(approach_mps[:, 0], approach_mps[:, 1])
+    crossing_s = np.minimum(tracks.protected_horizontal_m[threat] / np.maximum(rel_speed, 1.0), 30.0)
+    closest_s = np.minimum(np.maximum(survey.time_to_closest_s[threat], 0.0), HORIZON_S)
+    until_s = closest_s + crossing_s
+    height, climb = -tracks.position_m[threat, 2], -tracks.velocity_mps[threat, 2]
+    first, last = height + climb * np.maximum(closest_s - crossing_s, 0.0), height + climb * until_s
     # Slightly more than priced as clear, so that arriving at the height is enough.
-    room = 1.02 * survey.tracks.protected_vertical_m[threat]
+    room = 1.02 * tracks.protected_vertical_m[threat]
     usual_m = (-float(state.position_m[2]), mission.altitude_m)
     highest_m = max(usual_m) + params.largest_height_change_m
     lowest_m = min(usual_m) - params.largest_height_change_m
     to_goal_m = params.outer_radius_m if goal.position_m is None else distance_m(state, goal.position_m)
-    passed_s = float(np.minimum(closest_s + crossing_s, HORIZON_S).max())
+    passed_s = min(float(until_s.max()), HORIZON_S)
     return Situation(
         own=state,
         mission=mission,
@@ -52,7 +52,7 @@ def conflict(
         weights=params.weights,
         surprises=params.surprises,
         passed_s=passed_s,
-        mission_then_m=survey.mission_ahead_m[len(times_until(passed_s)) - 1],
+        mission_then_m=survey.mission_ahead_m[moment_at(passed_s)],
     )
 
 

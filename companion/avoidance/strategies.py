@@ -94,23 +94,29 @@ TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height 
 
 def height_m(choice: Height, situation: Situation) -> float:
     """The altitude a choice of height asks for, within floor and ceiling."""
-    wanted_m = {
-        Height.MISSION: situation.mission.altitude_m,
-        Height.LEVEL: -float(situation.own.position_m[2]),
-        Height.OVER: situation.over_m,
-        Height.UNDER: situation.under_m,
-    }[choice]
+    match choice:
+        case Height.MISSION:
+            wanted_m = situation.mission.altitude_m
+        case Height.LEVEL:
+            wanted_m = -float(situation.own.position_m[2])
+        case Height.OVER:
+            wanted_m = situation.over_m
+        case Height.UNDER:
+            wanted_m = situation.under_m
     return situation.envelope.clamp_altitude_m(wanted_m)
 
 
 def speed_mps(choice: Speed, situation: Situation) -> float:
     """The airspeed a choice of speed asks for, within the limits."""
-    pace = {
-        Speed.MISSION: Pace.KEEP,
-        Speed.RULE: situation.rule_pace,
-        Speed.SLOWEST: Pace.SLOWEST,
-        Speed.FASTEST: Pace.FASTEST,
-    }[choice]
+    match choice:
+        case Speed.MISSION:
+            pace = Pace.KEEP
+        case Speed.RULE:
+            pace = situation.rule_pace
+        case Speed.SLOWEST:
+            pace = Pace.SLOWEST
+        case Speed.FASTEST:
+            pace = Pace.FASTEST
     return situation.envelope.airspeed_mps(pace, situation.mission.airspeed_mps)
 
 

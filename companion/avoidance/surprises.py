@@ -47,13 +47,20 @@ def surprises(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
     """What the first of tracks may do but what is predicted, and how likely each of it is, (4 n,)."""
     if len(tracks) > params.tracks:
         tracks = tracks.subset(np.arange(params.tracks))
-    turns_radps, climbs_mps = tracks.turn_radps, -tracks.velocity_mps[:, 2]
-    straight, level = np.abs(turns_radps) < _STRAIGHT_RADPS, np.abs(climbs_mps) < _LEVEL_MPS
-    surprised = tracks.but(turn_radps=np.where(straight, params.turn_radps, 0.0)).followed_by(
-        tracks.but(turn_radps=np.where(straight, -params.turn_radps, _TIGHTER * turns_radps)),
-        tracks.but(climb_mps=np.where(level, params.climb_mps, 0.0)),
-        tracks.but(climb_mps=np.where(level, -params.climb_mps, _TIGHTER * climbs_mps)),
-    )
+    turns, downs = tracks.turn_radps.tolist(), tracks.velocity_mps[:, 2].tolist()
+    surprised = tracks.repeated(4)
+    surprised.turn_radps[:] = [
+        *(params.turn_radps if abs(turn) < _STRAIGHT_RADPS else 0.0 for turn in turns),
+        *(-params.turn_radps if abs(turn) < _STRAIGHT_RADPS else _TIGHTER * turn for turn in turns),
+        *turns,
+        *turns,
+    ]
+    surprised.velocity_mps[:, 2] = [
+        *downs,
+        *downs,
+        *(-params.climb_mps if abs(down) < _LEVEL_MPS else 0.0 for down in downs),
+        *(params.climb_mps if abs(down) < _LEVEL_MPS else _TIGHTER * down for down in downs),
+    ]
     flies = np.where(tracks.grounded, 0.0, 1.0)  # what stands on the ground stays there
-    turn, climb = params.turn_share, params.climb_share
-    return surprised, np.concatenate([share * flies for share in (turn, turn, climb, climb)])
+    turn, climb = params.turn_share * flies, params.climb_share * flies
+    return surprised, np.concatenate([turn, turn, climb, climb])

@@ -11,19 +11,16 @@ from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import (
     Array,
-    closing_speed_mps,
     position_at,
-    time_to_closest_s,
+    relative_motion,
     vertical_distance_m,
 )
 from companion.avoidance.outer import OuterMethod
 from companion.avoidance.params import AvoidanceParams, Layers
 from companion.avoidance.prediction import (
     HORIZON_S,
-    TIMES_S,
     Commands,
     OwnState,
-    Paths,
     Tracks,
     fly_ahead,
     ground_velocity_mps,
@@ -55,10 +52,12 @@ class Survey:
     horizon_s: float  # how far ahead flights are judged
     mission_ahead_m: Array  # where the mission flown on leads, north and east, (T, 2); (0, 2): nobody minds
 
-    def pressing(self, most: int) -> NDArray[np.intp]:
-        """Places of the tracks to price against: conflicts first, then those soonest reached."""
+    def pressing(self, most: int) -> Tracks:
+        """The tracks to price against: conflicts first, then those soonest reached."""
+        if len(self.tracks) == 1:
+            return self.tracks
         reach_s = self.surface_m / (np.hypot(*self.own_rel_velocity_mps[:, :2].T) + _OWN_REACH_MPS)
-        return np.lexsort((reach_s, ~self.conflict))[:most]
+        return self.tracks.subset(np.lexsort((reach_s, ~self.conflict))[:most])
 
     @property
     def nearest(self) -> int:
@@ -84,24 +83,21 @@ def take(
     along the mission's, so that a conflict lasts until the mission itself is clear, and asks besides whether
     the mission flown ahead, with its turns and heights, comes too near.
     """
-    rel_position = tracks.position_m - state.position_m
-    own_velocity = np.zeros(3)
-    own_velocity[:2] = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+    onward = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
     # Most of the time nobody turns, nor is in the way as it is: then the mission need not be flown ahead.
     ahead = fly_ahead(state, Commands.of([mission]), envelope) if tracks.turn_radps.any() else None
-    velocity = tracks.velocity_mps if ahead is None else _until_closest_mps(tracks, ahead)
-    rel_velocity = velocity - own_velocity
-    closing = closing_speed_mps(rel_position[:, :2], rel_velocity[:, :2])
-    distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
+    # So cones, closing speeds and times mean for who turns towards us what they mean for who flies at us.
+    velocity = tracks.velocity_mps if ahead is None else tracks.velocity_until_closest_mps(ahead.ground_m[0])
+    motion = relative_motion(tracks.position_m, velocity, state.position_m, np.array([*onward, 0.0]))
+    rel_position, own_rel_velocity, distance = motion.position_m, -motion.velocity_mps, motion.distance_m
     surface = distance - tracks.protected_horizontal_m
-    outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * closing)
-    inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * closing)
-    to_closest_s = time_to_closest_s(rel_position, rel_velocity)
+    outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * motion.closing_mps)
+    inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * motion.closing_mps)
     by_flight = params.outer_method is OuterMethod.PRICED
     has_cone = params.outer_method is not OuterMethod.FIELD
     outer = surface < outer_reach
     if has_cone:
-        approach = -rel_velocity if by_flight else flown_mps(state) - velocity
+        approach = own_rel_velocity if by_flight else flown_mps(state) - velocity
         radius = tracks.protected_horizontal_m + (tracks.shell_m if by_flight else 0.0)
         alpha = approach_angle_rad(rel_position, approach)
         outer &= domain.covers(tracks.ids, alpha, half_angle_rad(distance, radius))
@@ -110,7 +106,7 @@ def take(
     if outer.any() or inner.any():
         ahead = ahead or fly_ahead(state, Commands.of([mission]), envelope)
         needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
-        needed *= 1.0 + params.release_margin if avoiding else _begins(to_closest_s, params)
+        needed *= 1.0 + params.release_margin if avoiding else _begins(motion.time_to_closest_s, params)
         lost = separation(ahead, tracks, horizon_s=horizon_s).closest[0] < needed
         if by_flight:
             outer &= lost
@@ -118,14 +114,16 @@ def take(
             inner &= lost
     if has_cone:
         domain.keep(tracks.ids, outer)
-    conflict = {Layers.BOTH: outer | inner, Layers.OUTER: outer, Layers.INNER: inner}[params.layers]
+    conflict = outer | inner
+    if params.layers is not Layers.BOTH:
+        conflict = outer if params.layers is Layers.OUTER else inner
     return Survey(
         tracks=tracks,
         rel_position_m=rel_position,
-        own_rel_velocity_mps=-rel_velocity,
+        own_rel_velocity_mps=own_rel_velocity,
         surface_m=surface,
-        closing_mps=closing,
-        time_to_closest_s=to_closest_s,
+        closing_mps=motion.closing_mps,
+        time_to_closest_s=motion.time_to_closest_s,
         outer_reach_m=outer_reach,
         inner_reach_m=inner_reach,
         emergency=inner,
@@ -135,23 +133,6 @@ def take(
     )
 
 
-def _until_closest_mps(tracks: Tracks, ahead: Paths) -> Array:
-    """Velocities until the closest approach to the mission flown ahead, (N, 3): the mean, where one turns.
-
-    So cones, closing speeds and times mean for who turns towards us what they mean for who flies at us.
-    """
-    turning = np.flatnonzero(tracks.turn_radps)
-    if not len(turning):
-        return tracks.velocity_mps
-    velocity = tracks.velocity_mps.copy()
-    others_m = tracks.subset(turning).ground_m()
-    off_m = others_m - ahead.ground_m[0]
-    closest = np.maximum(np.hypot(off_m[..., 0], off_m[..., 1]).argmin(axis=1), 1)
-    flown_m = others_m[np.arange(len(turning)), closest] - others_m[:, 0]
-    velocity[turning, :2] = flown_m / TIMES_S[closest][:, None]
-    return velocity
-
-
 def _begins(to_closest_s: Array, params: AvoidanceParams) -> Array:
     """How near a track must come, as a share of the volume with its margin, for an avoidance to begin, (N,).
 
@@ -159,7 +140,7 @@ def _begins(to_closest_s: Array, params: AvoidanceParams) -> Array:
     and errors of velocity grow. Early on only what goes deep counts: there is time to wait and see.
     """
     span_s = max(params.outer_time_s - params.inner_time_s, 1e-3)
-    early = np.clip((to_closest_s - params.inner_time_s) / span_s, 0.0, 1.0)
+    early = np.minimum(np.maximum((to_closest_s - params.inner_time_s) / span_s, 0.0), 1.0)
     begins: Array = params.begin_near + (params.begin_far - params.begin_near) * early
     return begins
 
@@ -175,29 +156,39 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
     What is not known of a height is added to the volume's before the margin: with all of it against us the
     bare volume is still kept.
     """
-    position = np.array([track.position_m for track in relevant], dtype=np.float64)
-    velocity = np.array([track.velocity_mps for track in relevant], dtype=np.float64)
-    grounded = np.array([track.kind is TrafficKind.OBSTACLE for track in relevant])
-    age_s = now_s - np.array([track.time_s for track in relevant])
-    horizontal = np.where(grounded, params.obstacle_horizontal_m, params.well_clear_horizontal_m)
-    vertical = np.where(grounded, params.obstacle_vertical_m, params.well_clear_vertical_m)
-    for i, track in enumerate(relevant):
+    rows = []
+    for track in relevant:
+        grounded = track.kind is TrafficKind.OBSTACLE
+        across_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
+        aloft_m = params.obstacle_vertical_m if grounded else params.well_clear_vertical_m
         if track.protected_horizontal_m is not None:
-            horizontal[i] = track.protected_horizontal_m
+            across_m = track.protected_horizontal_m
         if track.protected_vertical_m is not None:
-            vertical[i] = track.protected_vertical_m
-    position += velocity * age_s[:, None]
-    uncertain = np.array([max(track.vertical_uncertainty_m, 0.0) for track in relevant])
-    horizontal = np.maximum(horizontal, 1.0) * (1.0 + params.horizontal_margin)
+            aloft_m = track.protected_vertical_m
+        age_s, uncertain_m = now_s - track.time_s, max(track.vertical_uncertainty_m, 0.0)
+        rows.append(
+            (
+                *track.position_m,
+                *track.velocity_mps,
+                age_s,
+                max(across_m, 1.0) * (1.0 + params.horizontal_margin),
+                (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
+                track.turn_radps,
+                grounded,
+            )
+        )
+    columns = np.array(rows, dtype=np.float64).T.copy()  # each of them in one piece
+    position = (columns[:3] + columns[3:6] * columns[6]).T.copy()
+    velocity = columns[3:6].T.copy()
     return Tracks(
         tuple(track.track_id for track in relevant),
         position,
         velocity,
-        horizontal,
-        (np.maximum(vertical, 1.0) + uncertain) * (1.0 + params.vertical_margin),
-        grounded,
-        _shells_m(position, horizontal, params, goal),
-        np.array([track.turn_radps for track in relevant]),
+        columns[7],
+        columns[8],
+        columns[10] > 0.0,
+        _shells_m(position, columns[7], params, goal),
+        columns[9],
     )
 
 
@@ -214,37 +205,49 @@ def _shells_m(position_m: Array, protected_m: Array, params: AvoidanceParams, go
 
 def threats(survey: Survey, relevant: Sequence[Track], most: int) -> tuple[Threat, ...]:
     """The conflicts, nearest first."""
-    at_closest = position_at(
-        survey.rel_position_m, -survey.own_rel_velocity_mps, np.maximum(survey.time_to_closest_s, 0.0)
-    )
-    vertical = vertical_distance_m(at_closest[:, 2], survey.tracks.grounded)
     places = np.flatnonzero(survey.conflict)
-    order = places[np.argsort(survey.surface_m[places], kind="stable")][:most]
+    places = places[np.argsort(survey.surface_m[places], kind="stable")][:most]
+    rel_m = survey.rel_position_m[places]
+    times_s = survey.time_to_closest_s[places]
+    at_closest_m = position_at(rel_m, -survey.own_rel_velocity_mps[places], np.maximum(times_s, 0.0))
+    vertical_m = vertical_distance_m(at_closest_m[:, 2], survey.tracks.grounded[places])
+    inner = survey.surface_m[places] < survey.inner_reach_m[places]
+    columns = (places, rel_m, at_closest_m, vertical_m, survey.closing_mps[places], times_s, inner)
     return tuple(
         Threat(
-            track_id=relevant[i].track_id,
-            icao=relevant[i].icao,
-            distance_m=float(np.hypot(*survey.rel_position_m[i, :2])),
-            relative_altitude_m=-float(survey.rel_position_m[i, 2]),
-            bearing_rad=math.atan2(survey.rel_position_m[i, 1], survey.rel_position_m[i, 0]),
-            closing_mps=float(survey.closing_mps[i]),
-            time_to_closest_s=float(survey.time_to_closest_s[i]),
-            miss_horizontal_m=float(np.hypot(*at_closest[i, :2])),
-            miss_vertical_m=float(vertical[i]),
-            layer=Layer.INNER if survey.surface_m[i] < survey.inner_reach_m[i] else Layer.OUTER,
+            track_id=relevant[place].track_id,
+            icao=relevant[place].icao,
+            distance_m=math.hypot(rel[0], rel[1]),
+            relative_altitude_m=-rel[2],
+            bearing_rad=math.atan2(rel[1], rel[0]),
+            closing_mps=closing_mps,
+            time_to_closest_s=time_s,
+            miss_horizontal_m=math.hypot(closest[0], closest[1]),
+            miss_vertical_m=miss_m,
+            layer=Layer.INNER if is_inner else Layer.OUTER,
         )
-        for i in order.tolist()
+        for place, rel, closest, miss_m, closing_mps, time_s, is_inner in zip(
+            *(column.tolist() for column in columns), strict=True
+        )
     )
 
 
 def matters(track: Track) -> bool:
     """Whether a track is finite, within all reason, and of something that flies or stands in the way."""
-    volumes = (track.protected_horizontal_m, track.protected_vertical_m)
-    places_and_sizes = (*track.position_m, *(size for size in volumes if size is not None))
+    north_m, east_m, down_m = track.position_m
+    north_mps, east_mps, down_mps = track.velocity_mps
+    across_m, aloft_m = track.protected_horizontal_m, track.protected_vertical_m
+    # What is not a number is within no bounds.
     sound = (
         math.isfinite(track.time_s)
-        and all(abs(x) < _FURTHEST_M for x in places_and_sizes)
-        and all(abs(v) < _FASTEST_MPS for v in track.velocity_mps)
+        and -_FURTHEST_M < north_m < _FURTHEST_M
+        and -_FURTHEST_M < east_m < _FURTHEST_M
+        and -_FURTHEST_M < down_m < _FURTHEST_M
+        and -_FASTEST_MPS < north_mps < _FASTEST_MPS
+        and -_FASTEST_MPS < east_mps < _FASTEST_MPS
+        and -_FASTEST_MPS < down_mps < _FASTEST_MPS
+        and (across_m is None or -_FURTHEST_M < across_m < _FURTHEST_M)
+        and (aloft_m is None or -_FURTHEST_M < aloft_m < _FURTHEST_M)
         and not math.isnan(track.vertical_uncertainty_m)
     )
     return sound and track.kind is not TrafficKind.SURFACE_VEHICLE
@@ -268,22 +271,27 @@ def refuse_nonsense(own: Ownship, goal: Goal) -> None:
 
 def own_state(now_s: float, own: Ownship) -> OwnState:
     """Ownship at `now_s`, with the wind that it measured or implies."""
-    velocity = np.array(own.velocity_mps, dtype=np.float64)
-    position = np.array(own.position_m, dtype=np.float64) + velocity * (now_s - own.time_s)
-    ground_speed = math.hypot(velocity[0], velocity[1])
+    since_s = now_s - own.time_s
+    north_mps, east_mps, down_mps = own.velocity_mps
+    position = np.array(
+        [p + v * since_s for p, v in zip(own.position_m, own.velocity_mps, strict=True)], dtype=np.float64
+    )
+    ground_speed = math.hypot(north_mps, east_mps)
     airspeed = own.airspeed_mps if own.airspeed_mps > 1.0 else max(ground_speed, 1.0)
     if own.wind_mps is not None:
-        wind = np.array(own.wind_mps, dtype=np.float64)
+        wind = own.wind_mps
     else:
         # What moves over the ground but not through the air is the wind; a bad heading must not make a storm.
-        wind = velocity[:2] - airspeed * np.array([math.cos(own.heading_rad), math.sin(own.heading_rad)])
-        strength = math.hypot(wind[0], wind[1])
-        if strength > 0.6 * airspeed:
-            wind = np.zeros(2)
-    course = math.atan2(velocity[1], velocity[0]) if ground_speed > 1.0 else own.heading_rad
+        wind = (
+            north_mps - airspeed * math.cos(own.heading_rad),
+            east_mps - airspeed * math.sin(own.heading_rad),
+        )
+        if math.hypot(*wind) > 0.6 * airspeed:
+            wind = (0.0, 0.0)
+    course = math.atan2(east_mps, north_mps) if ground_speed > 1.0 else own.heading_rad
     # Against a stronger wind one course is flown with the nose either way; else it follows from the course.
-    heading = own.heading_rad if math.hypot(wind[0], wind[1]) >= airspeed else None
-    return OwnState(position, course, airspeed, -float(velocity[2]), wind, heading)
+    heading = own.heading_rad if math.hypot(*wind) >= airspeed else None
+    return OwnState(position, course, airspeed, -down_mps, np.array(wind, dtype=np.float64), heading)
 
 
 def distance_m(state: OwnState, place_m: Vec3) -> float:

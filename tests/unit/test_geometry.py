@@ -7,10 +7,9 @@ import pytest
 
 from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
 from companion.avoidance.geometry import (
-    closing_speed_mps,
+    RelativeMotion,
     position_at,
-    signed_angle_rad,
-    time_to_closest_s,
+    relative_motion,
     vertical_distance_m,
 )
 from companion.avoidance.potential import attraction, repulsion_magnitude
@@ -20,27 +19,41 @@ def rows(*vectors: tuple[float, ...]) -> np.ndarray:
     return np.array(vectors, dtype=np.float64)
 
 
+def motion(position: tuple[float, ...], velocity: tuple[float, ...]) -> RelativeMotion:
+    """Of one who is seen from the origin, by somebody who stands there."""
+    return relative_motion(rows(position), rows(velocity), np.zeros(3), np.zeros(3))
+
+
 def test_closest_approach_of_a_crossing() -> None:
-    position, velocity = rows((1000.0, 1000.0, 0.0)), rows((0.0, -50.0, 0.0))
-    time_s = time_to_closest_s(position, velocity)
-    assert time_s == pytest.approx(20.0)
-    assert position_at(position, velocity, time_s)[0] == pytest.approx((1000.0, 0.0, 0.0))
+    crossing = motion((1000.0, 1000.0, 0.0), (0.0, -50.0, 0.0))
+    assert crossing.time_to_closest_s == pytest.approx(20.0)
+    at_closest_m = position_at(crossing.position_m, crossing.velocity_mps, crossing.time_to_closest_s)
+    assert at_closest_m[0] == pytest.approx((1000.0, 0.0, 0.0))
 
 
 def test_past_closest_approach_is_negative_and_no_motion_is_never() -> None:
-    assert time_to_closest_s(rows((100.0, 0.0)), rows((10.0, 0.0))) == pytest.approx(-10.0)
-    assert math.isinf(time_to_closest_s(rows((100.0, 0.0)), rows((0.0, 0.0)))[0])
+    assert motion((100.0, 0.0, 0.0), (10.0, 0.0, 0.0)).time_to_closest_s == pytest.approx(-10.0)
+    assert math.isinf(motion((100.0, 0.0, 0.0), (0.0, 0.0, 0.0)).time_to_closest_s[0])
 
 
 def test_closing_speed_is_never_negative() -> None:
-    closing = closing_speed_mps(rows((1000.0, 0.0), (1000.0, 0.0)), rows((-80.0, 0.0), (80.0, 0.0)))
-    assert closing == pytest.approx([80.0, 0.0])
+    assert motion((1000.0, 0.0, 0.0), (-80.0, 0.0, 0.0)).closing_mps == pytest.approx(80.0)
+    assert motion((1000.0, 0.0, 0.0), (80.0, 0.0, 0.0)).closing_mps == 0.0
+
+
+def test_motion_is_relative_to_us() -> None:
+    ours = np.array([100.0, 0.0, -300.0]), np.array([20.0, 0.0, 1.0])
+    seen = relative_motion(rows((400.0, 400.0, -350.0)), rows((-60.0, 0.0, 0.0)), *ours)
+    assert seen.position_m[0] == pytest.approx((300.0, 400.0, -50.0))
+    assert seen.velocity_mps[0] == pytest.approx((-80.0, 0.0, -1.0))
+    assert seen.distance_m == pytest.approx(500.0)
+    assert seen.closing_mps == pytest.approx(80.0 * 300.0 / 500.0)
 
 
 def test_left_is_positive() -> None:
     ahead, left = rows((1.0, 0.0)), rows((0.0, -1.0))  # north-east: west is on the left of north
-    assert signed_angle_rad(ahead, left) == pytest.approx(math.pi / 2)
-    assert signed_angle_rad(left, ahead) == pytest.approx(-math.pi / 2)
+    assert approach_angle_rad(ahead, left) == pytest.approx(math.pi / 2)
+    assert approach_angle_rad(left, ahead) == pytest.approx(-math.pi / 2)
 
 
 def test_nothing_flies_under_a_mast() -> None:

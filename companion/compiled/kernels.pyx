@@ -1,0 +1,334 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The inner loops of flying ahead, compiled: most of a decision is spent in them.
+
+What they compute, and why, stands with their callers in `prediction` and `pricing`; here is only how. All is
+in double precision, without reordering or fusing of operations: the same inputs give the same bits. Arrays
+are C-contiguous, over rows or tracks first and the T times of the prediction last; `ValueError` where
+lengths do not match. Inputs are not changed.
+"""
+
+from libc.math cimport INFINITY, asin, atan2, cos, fabs, fmod, hypot, sin, sqrt
+
+import numpy as np
+
+cdef double PI = 3.141592653589793
+
+
+cdef inline double _between(double value, double low, double high) noexcept nogil:
+    return low if value < low else high if value > high else value
+
+
+cdef inline double _wrap_pi(double angle_rad) noexcept nogil:
+    """The same angle in [-pi, pi)."""
+    cdef double turned = fmod(angle_rad + PI, 2.0 * PI)
+    return turned + PI if turned < 0.0 else turned - PI
+
+
+cdef inline double _crab_rad(double course_rad, double airspeed_mps, double north_mps, double east_mps) noexcept nogil:
+    """How far left of a course the nose must point to hold it: the wind triangle."""
+    cdef double across_mps = east_mps * cos(course_rad) - north_mps * sin(course_rad)
+    return asin(_between(across_mps / max(airspeed_mps, 1e-3), -1.0, 1.0))
+
+
+cdef inline void _track_ahead(
+    double[:, ::1] ahead_m, double north_m, double east_m, double north_mps, double east_mps, double turn_radps,
+    const double[::1] times_s, const double[::1] turned_s,
+) noexcept nogil:
+    """Where a track is at all times, north and east, into `ahead_m` (T, 2)."""
+    cdef Py_ssize_t i
+    cdef double step_s, ahead, across
+    ahead_m[0, 0], ahead_m[0, 1] = north_m, east_m
+    for i in range(1, ahead_m.shape[0]):
+        if turn_radps == 0.0:
+            ahead_m[i, 0] = north_m + north_mps * times_s[i]
+            ahead_m[i, 1] = east_m + east_mps * times_s[i]
+            continue
+        step_s = times_s[i] - times_s[i - 1]
+        ahead = step_s * cos(turn_radps * turned_s[i - 1])
+        across = step_s * sin(turn_radps * turned_s[i - 1])
+        ahead_m[i, 0] = ahead_m[i - 1, 0] + north_mps * ahead - east_mps * across
+        ahead_m[i, 1] = ahead_m[i - 1, 1] + east_mps * ahead + north_mps * across
+
+
+def tracks_ahead(
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
+    const double[::1] times_s, const double[::1] turned_s,
+):
+    """Where tracks (N, 3) are at the times, north and east, (N, T, 2)."""
+    cdef Py_ssize_t n, count = position_m.shape[0]
+    _expect_tracks(position_m, velocity_mps, turn_radps)
+    _expect(turned_s.shape[0] + 1 == times_s.shape[0])
+    result = np.empty((count, times_s.shape[0], 2))
+    cdef double[:, :, ::1] ahead_m = result
+    for n in range(count):
+        _track_ahead(
+            ahead_m[n], position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
+            times_s, turned_s,
+        )
+    return result
+
+
+def velocities_until_closest(
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
+    const double[:, ::1] ahead_m, const double[::1] times_s, const double[::1] turned_s,
+):
+    """Mean velocities of tracks until they are closest to a ground path (T, 2), at least one step, (N, 3)."""
+    cdef Py_ssize_t n, i, nearest, count = position_m.shape[0]
+    _expect_tracks(position_m, velocity_mps, turn_radps)
+    _expect(turned_s.shape[0] + 1 == times_s.shape[0] and ahead_m.shape[0] == times_s.shape[0])
+    _expect(ahead_m.shape[1] == 2)
+    result = np.array(velocity_mps)
+    cdef double[:, ::1] mean_mps = result
+    cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
+    cdef double north, east, off2, least2
+    for n in range(count):
+        if turn_radps[n] == 0.0:
+            continue
+        _track_ahead(
+            other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
+            times_s, turned_s,
+        )
+        nearest, least2 = 0, 0.0
+        for i in range(times_s.shape[0]):
+            north, east = other_m[i, 0] - ahead_m[i, 0], other_m[i, 1] - ahead_m[i, 1]
+            off2 = north * north + east * east
+            if i == 0 or off2 < least2:
+                nearest, least2 = i, off2
+        nearest = max(nearest, 1)
+        mean_mps[n, 0] = (other_m[nearest, 0] - other_m[0, 0]) / times_s[nearest]
+        mean_mps[n, 1] = (other_m[nearest, 1] - other_m[0, 1]) / times_s[nearest]
+    return result
+
+
+def relative_motion(
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps,
+    const double[::1] own_position_m, const double[::1] own_velocity_mps, double still_mps,
+):
+    """Places and velocities relative to us, (N, 3), horizontal distances, closing speeds and times, (N,).
+
+    Times are to the horizontal closest approach; slower than `still_mps` is no motion.
+    """
+    cdef Py_ssize_t n, i, count = position_m.shape[0]
+    _expect(velocity_mps.shape[0] == count and position_m.shape[1] == 3 and velocity_mps.shape[1] == 3)
+    _expect(own_position_m.shape[0] == 3 and own_velocity_mps.shape[0] == 3)
+    of_positions, of_velocities = np.empty((count, 3)), np.empty((count, 3))
+    of_distances, of_closings, of_times = np.empty(count), np.empty(count), np.empty(count)
+    cdef double[:, ::1] rel_m = of_positions, rel_mps = of_velocities
+    cdef double[::1] distance_m = of_distances, closing_mps = of_closings, time_s = of_times
+    cdef double along, speed2
+    for n in range(count):
+        for i in range(3):
+            rel_m[n, i] = position_m[n, i] - own_position_m[i]
+            rel_mps[n, i] = velocity_mps[n, i] - own_velocity_mps[i]
+        along = rel_m[n, 0] * rel_mps[n, 0] + rel_m[n, 1] * rel_mps[n, 1]
+        speed2 = rel_mps[n, 0] * rel_mps[n, 0] + rel_mps[n, 1] * rel_mps[n, 1]
+        distance_m[n] = hypot(rel_m[n, 0], rel_m[n, 1])
+        closing_mps[n] = max(-along / max(distance_m[n], 1e-9), 0.0)
+        time_s[n] = -along / speed2 if speed2 > still_mps * still_mps else INFINITY
+    return of_positions, of_velocities, of_distances, of_closings, of_times
+
+
+def approach_angles(const double[:, :] rel_position_m, const double[:, :] own_rel_velocity_mps, double still_mps):
+    """Angles from the lines of sight to the velocities, positive to the left, (N,); pi without motion."""
+    cdef Py_ssize_t n, count = rel_position_m.shape[0]
+    _expect(own_rel_velocity_mps.shape[0] == count)
+    _expect(rel_position_m.shape[1] >= 2 and own_rel_velocity_mps.shape[1] >= 2)
+    result = np.empty(count)
+    cdef double[::1] alpha_rad = result
+    cdef double north, east, north_mps, east_mps
+    for n in range(count):
+        north, east = rel_position_m[n, 0], rel_position_m[n, 1]
+        north_mps, east_mps = own_rel_velocity_mps[n, 0], own_rel_velocity_mps[n, 1]
+        if hypot(north_mps, east_mps) < still_mps:
+            alpha_rad[n] = PI
+        else:
+            # In north-east coordinates a positive cross product turns clockwise, to the right.
+            alpha_rad[n] = atan2(
+                -(north * east_mps - east * north_mps), north * north_mps + east * east_mps
+            )
+    return result
+
+
+def half_angles(const double[::1] distance_m, const double[::1] radius_m):
+    """Half angles that circles fill, (N,); pi within them."""
+    cdef Py_ssize_t n, count = distance_m.shape[0]
+    _expect(radius_m.shape[0] == count)
+    result = np.empty(count)
+    cdef double[::1] beta_rad = result
+    for n in range(count):
+        beta_rad[n] = PI if distance_m[n] <= radius_m[n] else asin(
+            min(radius_m[n] / max(distance_m[n], 1e-9), 1.0)
+        )
+    return result
+
+
+def ground_paths(
+    double north_m, double east_m, double course_rad, double crab_rad, double airspeed_mps,
+    double wind_north_mps, double wind_east_mps,
+    const double[::1] target_rad, const double[::1] target_mps,
+    double turn_acceleration_mps2, double max_rate_radps, double response_s, double acceleration_mps2, const double[::1] times_s,
+):
+    """Ground paths by eq. 2 to target courses and airspeeds (H,), (H, T, 2)."""
+    cdef Py_ssize_t h, i, rows = target_rad.shape[0], count = times_s.shape[0]
+    _expect(target_mps.shape[0] == rows)
+    result = np.empty((rows, count, 2))
+    cdef double[:, :, ::1] path_m = result
+    cdef double step_s, middle_s, rate_radps, most_rad, speed_mps, flown_mps, heading_rad, flown_rad, turn_rad, to_turn_rad
+    cdef double north, east, through_north_m, through_east_m
+    cdef bint windy = wind_north_mps != 0.0 or wind_east_mps != 0.0
+    for h in range(rows):
+        path_m[h, 0, 0], path_m[h, 0, 1] = north_m, east_m
+        through_north_m = through_east_m = 0.0
+        # Who speeds up in a turn turns slower: the rate of the greater speed is within the limits at both.
+        rate_radps = min(turn_acceleration_mps2 / max(target_mps[h], airspeed_mps, 1.0), max_rate_radps)
+        to_turn_rad = turn_rad = _wrap_pi(target_rad[h] - course_rad)
+        flown_mps, flown_rad, north, east = -1.0, course_rad - crab_rad, cos(course_rad - crab_rad), sin(course_rad - crab_rad)
+        for i in range(1, count):
+            step_s = times_s[i] - times_s[i - 1]
+            middle_s = times_s[i - 1] + 0.5 * step_s
+            speed_mps = airspeed_mps + _between(
+                target_mps[h] - airspeed_mps, -acceleration_mps2 * middle_s, acceleration_mps2 * middle_s
+            )
+            if windy and speed_mps != flown_mps:
+                turn_rad = to_turn_rad + crab_rad - _crab_rad(
+                    target_rad[h], speed_mps, wind_north_mps, wind_east_mps
+                )
+            flown_mps = speed_mps
+            most_rad = rate_radps * max(middle_s - response_s, 0.0)
+            heading_rad = course_rad - crab_rad + _between(turn_rad, -most_rad, most_rad)
+            if heading_rad != flown_rad:
+                flown_rad, north, east = heading_rad, cos(heading_rad), sin(heading_rad)
+            through_north_m += step_s * speed_mps * north
+            through_east_m += step_s * speed_mps * east
+            path_m[h, i, 0] = north_m + wind_north_mps * times_s[i] + through_north_m
+            path_m[h, i, 1] = east_m + wind_east_mps * times_s[i] + through_east_m
+    return result
+
+
+def altitudes(
+    double now_m, double climb_mps, const double[::1] target_m, double response_s,
+    double max_sink_mps, double max_climb_mps, const double[::1] times_s,
+):
+    """Heights on the way to target heights (Z,): the present climb until the command bites, (Z, T)."""
+    cdef Py_ssize_t z, i
+    cdef double acting_s, before_m
+    result = np.empty((target_m.shape[0], times_s.shape[0]))
+    cdef double[:, ::1] altitude_m = result
+    for z in range(target_m.shape[0]):
+        for i in range(times_s.shape[0]):
+            before_m = now_m + climb_mps * min(times_s[i], response_s)
+            acting_s = max(times_s[i] - response_s, 0.0)
+            altitude_m[z, i] = before_m + _between(
+                target_m[z] - (now_m + climb_mps * response_s), -max_sink_mps * acting_s, max_climb_mps * acting_s
+            )
+    return result
+
+
+def separation(
+    const double[:, :, ::1] ground_m, const double[:, ::1] altitude_m,
+    const Py_ssize_t[::1] ground_of, const Py_ssize_t[::1] height_of,
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
+    const double[::1] protected_horizontal_m, const double[::1] protected_vertical_m,
+    const unsigned char[::1] grounded, const double[::1] shell_m,
+    const double[::1] times_s, const double[::1] turned_s, const double[::1] shares,
+    Py_ssize_t count, bint shells,
+):
+    """Closest, exposure and nearness of K rows to N tracks in the first `count` times, three of (K, N).
+
+    The weights of exposure and nearness are `shares`, of the time before each moment but the first, (T - 1,).
+    """
+    cdef Py_ssize_t n, k, i, h, z, rows = ground_of.shape[0], tracks = position_m.shape[0]
+    cdef Py_ssize_t grounds = ground_m.shape[0], heights = altitude_m.shape[0]
+    _expect(ground_m.shape[1] >= count and altitude_m.shape[1] >= count and times_s.shape[0] >= count)
+    _expect(turned_s.shape[0] + 1 == times_s.shape[0] and shares.shape[0] + 1 == times_s.shape[0])
+    _expect_tracks(position_m, velocity_mps, turn_radps)
+    _expect(height_of.shape[0] == rows and ground_m.shape[2] == 2 and count >= 1)
+    _expect(protected_horizontal_m.shape[0] == tracks and protected_vertical_m.shape[0] == tracks)
+    _expect(grounded.shape[0] == tracks and shell_m.shape[0] == tracks)
+    for k in range(rows):
+        _expect(0 <= ground_of[k] < grounds and 0 <= height_of[k] < heights)
+    of_closest, of_exposure = np.empty((rows, tracks)), np.empty((rows, tracks))
+    of_nearness = np.zeros((rows, tracks))
+    cdef double[:, ::1] closest = of_closest, exposure = of_exposure, nearness = of_nearness
+    cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
+    cdef double[:, ::1] horizontal = np.empty((grounds, count)), vertical = np.empty((heights, count))
+    cdef double north, east, above_m, per_horizontal, per_vertical, ratio, low, depth, near, volumes
+    for n in range(tracks):
+        _track_ahead(
+            other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
+            times_s, turned_s,
+        )
+        per_horizontal, per_vertical = 1.0 / protected_horizontal_m[n], 1.0 / protected_vertical_m[n]
+        volumes = protected_horizontal_m[n] / max(shell_m[n], 1.0)
+        for h in range(grounds):
+            for i in range(count):
+                north, east = ground_m[h, i, 0] - other_m[i, 0], ground_m[h, i, 1] - other_m[i, 1]
+                horizontal[h, i] = sqrt(north * north + east * east) * per_horizontal
+        for z in range(heights):
+            for i in range(count):
+                above_m = altitude_m[z, i] + position_m[n, 2] + velocity_mps[n, 2] * times_s[i]
+                vertical[z, i] = (max(above_m, 0.0) if grounded[n] else fabs(above_m)) * per_vertical
+        for k in range(rows):
+            h, z = ground_of[k], height_of[k]
+            low = max(horizontal[h, 0], vertical[z, 0])
+            depth = near = 0.0
+            for i in range(1, count):
+                ratio = max(horizontal[h, i], vertical[z, i])
+                low = min(low, ratio)
+                depth += shares[i - 1] * max(1.0 - ratio, 0.0)
+                if shells:
+                    near += shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
+            closest[k, n], exposure[k, n], nearness[k, n] = low, depth, near
+    return of_closest, of_exposure, of_nearness
+
+
+def left_to_pass(
+    const double[:, :, ::1] ground_m, Py_ssize_t then, double ours_north_mps, double ours_east_mps,
+    double altitude_m,
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
+    const double[::1] protected_horizontal_m, const double[::1] protected_vertical_m,
+    const unsigned char[::1] grounded, const double[::1] times_s, const double[::1] turned_s,
+):
+    """How deep flying on straight from moment `then` of ground paths leads into any volume at worst, (H,)."""
+    cdef Py_ssize_t n, h, grounds = ground_m.shape[0], tracks = position_m.shape[0]
+    _expect(1 <= then < times_s.shape[0] and ground_m.shape[1] > then)
+    _expect(turned_s.shape[0] + 1 == times_s.shape[0])
+    _expect_tracks(position_m, velocity_mps, turn_radps)
+    _expect(grounded.shape[0] == tracks and ground_m.shape[2] == 2)
+    _expect(protected_horizontal_m.shape[0] == tracks and protected_vertical_m.shape[0] == tracks)
+    result = np.zeros(grounds)
+    cdef double[::1] deepest = result
+    cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
+    cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, horizontal
+    for n in range(tracks):
+        _track_ahead(
+            other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
+            times_s, turned_s,
+        )
+        step_s = times_s[then] - times_s[then - 1]
+        north_mps = (other_m[then, 0] - other_m[then - 1, 0]) / step_s - ours_north_mps
+        east_mps = (other_m[then, 1] - other_m[then - 1, 1]) / step_s - ours_east_mps
+        speed2 = max(north_mps * north_mps + east_mps * east_mps, 1.0)
+        above_m = altitude_m + position_m[n, 2] + velocity_mps[n, 2] * times_s[then]
+        vertical = (max(above_m, 0.0) if grounded[n] else fabs(above_m)) / protected_vertical_m[n]
+        for h in range(grounds):
+            north_m, east_m = other_m[then, 0] - ground_m[h, then, 0], other_m[then, 1] - ground_m[h, then, 1]
+            to_go_s = max(-(north_m * north_mps + east_m * east_mps) / speed2, 0.0)
+            horizontal = hypot(north_m + north_mps * to_go_s, east_m + east_mps * to_go_s) / protected_horizontal_m[n]
+            deepest[h] = max(deepest[h], 1.0 - max(horizontal, vertical))
+    return result
+
+
+cdef int _expect_tracks(
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps
+) except -1:
+    """Places and velocities (N, 3), rates of turn (N,)."""
+    _expect(position_m.shape[1] == 3 and velocity_mps.shape[1] == 3)
+    _expect(velocity_mps.shape[0] == position_m.shape[0] and turn_radps.shape[0] == position_m.shape[0])
+    return 0
+
+
+cdef int _expect(bint fits) except -1:
+    if not fits:
+        raise ValueError("arrays of lengths that do not match")
+    return 0

@@ -1,0 +1,224 @@
+"""The compiled kernels against the same maths written plainly in numpy, whatever the situation."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.avoidance.envelope import Envelope
+from companion.avoidance.geometry import Array, relative_motion
+from companion.avoidance.prediction import (
+    HORIZON_S,
+    TIMES_S,
+    Commands,
+    OwnState,
+    Paths,
+    Tracks,
+    fly_ahead,
+    ground_velocity_mps,
+    left_to_pass,
+    moment_at,
+    separation,
+)
+from companion.compiled import kernels
+from companion.units import STANDARD_GRAVITY_MPS2
+
+STEPS_S = np.diff(TIMES_S)
+MIDDLES_S = TIMES_S[:-1] + 0.5 * STEPS_S
+FADES_S = 35.0  # time constant of a rate of turn
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def some_tracks(rng: np.random.Generator) -> Tracks:
+    count = int(rng.integers(0, 6))
+    turn_radps = rng.normal(0.0, 0.03, count)
+    turn_radps[rng.random(count) < 0.4] = 0.0
+    return Tracks(
+        tuple(str(i) for i in range(count)),
+        rng.normal(0.0, 1.0, (count, 3)) * (3000.0, 3000.0, 150.0) - (0.0, 0.0, 300.0),
+        rng.normal(0.0, 1.0, (count, 3)) * (60.0, 60.0, 3.0),
+        rng.uniform(50.0, 900.0, count),
+        rng.uniform(20.0, 150.0, count),
+        rng.random(count) < 0.2,
+        rng.uniform(0.0, 300.0, count),
+        turn_radps,
+    )
+
+
+def some_own(rng: np.random.Generator) -> OwnState:
+    """In a calm the nose is where the course is."""
+    calm = rng.random() < 0.5
+    wind_mps = np.zeros(2) if calm else rng.normal(0.0, 6.0, 2)
+    return OwnState(
+        np.array([*rng.normal(0.0, 100.0, 2), -300.0]),
+        float(rng.uniform(-math.pi, math.pi)),
+        float(rng.uniform(14.0, 30.0)),
+        float(rng.normal(0.0, 1.5)),
+        wind_mps,
+        None if calm or rng.random() < 0.5 else float(rng.uniform(-math.pi, math.pi)),
+    )
+
+
+def some_commands(rng: np.random.Generator) -> Commands:
+    grounds, heights, rows = (int(n) for n in rng.integers(1, (9, 4, 20)))
+    return Commands(
+        rng.uniform(-4.0, 4.0, grounds),
+        rng.uniform(14.0, 30.0, grounds),
+        rng.uniform(100.0, 500.0, heights),
+        rng.integers(0, grounds, rows).astype(np.intp),
+        rng.integers(0, heights, rows).astype(np.intp),
+    )
+
+
+def plain_tracks_m(tracks: Tracks) -> Array:
+    """A rate of turn that fades, its course halfway through each step."""
+    turned_s = FADES_S * (1.0 - np.exp(-MIDDLES_S / FADES_S))
+    velocity = tracks.velocity_mps[:, :1] + 1j * tracks.velocity_mps[:, 1:2]
+    flown = np.cumsum(velocity * np.exp(1j * tracks.turn_radps[:, None] * turned_s) * STEPS_S, axis=1)
+    flown = np.concatenate([np.zeros((len(tracks), 1)), flown], axis=1)
+    ahead: Array = tracks.position_m[:, None, :2] + np.stack([flown.real, flown.imag], axis=2)
+    return ahead
+
+
+def plain_ground_m(own: OwnState, commands: Commands, envelope: Envelope) -> Array:
+    """Eq. 2 in the air that the wind carries along: rows of arrays, without any shortcut."""
+    target_rad, target_mps = commands.course_rad[:, None], commands.airspeed_mps[:, None]
+    fastest_mps = np.maximum(np.maximum(target_mps, own.airspeed_mps), 1.0)
+    bank_limited = STANDARD_GRAVITY_MPS2 * math.tan(envelope.max_bank_rad) / fastest_mps
+    most_rad = np.minimum(bank_limited, envelope.max_turn_rate_radps) * np.maximum(
+        MIDDLES_S - envelope.response_s, 0.0
+    )
+    gained_mps = envelope.max_acceleration_mps2 * MIDDLES_S
+    airspeed_mps = own.airspeed_mps + np.clip(target_mps - own.airspeed_mps, -gained_mps, gained_mps)
+    across_mps = own.wind_mps[1] * np.cos(target_rad) - own.wind_mps[0] * np.sin(target_rad)
+    crab_rad = np.arcsin(np.clip(across_mps / np.maximum(airspeed_mps, 1e-3), -1.0, 1.0))
+    around_rad = (target_rad - own.course_rad + math.pi) % math.tau - math.pi
+    turn_rad = np.clip(around_rad + own.crab_rad - crab_rad, -most_rad, most_rad)
+    heading_rad = own.course_rad - own.crab_rad + turn_rad
+    through_m = np.cumsum(STEPS_S * airspeed_mps * np.exp(1j * heading_rad), axis=1)
+    through_m = np.concatenate([np.zeros((len(target_rad), 1)), through_m], axis=1)
+    carried_m = TIMES_S[:, None] * own.wind_mps
+    path: Array = own.position_m[:2] + carried_m + np.stack([through_m.real, through_m.imag], axis=2)
+    return path
+
+
+def plain_ratio(paths: Paths, tracks: Tracks) -> Array:
+    """In protected volumes, for all rows, tracks and times, (K, N, T)."""
+    off_m = paths.ground_m[paths.ground_of][:, None] - plain_tracks_m(tracks)
+    down_m = tracks.position_m[:, 2:] + tracks.velocity_mps[:, 2:] * TIMES_S
+    above_m = paths.altitude_m[paths.height_of][:, None] + down_m
+    vertical_m = np.where(tracks.grounded[:, None], np.maximum(above_m, 0.0), np.abs(above_m))
+    return np.maximum(
+        np.hypot(off_m[..., 0], off_m[..., 1]) / tracks.protected_horizontal_m[:, None],
+        vertical_m / tracks.protected_vertical_m[:, None],
+    )
+
+
+@given(seeds)
+def test_tracks_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
+    tracks = some_tracks(np.random.default_rng(seed))
+    assert tracks.ground_m() == pytest.approx(plain_tracks_m(tracks), rel=1e-9, abs=1e-6)
+
+
+@given(seeds)
+def test_rows_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    own, commands, envelope = some_own(rng), some_commands(rng), Envelope(response_s=float(rng.uniform(0, 2)))
+    paths = fly_ahead(own, commands, envelope)
+    assert paths.ground_m == pytest.approx(plain_ground_m(own, commands, envelope), rel=1e-9, abs=1e-6)
+    acting_s = np.maximum(TIMES_S - envelope.response_s, 0.0)
+    climb_mps = np.clip(own.climb_mps, -2.0 * envelope.max_sink_mps, 2.0 * envelope.max_climb_mps)
+    before_m = 300.0 + climb_mps * np.minimum(TIMES_S, envelope.response_s)
+    to_go_m = commands.altitude_m[:, None] - (300.0 + climb_mps * envelope.response_s)
+    gained_m = np.clip(to_go_m, -envelope.max_sink_mps * acting_s, envelope.max_climb_mps * acting_s)
+    assert paths.altitude_m == pytest.approx(before_m + gained_m, rel=1e-9, abs=1e-6)
+
+
+@given(seeds, st.floats(0.0, HORIZON_S))
+def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: float) -> None:
+    rng = np.random.default_rng(seed)
+    tracks = some_tracks(rng)
+    paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
+    kept = separation(paths, tracks, horizon_s=horizon_s, shells=True)
+    count = max(int((horizon_s >= TIMES_S).sum()), 2)
+    ratio = plain_ratio(paths, tracks)[..., :count]
+    share = STEPS_S[: count - 1] / HORIZON_S
+    assert kept.closest == pytest.approx(ratio.min(axis=2), rel=1e-9)
+    depth = np.maximum(1.0 - ratio[..., 1:], 0.0)
+    assert kept.exposure == pytest.approx(depth @ share, rel=1e-9, abs=1e-12)
+    volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0))[:, None]
+    in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0)
+    assert kept.nearness == pytest.approx(in_shell @ share, rel=1e-9, abs=1e-9)
+
+
+@given(seeds, st.floats(1.0, HORIZON_S))
+def test_what_is_left_to_pass_is_the_closest_approach_of_flying_on_from_then(
+    seed: int, then_s: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    tracks, own, then = some_tracks(rng), some_own(rng), moment_at(then_s)
+    paths = fly_ahead(own, some_commands(rng), Envelope())
+    onward_mps = ground_velocity_mps(1.0, 22.0, own.wind_mps)
+    left = left_to_pass(paths, tracks, then, onward_mps, 310.0)
+    ahead_m = plain_tracks_m(tracks)
+    expected = np.zeros(len(paths.ground_m))
+    for n in range(len(tracks)):
+        approach_mps = (ahead_m[n, then] - ahead_m[n, then - 1]) / STEPS_S[then - 1] - onward_mps
+        for h in range(len(expected)):
+            start_m = ahead_m[n, then] - paths.ground_m[h, then]
+            to_go_s = max(-(start_m @ approach_mps) / max(approach_mps @ approach_mps, 1.0), 0.0)
+            across_m = np.hypot(*(start_m + approach_mps * to_go_s))
+            above_m = 310.0 + tracks.position_m[n, 2] + tracks.velocity_mps[n, 2] * TIMES_S[then]
+            vertical_m = max(above_m, 0.0) if tracks.grounded[n] else abs(above_m)
+            ratio = max(
+                across_m / tracks.protected_horizontal_m[n], vertical_m / tracks.protected_vertical_m[n]
+            )
+            expected[h] = max(expected[h], 1.0 - ratio)
+    assert left == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(seeds)
+def test_the_mean_velocity_leads_to_where_a_track_is_closest(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tracks = some_tracks(rng)
+    path_m = fly_ahead(some_own(rng), some_commands(rng), Envelope()).ground_m[0]
+    mean_mps = tracks.velocity_until_closest_mps(path_m)
+    ahead_m = plain_tracks_m(tracks)
+    for n in range(len(tracks)):
+        if tracks.turn_radps[n] == 0.0:
+            assert mean_mps[n] == pytest.approx(tracks.velocity_mps[n])
+            continue
+        closest = max(int(np.hypot(*(ahead_m[n] - path_m).T).argmin()), 1)
+        there_m = tracks.position_m[n, :2] + mean_mps[n, :2] * TIMES_S[closest]
+        assert there_m == pytest.approx(ahead_m[n, closest], rel=1e-9, abs=1e-6)
+        assert mean_mps[n, 2] == tracks.velocity_mps[n, 2]
+
+
+def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyond_them() -> None:
+    rng = np.random.default_rng(1)
+    tracks = some_tracks(rng)
+    while len(tracks) < 2:
+        tracks = some_tracks(rng)
+    paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
+    with pytest.raises(ValueError, match="do not match"):
+        separation(paths, replace(tracks, turn_radps=np.zeros(1)))
+    with pytest.raises(ValueError, match="do not match"):
+        separation(replace(paths, ground_of=paths.ground_of + 1000), tracks)
+    with pytest.raises(ValueError, match="do not match"):
+        separation(replace(paths, height_of=paths.height_of - 1000), tracks)
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.tracks_ahead(
+            np.zeros((2, 3)), np.zeros((1, 3)), np.zeros(2), TIMES_S, np.zeros(len(MIDDLES_S))
+        )
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.tracks_ahead(
+            np.zeros((2, 1)), np.zeros((2, 1)), np.zeros(2), TIMES_S, np.zeros(len(MIDDLES_S))
+        )
+    with pytest.raises(ValueError, match="do not match"):
+        relative_motion(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(3), np.zeros(3))
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.half_angles(np.zeros(3), np.zeros(2))
