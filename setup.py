@@ -7,7 +7,7 @@ from setuptools import Extension, setup
 KERNELS = Extension(
     "companion.compiled.kernels",
     ["companion/compiled/kernels.pyx"],
-    extra_compile_args=["-O3", "-ffp-contract=off"],
+    extra_compile_args=["-O3", "-ffp-contract=off", "-fno-math-errno"],
 )
 
 setup(ext_modules=cythonize([KERNELS], build_dir="build", show_all_warnings=True))

@@ -11,6 +11,7 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,7 @@ class Commands:
     @classmethod
     def of(cls, rows: Sequence[Guidance]) -> "Commands":
         """One ground path and one height for each row."""
-        places = np.arange(len(rows))
+        places = _places(len(rows))
         return cls(
             np.array([row.course_rad for row in rows]),
             np.array([row.airspeed_mps for row in rows]),
@@ -123,6 +124,13 @@ class Commands:
             np.concatenate([[len(self.course_rad)], self.ground_of]),
             np.concatenate([[len(self.altitude_m)], self.height_of]),
         )
+
+
+@cache
+def _places(count: int) -> NDArray[np.intp]:
+    places = np.arange(count)
+    places.setflags(write=False)
+    return places
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.avoidance.envelope import Envelope
+from companion.avoidance.geometry import Array
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.prediction import HORIZON_S, OwnState, moment_at
 from companion.avoidance.pricing import Situation
@@ -23,7 +24,7 @@ def conflict(
     envelope: Envelope,
 ) -> Situation:
     """The conflicts of a survey, of which there is one at least: heights over and under, sides, times."""
-    threat = np.flatnonzero(survey.conflict)
+    threat = survey.conflict.nonzero()[0]
     # A threat's height matters while it is within the horizontal volume, around the closest approach.
     approach_mps, tracks = survey.own_rel_velocity_mps[threat], survey.tracks
     rel_speed = np.hypot(approach_mps[:, 0], approach_mps[:, 1])
@@ -47,7 +48,7 @@ def conflict(
         horizon_s=survey.horizon_s,
         goal_distance=to_goal_m / params.outer_radius_m,
         lost=1.0 / (1.0 + min(params.horizontal_margin, params.vertical_margin)),
-        right_preferred=_right_preferred(mission, survey),
+        right_preferred=_right_preferred(mission, survey.rel_position_m[survey.nearest]),
         envelope=envelope,
         weights=params.weights,
         surprises=params.surprises,
@@ -85,8 +86,8 @@ def because(threat: Threat, guidance: Guidance, state: OwnState) -> str:
     )
 
 
-def _right_preferred(mission: Guidance, survey: Survey) -> bool:
+def _right_preferred(mission: Guidance, rel_m: Array) -> bool:
     """Head-on and crossing from the right: the rules of the air turn us to the right."""
-    rel = survey.rel_position_m[survey.nearest]
-    bearing_rad = wrap_pi(math.atan2(rel[1], rel[0]) - mission.course_rad)
+    north_m, east_m, _ = rel_m.tolist()
+    bearing_rad = wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)
     return math.radians(-20.0) <= bearing_rad <= math.radians(110.0)

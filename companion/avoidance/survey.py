@@ -62,7 +62,8 @@ class Survey:
     @property
     def nearest(self) -> int:
         """Place of the nearest conflict."""
-        return int(np.argmin(np.where(self.conflict, self.surface_m, np.inf)))
+        places = self.conflict.nonzero()[0]
+        return int(places[self.surface_m[places].argmin()])
 
 
 def take(
@@ -205,8 +206,8 @@ def _shells_m(position_m: Array, protected_m: Array, params: AvoidanceParams, go
 
 def threats(survey: Survey, relevant: Sequence[Track], most: int) -> tuple[Threat, ...]:
     """The conflicts, nearest first."""
-    places = np.flatnonzero(survey.conflict)
-    places = places[np.argsort(survey.surface_m[places], kind="stable")][:most]
+    places = survey.conflict.nonzero()[0]
+    places = places[survey.surface_m[places].argsort(kind="stable")][:most]
     rel_m = survey.rel_position_m[places]
     times_s = survey.time_to_closest_s[places]
     at_closest_m = position_at(rel_m, -survey.own_rel_velocity_mps[places], np.maximum(times_s, 0.0))

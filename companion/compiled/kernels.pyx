@@ -251,35 +251,57 @@ def separation(
     of_nearness = np.zeros((rows, tracks))
     cdef double[:, ::1] closest = of_closest, exposure = of_exposure, nearness = of_nearness
     cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
-    cdef double[:, ::1] horizontal = np.empty((grounds, count)), vertical = np.empty((heights, count))
-    cdef double north, east, above_m, per_horizontal, per_vertical, ratio, low, depth, near, volumes
+    # Squared, in volumes: one root for each row and track does, and more only where a volume is entered.
+    cdef double[:, ::1] horizontal2 = np.empty((grounds, count)), vertical2 = np.empty((heights, count))
+    cdef double north, east, above_m, per_horizontal2, per_vertical2, ratio, least, depth, near, volumes
     for n in range(tracks):
         _track_ahead(
             other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
             times_s, turned_s,
         )
-        per_horizontal, per_vertical = 1.0 / protected_horizontal_m[n], 1.0 / protected_vertical_m[n]
+        per_horizontal2 = 1.0 / (protected_horizontal_m[n] * protected_horizontal_m[n])
+        per_vertical2 = 1.0 / (protected_vertical_m[n] * protected_vertical_m[n])
         volumes = protected_horizontal_m[n] / max(shell_m[n], 1.0)
         for h in range(grounds):
             for i in range(count):
                 north, east = ground_m[h, i, 0] - other_m[i, 0], ground_m[h, i, 1] - other_m[i, 1]
-                horizontal[h, i] = sqrt(north * north + east * east) * per_horizontal
+                horizontal2[h, i] = (north * north + east * east) * per_horizontal2
         for z in range(heights):
             for i in range(count):
                 above_m = altitude_m[z, i] + position_m[n, 2] + velocity_mps[n, 2] * times_s[i]
-                vertical[z, i] = (max(above_m, 0.0) if grounded[n] else fabs(above_m)) * per_vertical
+                if grounded[n] and above_m < 0.0:
+                    above_m = 0.0
+                vertical2[z, i] = above_m * above_m * per_vertical2
         for k in range(rows):
             h, z = ground_of[k], height_of[k]
-            low = max(horizontal[h, 0], vertical[z, 0])
+            least = _least_of_greater(&horizontal2[h, 0], &vertical2[z, 0], count)
             depth = near = 0.0
-            for i in range(1, count):
-                ratio = max(horizontal[h, i], vertical[z, i])
-                low = min(low, ratio)
-                depth += shares[i - 1] * max(1.0 - ratio, 0.0)
-                if shells:
-                    near += shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
-            closest[k, n], exposure[k, n], nearness[k, n] = low, depth, near
+            if least < 1.0 or shells:
+                for i in range(1, count):
+                    ratio = max(horizontal2[h, i], vertical2[z, i])
+                    if ratio < 1.0 or shells:
+                        ratio = sqrt(ratio)
+                        depth += shares[i - 1] * max(1.0 - ratio, 0.0)
+                        near += shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
+            closest[k, n], exposure[k, n], nearness[k, n] = sqrt(least), depth, near if shells else 0.0
     return of_closest, of_exposure, of_nearness
+
+
+cdef inline double _least_of_greater(const double* ones, const double* others, Py_ssize_t count) noexcept nogil:
+    """The least over time of the greater of two; in four strands, as each of them waits for its last step."""
+    cdef Py_ssize_t i = 0
+    cdef double a, b, c, d
+    a = b = c = d = INFINITY
+    while i + 4 <= count:
+        a = min(a, max(ones[i], others[i]))
+        b = min(b, max(ones[i + 1], others[i + 1]))
+        c = min(c, max(ones[i + 2], others[i + 2]))
+        d = min(d, max(ones[i + 3], others[i + 3]))
+        i += 4
+    while i < count:
+        a = min(a, max(ones[i], others[i]))
+        i += 1
+    return min(min(a, b), min(c, d))
 
 
 def left_to_pass(

@@ -29,16 +29,17 @@ class Claims:
     def made(self, request: ModeRequest | None, before: Before) -> list[Event]:
         """All that says that somebody else has the aircraft now; `request` is ours that is under way."""
         aircraft = self._aircraft
-        happened = {
-            Event.DISARMED: not aircraft.armed,
-            Event.LANDING: aircraft.landing(),
-            Event.FAILSAFE: aircraft.failsafe,
-            Event.FENCE: aircraft.fence_breached,
-            Event.STICKS: aircraft.sticks.moved,
-            Event.MODE_CHANGED: self._overruled(request, before),
-        }
-        self._ignored &= {event for event, is_so in happened.items() if is_so}
-        return [event for event, is_so in happened.items() if is_so and event not in self._ignored]
+        claims = (
+            (Event.DISARMED, not aircraft.armed),
+            (Event.LANDING, aircraft.landing()),
+            (Event.FAILSAFE, aircraft.failsafe),
+            (Event.FENCE, aircraft.fence_breached),
+            (Event.STICKS, aircraft.sticks.moved),
+            (Event.MODE_CHANGED, self._overruled(request, before)),
+        )
+        happened = [event for event, is_so in claims if is_so]
+        self._ignored = self._ignored.intersection(happened)
+        return [event for event in happened if event not in self._ignored]
 
     def _overruled(self, request: ModeRequest | None, before: Before) -> bool:
         """Whether somebody else changed the mode, or, in the guided one, what it flies to."""

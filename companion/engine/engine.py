@@ -7,6 +7,7 @@ avoider and the supervisor together, and decides nothing that one of them could.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
@@ -119,7 +120,7 @@ class Engine:
         if system_id == "auto":
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
-        return Sender(system_id, self._settings.engine.component_id)
+        return _address(system_id, self._settings.engine.component_id)
 
     @property
     def tracker(self) -> Tracker:
@@ -454,6 +455,12 @@ class Engine:
     def _tell_adapter(self, fact: Fact, now_s: float) -> None:
         if self.aircraft.adapter is not None:
             self.aircraft.adapter.observe(fact, now_s)
+
+
+@cache
+def _address(system_id: int, component_id: int) -> Sender:
+    """Asked for with every fact."""
+    return Sender(system_id, component_id)
 
 
 def _sound(decision: Decision) -> Decision:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from companion.avoidance import Envelope
 
@@ -38,4 +39,10 @@ def limit_heights(
     if envelope.max_altitude_m is not None:
         ceilings.append(envelope.max_altitude_m)
     ceiling_m = max(min(ceilings), floor_m) if ceilings else None
+    return _between(envelope, floor_m, ceiling_m)
+
+
+@lru_cache(maxsize=4)
+def _between(envelope: Envelope, floor_m: float, ceiling_m: float | None) -> Envelope:
+    """Asked for at every tick, mostly for the same."""
     return replace(envelope, min_altitude_m=floor_m, max_altitude_m=ceiling_m)

@@ -121,10 +121,13 @@ class OwnEcho:
         smallest = math.inf
         for own in then:
             north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
+            apart = math.hypot(north_m, east_m) / params.radius_m
+            if apart >= smallest:
+                continue
+            unlike_mps = math.hypot(own.north_mps - motion.north_mps, own.east_mps - motion.east_mps)
             apart = max(
-                math.hypot(north_m, east_m) / params.radius_m,
-                math.hypot(own.north_mps - motion.north_mps, own.east_mps - motion.east_mps)
-                / params.velocity_mps,
+                apart,
+                unlike_mps / params.velocity_mps,
                 abs(own.altitude_m - height.altitude_m) / vertical_m,
                 abs(own.climb_mps - height.climb_mps) / params.climb_mps,
             )

@@ -16,7 +16,7 @@ from typing import Annotated, Self
 
 from annotated_types import Ge, Gt
 
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import LocalFrame
 from companion.model import Vec2
 
 # What no report of an honest sender differs by, in standard deviations of the report or of the estimate.
@@ -128,7 +128,7 @@ class HorizontalEstimate:
         """Whether no aircraft gets from here to there (or to that velocity) in the time between."""
         p = self._params
         dt_s = max(fix.time_s - self.time_s, 0.0)
-        north_m, east_m, _ = self._frame().to_ned_m(GeoPoint(fix.lat_deg, fix.lon_deg, 0.0))
+        north_m, east_m = self._frame().to_north_east_m(fix.lat_deg, fix.lon_deg)
         velocity_slack_mps = _ESTIMATE_SIGMAS * math.sqrt(self._spread.vv)
         slack_m = _REPORT_SIGMAS * p.position_sigma_m + p.timestamp_error_s * math.hypot(
             self.north_mps, self.east_mps
@@ -151,7 +151,7 @@ class HorizontalEstimate:
         p = self._params
         frame = self._frame()
         dt_s = max(fix.time_s - self.time_s, 0.0)
-        reported_north_m, reported_east_m, _ = frame.to_ned_m(GeoPoint(fix.lat_deg, fix.lon_deg, 0.0))
+        reported_north_m, reported_east_m = frame.to_north_east_m(fix.lat_deg, fix.lon_deg)
         north_m, east_m = self.north_mps * dt_s, self.east_mps * dt_s
 
         self._spread.grow(dt_s, p.manoeuvre_mps)

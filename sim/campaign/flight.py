@@ -161,6 +161,8 @@ class _Flight:
         now_s = _START_S + step * _STEP_S
         engine, plane = self._engine, self._plane
         facts = plane.facts(now_s)
+        if step % _STEPS_PER_DECISION == 0:
+            facts.insert(0, plane.heartbeat())
         if step % (_RARE_FACTS_S * _STEPS_PER_DECISION) == 0:
             facts += plane.rare_facts()
         for fact in facts:
@@ -177,7 +179,7 @@ class _Flight:
         flown.decision_ms.append((time.perf_counter() - begun) * 1e3)
         if self._plane.hear(_messages(effects)):
             # The real one is heard five times a second, and whoever changes the mode hears of it that soon.
-            for fact in self._plane.facts(now_s):
+            for fact in (self._plane.heartbeat(), *self._plane.facts(now_s)):
                 engine.receive(fact, now_s)
             self._plane.hear(_messages(engine.tick(now_s)))
         if engine.supervisor.state in (State.OUTER, State.INNER) and flown.first_action_s is None:

@@ -105,29 +105,25 @@ class Plane:
     def facts(self, now_s: float) -> list[Fact]:
         """What the autopilot tells of itself, and its answers since the last call."""
         wing = self._wing
-        place = FRAME.to_geo(*wing.position_m)
+        position_m = wing.position_m
+        place = FRAME.to_geo(*position_m)
         answers, self._answers = self._answers, []
-        return [
-            *answers,
-            Heartbeat(
-                AUTOPILOT,
-                mavlink.MAV_TYPE_FIXED_WING,
-                mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-                True,
-                self.mode,
-                _ACTIVE,
-            ),
-            OwnPosition(
-                AUTOPILOT,
-                now_s,
-                place.lat_deg,
-                place.lon_deg,
-                place.altitude_m,
-                place.altitude_m,
-                wing.velocity_mps,
-                wing.heading_rad,
-            ),
-        ]
+        position = OwnPosition(
+            AUTOPILOT,
+            now_s,
+            place.lat_deg,
+            place.lon_deg,
+            place.altitude_m,
+            place.altitude_m,
+            wing.velocity_mps,
+            wing.heading_rad,
+        )
+        return [*answers, position]
+
+    def heartbeat(self) -> Heartbeat:
+        """What it is, and in which mode."""
+        kind, autopilot = mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+        return Heartbeat(AUTOPILOT, kind, autopilot, True, self.mode, _ACTIVE)
 
     def rare_facts(self) -> list[Fact]:
         """What changes slowly, or not at all."""
