@@ -148,7 +148,7 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
     paths = fly_ahead(situation.own, commands, situation.envelope)
     kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
     cost = _separation_price(situation, kept).sum(axis=1)
-    if situation.surprises != NO_SURPRISES:
+    if situation.surprises.any:
         surprised, shares = surprises(tracks, situation.surprises)
         within_s = min(situation.surprises.within_s, situation.horizon_s)
         cost += _separation_price(situation, separation(paths, surprised, horizon_s=within_s)) @ shares

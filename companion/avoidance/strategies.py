@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -134,6 +135,7 @@ class StrategyTable:
         self._by_rule = np.array([ground.course is Course.RULE for ground in self._grounds])
 
     @classmethod
+    @cache
     def within(cls, controls: frozenset[Control]) -> "StrategyTable":
         """The rows that use no other controls than these."""
         return cls([row for row in TABLE if row.controls <= controls])

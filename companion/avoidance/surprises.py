@@ -40,6 +40,12 @@ class SurpriseParams:
     within_s: Annotated[float, Ge(0), Le(90)] = 40.0
 
 
+    @property
+    def any(self) -> bool:
+        """Whether there are any."""
+        return self.turn_share > 0.0 or self.climb_share > 0.0
+
+
 NO_SURPRISES = SurpriseParams(turn_share=0.0, climb_share=0.0)
 
 

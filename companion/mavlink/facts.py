@@ -6,12 +6,12 @@ here; the local frame comes later, in the engine. `climb` is positive up, `veloc
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from companion.model import TrafficReport, Vec3
 
 
-@dataclass(frozen=True, slots=True)
-class Sender:
+class Sender(NamedTuple):
     """The MAVLink address a message came from."""
 
     system_id: int
