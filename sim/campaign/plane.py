@@ -68,6 +68,7 @@ class Plane:
         self._wing = FixedWing(position_m, course_rad, airspeed_mps, airframe=limits.airframe())
         self._start_m, self._course_rad = position_m, course_rad
         self._airspeed_mps = airspeed_mps
+        self._begin_m = position_m[:2]
         self._end_m = (
             position_m[0] + _MISSION_M * math.cos(course_rad),
             position_m[1] + _MISSION_M * math.sin(course_rad),
@@ -98,8 +99,8 @@ class Plane:
         """Fly on."""
         wing = self._wing
         if self.mode == AUTO:
-            here_m, moving_mps = (wing.north_m, wing.east_m), wing.velocity_mps[:2]
-            wing.hold_bank(line_bank_rad(here_m, moving_mps, self._start_m[:2], self._end_m))
+            here_m = wing.north_m, wing.east_m
+            wing.hold_bank(line_bank_rad(here_m, wing.ground_velocity_mps, self._begin_m, self._end_m))
         wing.step(dt_s)
 
     def facts(self, now_s: float) -> list[Fact]:

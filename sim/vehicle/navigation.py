@@ -29,7 +29,8 @@ def line_bank_rad(position_m: Vec2, velocity_mps: Vec2, start_m: Vec2, end_m: Ve
         across_m = (position_m[1] - start_m[1]) * along_n - (position_m[0] - start_m[0]) * along_e
         aim_rad = math.atan2(along_e, along_n) - math.asin(min(max(across_m / l1_m, -0.7071), 0.7071))
         eta_rad = wrap_pi(aim_rad - course_rad)
-    eta_rad = min(max(eta_rad, -math.pi / 2.0), math.pi / 2.0)
+    if abs(eta_rad) > math.pi / 2.0:
+        eta_rad = math.copysign(math.pi / 2.0, eta_rad)
     return math.atan(_L1_GAIN * ground_mps**2 / l1_m * math.sin(eta_rad) / STANDARD_GRAVITY_MPS2)
 
 
