@@ -12,6 +12,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,10 +188,6 @@ class Tracks:
             self.turn_radps[index],
         )
 
-    def repeated(self, count: int) -> "Tracks":
-        """All of them so many times, one set after the other."""
-        return self.subset(np.arange(count * len(self)) % len(self))
-
     def velocity_until_closest_mps(self, path_m: Array) -> Array:
         """Velocities until the closest approach to a ground path (T, 2); the mean, if one turns, (N, 3)."""
         velocity_mps: Array = kernels.velocities_until_closest(
@@ -204,6 +201,26 @@ class Tracks:
             self.position_m, self.velocity_mps, self.turn_radps, TIMES_S, _TURNED_S
         )
         return ahead_m
+
+
+class LossWeights(Protocol):
+    """What it costs to come near."""
+
+    @property
+    def margin(self) -> float:
+        """Times the penetration of the margin, 0 at its edge."""
+
+    @property
+    def loss(self) -> float:
+        """Flat, for entering the bare volume."""
+
+    @property
+    def depth(self) -> float:
+        """Times the deepest penetration of the bare volume."""
+
+    @property
+    def exposure(self) -> float:
+        """Times the mean penetration over time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,26 +351,45 @@ def separation(
 
     Only what happens within `horizon_s` counts.
     """
-    count = max(bisect_right(_TIMES_S, horizon_s), 2)
-    closest, exposure, nearness = kernels.separation(
-        paths.ground_m,
-        paths.altitude_m,
-        paths.ground_of,
-        paths.height_of,
-        tracks.position_m,
-        tracks.velocity_mps,
-        tracks.turn_radps,
-        tracks.protected_horizontal_m,
-        tracks.protected_vertical_m,
-        tracks.grounded.view(np.uint8),
-        tracks.shell_m,
+    kept = kernels.separation(paths, tracks, TIMES_S, _TURNED_S, TIME_SHARES, _count_until(horizon_s), shells)
+    return Separation(*kept)
+
+
+def losses(
+    paths: Paths,
+    tracks: Tracks,
+    likely: Array,
+    weights: LossWeights,
+    lost: float,
+    *,
+    predicted: int,
+    horizon_s: float,
+    soon_s: float,
+) -> tuple[Array, Array]:
+    """What rows cost by how they keep clear, (K,), and how close they come to what is predicted, (K,).
+
+    The first of the tracks are `predicted`, within `horizon_s`; each of the rest may come true, as `likely`
+    as it is, (N,), and counts within `soon_s`. `lost` is the separation at which the bare volume is entered.
+    """
+    cost, closest = kernels.losses(
+        paths,
+        tracks,
+        likely,
+        weights,
+        lost,
         TIMES_S,
         _TURNED_S,
         TIME_SHARES,
-        count,
-        shells,
+        predicted,
+        _count_until(horizon_s),
+        _count_until(soon_s),
     )
-    return Separation(closest, exposure, nearness)
+    return cost, closest
+
+
+def _count_until(time_s: float) -> int:
+    """How many times of the prediction are not after this, two at least."""
+    return max(bisect_right(_TIMES_S, time_s), 2)
 
 
 def left_to_pass(paths: Paths, tracks: Tracks, then: int, onward_mps: Array, altitude_m: float) -> Array:
@@ -361,19 +397,8 @@ def left_to_pass(paths: Paths, tracks: Tracks, then: int, onward_mps: Array, alt
 
     He flies straight on over ground (north and east, (2,)) at a height; 1 is through the middle, 0 is clear.
     """
+    north_mps, east_mps = onward_mps.tolist()
     deepest: Array = kernels.left_to_pass(
-        paths.ground_m,
-        then,
-        onward_mps[0],
-        onward_mps[1],
-        altitude_m,
-        tracks.position_m,
-        tracks.velocity_mps,
-        tracks.turn_radps,
-        tracks.protected_horizontal_m,
-        tracks.protected_vertical_m,
-        tracks.grounded.view(np.uint8),
-        TIMES_S,
-        _TURNED_S,
+        paths, tracks, then, north_mps, east_mps, altitude_m, TIMES_S, _TURNED_S
     )
     return deepest

@@ -22,16 +22,16 @@ from companion.avoidance.prediction import (
     Commands,
     OwnState,
     Paths,
-    Separation,
     Tracks,
     fly_ahead,
     ground_velocity_mps,
     left_to_pass,
+    losses,
     moment_at,
     separation,
 )
 from companion.avoidance.refusals import Refusals
-from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, surprises
+from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, foreseen
 from companion.model import Guidance
 
 # Commands that differ by no more than this are flown alike.
@@ -146,15 +146,21 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         commands = refusals.without(commands, _mission_within_limits(situation))
     weights = situation.weights
     paths = fly_ahead(situation.own, commands, situation.envelope)
-    kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=weights.nearness > 0.0)
-    cost = _separation_price(situation, kept).sum(axis=1)
-    if situation.surprises.any:
-        surprised, shares = surprises(tracks, situation.surprises)
-        within_s = min(situation.surprises.within_s, situation.horizon_s)
-        cost += _separation_price(situation, separation(paths, surprised, horizon_s=within_s)) @ shares
+    every, likely = foreseen(tracks, situation.surprises)
+    cost, closest = losses(
+        paths,
+        every,
+        likely,
+        weights,
+        situation.lost,
+        predicted=len(tracks),
+        horizon_s=situation.horizon_s,
+        soon_s=min(situation.surprises.within_s, situation.horizon_s),
+    )
     # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
     # goal.
     if weights.nearness > 0.0:
+        kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=True)
         cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
     off = _off_mission(situation, commands)
     of_grounds, of_heights = _effort(situation, commands, off)
@@ -165,7 +171,7 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         course_eases, height_eases = _eases(situation, off, held)
         eases = course_eases[commands.ground_of] & height_eases[commands.height_of]
         cost[1:] += np.where(eases[1:], weights.ease, weights.switch)
-    closest, contained = kept.closest.min(axis=1, initial=np.inf), np.ones(len(commands), dtype=bool)
+    contained = np.ones(len(commands), dtype=bool)
     if situation.fence is not None:
         breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
         contained = breach.deepest_m <= 0.0
@@ -173,22 +179,6 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         if not contained.all():
             cost += _near_miss_price(situation, paths, tracks)
     return Priced(commands, cost, closest, contained)
-
-
-def _separation_price(situation: Situation, kept: Separation) -> Array:
-    """What it costs rows how they keep clear of each track, (K, N).
-
-    The margin is priced by how much of it is used, without a step: a flight planned along its edge is flown a
-    little differently, and must not be thrown over for that.
-    """
-    weights, depth = situation.weights, np.maximum(situation.lost - kept.closest, 0.0)
-    cost: Array = (
-        weights.margin * np.maximum(1.0 - kept.closest, 0.0)
-        + weights.loss * (depth > 0.0)
-        + weights.depth * depth
-        + weights.exposure * kept.exposure
-    )
-    return cost
 
 
 def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tracks: Tracks) -> Array:

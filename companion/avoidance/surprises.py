@@ -39,7 +39,6 @@ class SurpriseParams:
     # What would come of a surprise later than this can be seen to when it has happened.
     within_s: Annotated[float, Ge(0), Le(90)] = 40.0
 
-
     @property
     def any(self) -> bool:
         """Whether there are any."""
@@ -49,24 +48,28 @@ class SurpriseParams:
 NO_SURPRISES = SurpriseParams(turn_share=0.0, climb_share=0.0)
 
 
-def surprises(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
-    """What the first of tracks may do but what is predicted, and how likely each of it is, (4 n,)."""
-    if len(tracks) > params.tracks:
-        tracks = tracks.subset(np.arange(params.tracks))
-    turns, downs = tracks.turn_radps.tolist(), tracks.velocity_mps[:, 2].tolist()
-    surprised = tracks.repeated(4)
-    surprised.turn_radps[:] = [
+def foreseen(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
+    """Tracks as predicted, and after them all that the first of them may do instead; how likely each is."""
+    count = min(len(tracks), params.tracks) if params.any else 0
+    first = np.arange(count)
+    every = tracks.subset(np.concatenate([np.arange(len(tracks)), first, first, first, first]))
+    likely = np.ones(len(every))
+    if count:
+        _surprise(every.turn_radps[len(tracks) :], every.velocity_mps[len(tracks) :, 2], count, params)
+        flies = np.where(tracks.grounded[:count], 0.0, 1.0)  # what stands on the ground stays there
+        turn, climb = params.turn_share * flies, params.climb_share * flies
+        likely[len(tracks) :] = np.concatenate([turn, turn, climb, climb])
+    return every, likely
+
+
+def _surprise(turn_radps: Array, down_mps: Array, count: int, params: SurpriseParams) -> None:
+    """Four times the same `count` tracks become those that turn right, left, climb and sink, in place."""
+    turns, downs = turn_radps[:count].tolist(), down_mps[:count].tolist()
+    turn_radps[: 2 * count] = [
         *(params.turn_radps if abs(turn) < _STRAIGHT_RADPS else 0.0 for turn in turns),
         *(-params.turn_radps if abs(turn) < _STRAIGHT_RADPS else _TIGHTER * turn for turn in turns),
-        *turns,
-        *turns,
     ]
-    surprised.velocity_mps[:, 2] = [
-        *downs,
-        *downs,
+    down_mps[2 * count :] = [
         *(-params.climb_mps if abs(down) < _LEVEL_MPS else 0.0 for down in downs),
         *(params.climb_mps if abs(down) < _LEVEL_MPS else _TIGHTER * down for down in downs),
     ]
-    flies = np.where(tracks.grounded, 0.0, 1.0)  # what stands on the ground stays there
-    turn, climb = params.turn_share * flies, params.climb_share * flies
-    return surprised, np.concatenate([turn, turn, climb, climb])

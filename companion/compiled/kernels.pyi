@@ -4,8 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
-_Places = NDArray[np.intp]
-_Bytes = NDArray[np.uint8]
 
 def tracks_ahead(
     position_m: _Array, velocity_mps: _Array, turn_radps: _Array, times_s: _Array, turned_s: _Array
@@ -53,35 +51,34 @@ def altitudes(
     times_s: _Array,
 ) -> _Array: ...
 def separation(
-    ground_m: _Array,
-    altitude_m: _Array,
-    ground_of: _Places,
-    height_of: _Places,
-    position_m: _Array,
-    velocity_mps: _Array,
-    turn_radps: _Array,
-    protected_horizontal_m: _Array,
-    protected_vertical_m: _Array,
-    grounded: _Bytes,
-    shell_m: _Array,
+    paths: object,
+    tracks: object,
     times_s: _Array,
     turned_s: _Array,
     shares: _Array,
     count: int,
     shells: bool,
 ) -> tuple[_Array, _Array, _Array]: ...
+def losses(
+    paths: object,
+    tracks: object,
+    likely: _Array,
+    weights: object,
+    lost: float,
+    times_s: _Array,
+    turned_s: _Array,
+    shares: _Array,
+    predicted: int,
+    count: int,
+    soon: int,
+) -> tuple[_Array, _Array]: ...
 def left_to_pass(
-    ground_m: _Array,
+    paths: object,
+    tracks: object,
     then: int,
     ours_north_mps: float,
     ours_east_mps: float,
     altitude_m: float,
-    position_m: _Array,
-    velocity_mps: _Array,
-    turn_radps: _Array,
-    protected_horizontal_m: _Array,
-    protected_vertical_m: _Array,
-    grounded: _Bytes,
     times_s: _Array,
     turned_s: _Array,
 ) -> _Array: ...

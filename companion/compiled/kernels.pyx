@@ -224,12 +224,85 @@ def altitudes(
     return result
 
 
+cdef class _Others:
+    """Tracks as the loops need them, checked: places and velocities (N, 3), all else (N,)."""
+
+    cdef Py_ssize_t count
+    cdef const double[:, ::1] position_m, velocity_mps
+    cdef const double[::1] turn_radps, horizontal_m, vertical_m, shell_m
+    cdef const unsigned char[::1] grounded
+
+    def __cinit__(self, tracks):
+        self.position_m, self.velocity_mps = tracks.position_m, tracks.velocity_mps
+        self.turn_radps, self.shell_m = tracks.turn_radps, tracks.shell_m
+        self.horizontal_m, self.vertical_m = tracks.protected_horizontal_m, tracks.protected_vertical_m
+        self.grounded = tracks.grounded.view(np.uint8)
+        self.count = self.position_m.shape[0]
+        _expect_tracks(self.position_m, self.velocity_mps, self.turn_radps)
+        _expect(self.horizontal_m.shape[0] == self.count and self.vertical_m.shape[0] == self.count)
+        _expect(self.grounded.shape[0] == self.count and self.shell_m.shape[0] == self.count)
+
+
+cdef class _Ways:
+    """Paths as the loops need them, checked: over ground (H, T, 2), heights (Z, T), rows made of them (K,)."""
+
+    cdef Py_ssize_t grounds, heights, rows
+    cdef const double[:, :, ::1] ground_m
+    cdef const double[:, ::1] altitude_m
+    cdef const Py_ssize_t[::1] ground_of, height_of
+
+    def __cinit__(self, paths, Py_ssize_t times):
+        cdef Py_ssize_t k
+        self.ground_m, self.altitude_m = paths.ground_m, paths.altitude_m
+        self.ground_of, self.height_of = paths.ground_of, paths.height_of
+        self.grounds, self.heights = self.ground_m.shape[0], self.altitude_m.shape[0]
+        self.rows = self.ground_of.shape[0]
+        _expect(self.ground_m.shape[1] == times and self.altitude_m.shape[1] == times)
+        _expect(self.ground_m.shape[2] == 2 and self.height_of.shape[0] == self.rows)
+        for k in range(self.rows):
+            _expect(0 <= self.ground_of[k] < self.grounds and 0 <= self.height_of[k] < self.heights)
+
+
+cdef class _Squares:
+    """How far ways are from one track, squared, in volumes: one root for each row does, but in a volume.
+
+    Over ground (H, T) and in height (Z, T).
+    """
+
+    cdef double[:, ::1] horizontal, vertical, other_m
+
+    def __cinit__(self, _Ways ways, Py_ssize_t times):
+        self.horizontal, self.vertical = np.empty((ways.grounds, times)), np.empty((ways.heights, times))
+        self.other_m = np.empty((times, 2))
+
+    cdef void measure(
+        self, _Ways ways, _Others others, Py_ssize_t n, const double[::1] times_s, const double[::1] turned_s,
+        Py_ssize_t count,
+    ) noexcept:
+        """From track `n`, at the first `count` times."""
+        cdef Py_ssize_t h, z, i
+        cdef double north, east, above_m
+        cdef double per_horizontal2 = 1.0 / (others.horizontal_m[n] * others.horizontal_m[n])
+        cdef double per_vertical2 = 1.0 / (others.vertical_m[n] * others.vertical_m[n])
+        _track_ahead(
+            self.other_m, others.position_m[n, 0], others.position_m[n, 1],
+            others.velocity_mps[n, 0], others.velocity_mps[n, 1], others.turn_radps[n], times_s, turned_s,
+        )
+        for h in range(ways.grounds):
+            for i in range(count):
+                north = ways.ground_m[h, i, 0] - self.other_m[i, 0]
+                east = ways.ground_m[h, i, 1] - self.other_m[i, 1]
+                self.horizontal[h, i] = (north * north + east * east) * per_horizontal2
+        for z in range(ways.heights):
+            for i in range(count):
+                above_m = ways.altitude_m[z, i] + others.position_m[n, 2] + others.velocity_mps[n, 2] * times_s[i]
+                if others.grounded[n] and above_m < 0.0:
+                    above_m = 0.0
+                self.vertical[z, i] = above_m * above_m * per_vertical2
+
+
 def separation(
-    const double[:, :, ::1] ground_m, const double[:, ::1] altitude_m,
-    const Py_ssize_t[::1] ground_of, const Py_ssize_t[::1] height_of,
-    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
-    const double[::1] protected_horizontal_m, const double[::1] protected_vertical_m,
-    const unsigned char[::1] grounded, const double[::1] shell_m,
+    paths, tracks,
     const double[::1] times_s, const double[::1] turned_s, const double[::1] shares,
     Py_ssize_t count, bint shells,
 ):
@@ -237,54 +310,78 @@ def separation(
 
     The weights of exposure and nearness are `shares`, of the time before each moment but the first, (T - 1,).
     """
-    cdef Py_ssize_t n, k, i, h, z, rows = ground_of.shape[0], tracks = position_m.shape[0]
-    cdef Py_ssize_t grounds = ground_m.shape[0], heights = altitude_m.shape[0]
-    _expect(ground_m.shape[1] >= count and altitude_m.shape[1] >= count and times_s.shape[0] >= count)
+    cdef Py_ssize_t n, k, i, h, z
     _expect(turned_s.shape[0] + 1 == times_s.shape[0] and shares.shape[0] + 1 == times_s.shape[0])
-    _expect_tracks(position_m, velocity_mps, turn_radps)
-    _expect(height_of.shape[0] == rows and ground_m.shape[2] == 2 and count >= 1)
-    _expect(protected_horizontal_m.shape[0] == tracks and protected_vertical_m.shape[0] == tracks)
-    _expect(grounded.shape[0] == tracks and shell_m.shape[0] == tracks)
-    for k in range(rows):
-        _expect(0 <= ground_of[k] < grounds and 0 <= height_of[k] < heights)
-    of_closest, of_exposure = np.empty((rows, tracks)), np.empty((rows, tracks))
-    of_nearness = np.zeros((rows, tracks))
+    _expect(1 <= count <= times_s.shape[0])
+    cdef _Ways ways = _Ways(paths, times_s.shape[0])
+    cdef _Others others = _Others(tracks)
+    cdef _Squares squares = _Squares(ways, times_s.shape[0])
+    of_closest, of_exposure = np.empty((ways.rows, others.count)), np.empty((ways.rows, others.count))
+    of_nearness = np.zeros((ways.rows, others.count))
     cdef double[:, ::1] closest = of_closest, exposure = of_exposure, nearness = of_nearness
-    cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
-    # Squared, in volumes: one root for each row and track does, and more only where a volume is entered.
-    cdef double[:, ::1] horizontal2 = np.empty((grounds, count)), vertical2 = np.empty((heights, count))
-    cdef double north, east, above_m, per_horizontal2, per_vertical2, ratio, least, depth, near, volumes
-    for n in range(tracks):
-        _track_ahead(
-            other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
-            times_s, turned_s,
-        )
-        per_horizontal2 = 1.0 / (protected_horizontal_m[n] * protected_horizontal_m[n])
-        per_vertical2 = 1.0 / (protected_vertical_m[n] * protected_vertical_m[n])
-        volumes = protected_horizontal_m[n] / max(shell_m[n], 1.0)
-        for h in range(grounds):
-            for i in range(count):
-                north, east = ground_m[h, i, 0] - other_m[i, 0], ground_m[h, i, 1] - other_m[i, 1]
-                horizontal2[h, i] = (north * north + east * east) * per_horizontal2
-        for z in range(heights):
-            for i in range(count):
-                above_m = altitude_m[z, i] + position_m[n, 2] + velocity_mps[n, 2] * times_s[i]
-                if grounded[n] and above_m < 0.0:
-                    above_m = 0.0
-                vertical2[z, i] = above_m * above_m * per_vertical2
-        for k in range(rows):
-            h, z = ground_of[k], height_of[k]
-            least = _least_of_greater(&horizontal2[h, 0], &vertical2[z, 0], count)
+    cdef double ratio, least, depth, near, volumes
+    for n in range(others.count):
+        squares.measure(ways, others, n, times_s, turned_s, count)
+        volumes = others.horizontal_m[n] / max(others.shell_m[n], 1.0)
+        for k in range(ways.rows):
+            h, z = ways.ground_of[k], ways.height_of[k]
+            least = _least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], count)
             depth = near = 0.0
             if least < 1.0 or shells:
                 for i in range(1, count):
-                    ratio = max(horizontal2[h, i], vertical2[z, i])
+                    ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
                     if ratio < 1.0 or shells:
                         ratio = sqrt(ratio)
                         depth += shares[i - 1] * max(1.0 - ratio, 0.0)
                         near += shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
             closest[k, n], exposure[k, n], nearness[k, n] = sqrt(least), depth, near if shells else 0.0
     return of_closest, of_exposure, of_nearness
+
+
+def losses(
+    paths, tracks, const double[::1] likely, weights, double lost,
+    const double[::1] times_s, const double[::1] turned_s, const double[::1] shares,
+    Py_ssize_t predicted, Py_ssize_t count, Py_ssize_t soon,
+):
+    """What rows cost by how they keep clear of tracks, each as `likely` as it is, (K,), and the closest, (K,).
+
+    The first of the tracks are `predicted`; for them the first `count` times matter, and theirs is the
+    closest. The rest may come true, and matter at the first `soon` times.
+
+    The margin is priced by how much of it is used, without a step: a flight planned along its edge is flown a
+    little differently, and must not be thrown over for that.
+    """
+    cdef Py_ssize_t n, k, i, h, z, until
+    _expect(turned_s.shape[0] + 1 == times_s.shape[0] and shares.shape[0] + 1 == times_s.shape[0])
+    _expect(1 <= count <= times_s.shape[0] and 1 <= soon <= times_s.shape[0])
+    cdef _Ways ways = _Ways(paths, times_s.shape[0])
+    cdef _Others others = _Others(tracks)
+    cdef _Squares squares = _Squares(ways, times_s.shape[0])
+    _expect(likely.shape[0] == others.count)
+    cdef double margin = weights.margin, loss = weights.loss, depth = weights.depth, exposure = weights.exposure
+    of_costs, of_closest = np.zeros(ways.rows), np.full(ways.rows, INFINITY)
+    cdef double[::1] cost = of_costs, closest = of_closest
+    cdef double ratio, near, within, price
+    for n in range(others.count):
+        until = count if n < predicted else soon
+        squares.measure(ways, others, n, times_s, turned_s, until)
+        for k in range(ways.rows):
+            h, z = ways.ground_of[k], ways.height_of[k]
+            near = sqrt(_least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], until))
+            if n < predicted:
+                closest[k] = min(closest[k], near)
+            if near >= 1.0:
+                continue
+            within = 0.0
+            for i in range(1, until):
+                ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
+                if ratio < 1.0:
+                    within += shares[i - 1] * (1.0 - sqrt(ratio))
+            price = margin * (1.0 - near) + exposure * within
+            if near < lost:
+                price += loss + depth * (lost - near)
+            cost[k] += likely[n] * price
+    return of_costs, of_closest
 
 
 cdef inline double _least_of_greater(const double* ones, const double* others, Py_ssize_t count) noexcept nogil:
@@ -305,39 +402,35 @@ cdef inline double _least_of_greater(const double* ones, const double* others, P
 
 
 def left_to_pass(
-    const double[:, :, ::1] ground_m, Py_ssize_t then, double ours_north_mps, double ours_east_mps,
-    double altitude_m,
-    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
-    const double[::1] protected_horizontal_m, const double[::1] protected_vertical_m,
-    const unsigned char[::1] grounded, const double[::1] times_s, const double[::1] turned_s,
+    paths, tracks, Py_ssize_t then, double ours_north_mps, double ours_east_mps, double altitude_m,
+    const double[::1] times_s, const double[::1] turned_s,
 ):
     """How deep flying on straight from moment `then` of ground paths leads into any volume at worst, (H,)."""
-    cdef Py_ssize_t n, h, grounds = ground_m.shape[0], tracks = position_m.shape[0]
-    _expect(1 <= then < times_s.shape[0] and ground_m.shape[1] > then)
-    _expect(turned_s.shape[0] + 1 == times_s.shape[0])
-    _expect_tracks(position_m, velocity_mps, turn_radps)
-    _expect(grounded.shape[0] == tracks and ground_m.shape[2] == 2)
-    _expect(protected_horizontal_m.shape[0] == tracks and protected_vertical_m.shape[0] == tracks)
-    result = np.zeros(grounds)
+    cdef Py_ssize_t n, h
+    _expect(1 <= then < times_s.shape[0] and turned_s.shape[0] + 1 == times_s.shape[0])
+    cdef _Ways ways = _Ways(paths, times_s.shape[0])
+    cdef _Others others = _Others(tracks)
+    result = np.zeros(ways.grounds)
     cdef double[::1] deepest = result
     cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
-    cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, horizontal
-    for n in range(tracks):
+    cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, across_m
+    for n in range(others.count):
         _track_ahead(
-            other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
-            times_s, turned_s,
+            other_m, others.position_m[n, 0], others.position_m[n, 1],
+            others.velocity_mps[n, 0], others.velocity_mps[n, 1], others.turn_radps[n], times_s, turned_s,
         )
         step_s = times_s[then] - times_s[then - 1]
         north_mps = (other_m[then, 0] - other_m[then - 1, 0]) / step_s - ours_north_mps
         east_mps = (other_m[then, 1] - other_m[then - 1, 1]) / step_s - ours_east_mps
         speed2 = max(north_mps * north_mps + east_mps * east_mps, 1.0)
-        above_m = altitude_m + position_m[n, 2] + velocity_mps[n, 2] * times_s[then]
-        vertical = (max(above_m, 0.0) if grounded[n] else fabs(above_m)) / protected_vertical_m[n]
-        for h in range(grounds):
-            north_m, east_m = other_m[then, 0] - ground_m[h, then, 0], other_m[then, 1] - ground_m[h, then, 1]
+        above_m = altitude_m + others.position_m[n, 2] + others.velocity_mps[n, 2] * times_s[then]
+        vertical = (max(above_m, 0.0) if others.grounded[n] else fabs(above_m)) / others.vertical_m[n]
+        for h in range(ways.grounds):
+            north_m = other_m[then, 0] - ways.ground_m[h, then, 0]
+            east_m = other_m[then, 1] - ways.ground_m[h, then, 1]
             to_go_s = max(-(north_m * north_mps + east_m * east_mps) / speed2, 0.0)
-            horizontal = hypot(north_m + north_mps * to_go_s, east_m + east_mps * to_go_s) / protected_horizontal_m[n]
-            deepest[h] = max(deepest[h], 1.0 - max(horizontal, vertical))
+            across_m = hypot(north_m + north_mps * to_go_s, east_m + east_mps * to_go_s)
+            deepest[h] = max(deepest[h], 1.0 - max(across_m / others.horizontal_m[n], vertical))
     return result
 
 

@@ -20,9 +20,11 @@ from companion.avoidance.prediction import (
     fly_ahead,
     ground_velocity_mps,
     left_to_pass,
+    losses,
     moment_at,
     separation,
 )
+from companion.avoidance.pricing import CostWeights
 from companion.compiled import kernels
 from companion.units import STANDARD_GRAVITY_MPS2
 
@@ -153,6 +155,35 @@ def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: fl
     volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0))[:, None]
     in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0)
     assert kept.nearness == pytest.approx(in_shell @ share, rel=1e-9, abs=1e-9)
+
+
+@given(seeds, st.floats(0.0, HORIZON_S), st.floats(0.0, HORIZON_S))
+def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
+    seed: int, horizon_s: float, soon_s: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    tracks = some_tracks(rng)
+    predicted, likely = int(rng.integers(0, len(tracks) + 1)), rng.random(len(tracks))
+    weights = CostWeights(*rng.uniform(0.0, 100.0, 4).tolist())
+    paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
+    cost, closest = losses(
+        paths, tracks, likely, weights, 0.8, predicted=predicted, horizon_s=horizon_s, soon_s=soon_s
+    )
+    expected = np.zeros(len(paths.ground_of))
+    for n in range(len(tracks)):
+        kept = separation(
+            paths, tracks.subset(np.array([n])), horizon_s=horizon_s if n < predicted else soon_s
+        )
+        depth = np.maximum(0.8 - kept.closest[:, 0], 0.0)
+        price = weights.margin * np.maximum(1.0 - kept.closest[:, 0], 0.0) + weights.loss * (depth > 0.0)
+        price += weights.depth * depth + weights.exposure * kept.exposure[:, 0]
+        expected += likely[n] * price
+    assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    if predicted:
+        others = tracks.subset(np.arange(predicted))
+        assert closest == pytest.approx(separation(paths, others, horizon_s=horizon_s).closest.min(axis=1))
+    else:
+        assert np.isinf(closest).all()
 
 
 @given(seeds, st.floats(1.0, HORIZON_S))

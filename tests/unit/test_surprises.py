@@ -8,7 +8,7 @@ import pytest
 from companion.avoidance.prediction import Commands, Tracks, fly_ahead, separation
 from companion.avoidance.pricing import price
 from companion.avoidance.strategies import TABLE, StrategyTable
-from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, surprises
+from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, foreseen
 from companion.model import Guidance
 from tests.unit.test_strategy_table import situation, traffic
 
@@ -28,23 +28,33 @@ def tracks() -> Tracks:
 
 
 def test_each_may_turn_and_climb_either_way_and_what_stands_does_not() -> None:
-    surprised, shares = surprises(tracks(), PARAMS)
-    turns = surprised.turn_radps.reshape(4, 3)
-    climbs = -surprised.velocity_mps[:, 2].reshape(4, 3)
+    every, likely = foreseen(tracks(), PARAMS)
+    predicted = every.subset(np.arange(3))
+    assert predicted.turn_radps.tolist() == tracks().turn_radps.tolist()
+    assert predicted.velocity_mps.tolist() == tracks().velocity_mps.tolist()
+    assert likely[:3].tolist() == [1.0, 1.0, 1.0], "what is predicted comes first"
+    turns = every.turn_radps[3:].reshape(4, 3)
+    climbs = -every.velocity_mps[3:, 2].reshape(4, 3)
     assert turns[:, 0].tolist() == pytest.approx([0.05, -0.05, 0.0, 0.0])
     assert climbs[:, 0].tolist() == pytest.approx([0.0, 0.0, 3.0, -3.0])
     # Who turns or climbs already may stop that, or do more of it.
     assert turns[:, 1].tolist() == pytest.approx([0.0, 0.045, 0.03, 0.03])
     assert climbs[:, 1].tolist() == pytest.approx([4.0, 4.0, 0.0, 6.0])
-    assert shares.reshape(4, 3)[:, 0].tolist() == pytest.approx([0.1, 0.1, 0.02, 0.02])
-    assert shares.reshape(4, 3)[:, 2].tolist() == [0.0, 0.0, 0.0, 0.0]
+    assert likely[3:].reshape(4, 3)[:, 0].tolist() == pytest.approx([0.1, 0.1, 0.02, 0.02])
+    assert likely[3:].reshape(4, 3)[:, 2].tolist() == [0.0, 0.0, 0.0, 0.0]
 
 
 def test_in_a_crowd_only_the_first_surprise() -> None:
     crowd = traffic(np.random.default_rng(4), 30)
-    surprised, shares = surprises(crowd, replace(PARAMS, tracks=2))
-    assert surprised.ids == 4 * crowd.ids[:2]
-    assert len(shares) == 8
+    every, likely = foreseen(crowd, replace(PARAMS, tracks=2))
+    assert every.ids == crowd.ids + 4 * crowd.ids[:2]
+    assert len(likely) == 30 + 8
+
+
+def test_where_nothing_may_surprise_there_is_what_is_predicted() -> None:
+    every, likely = foreseen(tracks(), NO_SURPRISES)
+    assert every.ids == tracks().ids
+    assert likely.tolist() == [1.0, 1.0, 1.0]
 
 
 def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
@@ -52,7 +62,8 @@ def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
     rows = StrategyTable(TABLE).commands(at)
     plain = price(at, rows, others, None)
     priced = price(replace(at, surprises=PARAMS), rows, others, None)
-    surprised, shares = surprises(others, PARAMS)
+    every, likely = foreseen(others, PARAMS)
+    surprised, shares = every.subset(np.arange(3, 15)), likely[3:]
     paths = fly_ahead(at.own, rows, at.envelope)
     kept = separation(paths, surprised, horizon_s=PARAMS.within_s)
     weights, depth = at.weights, np.maximum(at.lost - kept.closest, 0.0)
