@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.locked
 BUILT := $(VENV)/.built
 
-.PHONY: run test check setup browser lock clean
+.PHONY: run test check setup compiler browser orca lock clean
 
 run: setup
 	$(BIN)/companion-sim demo
@@ -27,15 +27,25 @@ $(STAMP): requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	touch $@
 
-# The one compiled file; it needs a C compiler and Python's headers (Debian: gcc, python3-dev).
+# The one compiled file.
 $(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.pyx
+	@command -v cc >/dev/null || { echo "Companion compiles one file and needs a C compiler: make compiler (Debian)" >&2; exit 1; }
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
+
+# A C compiler and Python's headers. Debian, as root.
+compiler:
+	command -v cc >/dev/null || { apt-get update -qq && \
+		apt-get install -y -qq --no-install-recommends gcc libc6-dev python3-dev; }
 
 # Chromium, for the tests of the display; they are skipped without. Debian, as root.
 browser:
 	command -v chromium >/dev/null || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; }
+
+# The library of ORCA, which campaigns can compare with; its tests are skipped without.
+orca: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r orca.lock
 
 # Writes requirements.lock anew from pyproject.toml; run it when a dependency changes.
 lock: $(STAMP)

@@ -51,7 +51,7 @@ class Orca:
             self._rvo: Any = importlib.import_module("pyrvo")
         except ImportError as error:
             raise ConfigError(
-                "orca needs the pyrvo package: pip install 'mavlink-companion[orca]'"
+                "orca needs the pyrvo package: make orca, or pip install 'mavlink-companion[orca]'"
             ) from error
 
     def reset(self) -> None:

@@ -369,7 +369,7 @@ def test_without_its_library_orca_says_how_to_get_it(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(importlib, "import_module", missing)
     with pytest.raises(ConfigError) as caught:
         make_peer("orca", LIMITS)
-    assert str(caught.value) == "orca needs the pyrvo package: pip install 'mavlink-companion[orca]'"
+    assert str(caught.value).startswith("orca needs the pyrvo package: make orca")
 
 
 # All of them
