@@ -36,6 +36,9 @@ class AvoidanceParams:
     # The volume is kept larger than required by these shares, against what is not predicted.
     horizontal_margin: Annotated[float, Ge(0), Le(5)] = 0.15
     vertical_margin: Annotated[float, Ge(0), Le(5)] = 0.25
+    # Of that margin, by this share of the volume it counts as lost already: neither we nor others fly to the
+    # metre what is predicted, and who plans to graze a volume enters it every other time.
+    lost_margin: Annotated[float, Ge(0), Le(1)] = 0.06
     # Each layer reaches as far as its length or its time at the closing speed, whichever is larger.
     outer_radius_m: Annotated[float, Gt(0)] = 1500.0
     outer_time_s: Annotated[float, Ge(0), Le(80)] = 60.0

@@ -88,7 +88,7 @@ class Situation:
     right_preferred: bool
     horizon_s: float  # how far ahead rows are judged
     goal_distance: float  # in lengths of the outer layer's radius; 1 where the goal is a direction only
-    lost: float  # the separation, in protected volumes with margin, at which the bare volume is entered
+    lost: float  # the separation, in protected volumes with margin, from which the bare volume counts as lost
     envelope: Envelope
     weights: CostWeights
     rule_course_rad: float = 0.0  # what eq. 11 asks for, in an emergency

@@ -40,6 +40,7 @@ def conflict(
     lowest_m = min(usual_m) - params.largest_height_change_m
     to_goal_m = params.outer_radius_m if goal.position_m is None else distance_m(state, goal.position_m)
     passed_s = min(float(until_s.max()), HORIZON_S)
+    spared = 1.0 + min(params.horizontal_margin, params.vertical_margin)
     return Situation(
         own=state,
         mission=mission,
@@ -47,7 +48,7 @@ def conflict(
         under_m=max(float((np.minimum(first, last) - room).min()), lowest_m),
         horizon_s=survey.horizon_s,
         goal_distance=to_goal_m / params.outer_radius_m,
-        lost=1.0 / (1.0 + min(params.horizontal_margin, params.vertical_margin)),
+        lost=min(1.0 + params.lost_margin, spared) / spared,
         right_preferred=_right_preferred(mission, survey.rel_position_m[survey.nearest]),
         envelope=envelope,
         weights=params.weights,

@@ -74,7 +74,9 @@ class Strategy:
         return frozenset(control for control, is_used in used if is_used)
 
 
-_TURNS_DEG = (0, 15, -15, 30, -30, 45, -45, 60, -60, 90, -90, 120, -120, 150, -150, 180)
+# Straight back is nobody's: which way round an autopilot turns there, a degree decides, and it may not be the
+# way that was predicted.
+_TURNS_DEG = (0, 15, -15, 30, -30, 45, -45, 60, -60, 90, -90, 120, -120, 150, -150, 165, -165)
 # A few metres per second decide who passes first, ahead or behind; on a large turn they decide nothing.
 _LARGEST_TURN_WITH_SPEED_DEG = 30
 

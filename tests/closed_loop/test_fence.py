@@ -44,6 +44,18 @@ def test_in_a_narrow_corridor_the_way_is_up(from_deg: float) -> None:
     assert outcome.arrived
 
 
+@pytest.mark.parametrize("speed_mps", [40.0, 50.0])
+@pytest.mark.parametrize("width_m", [500.0, 550.0])
+def test_whoever_turns_around_in_a_corridor_turns_the_way_that_was_predicted(
+    width_m: float, speed_mps: float
+) -> None:
+    """Straight back may be flown either way round, and one of them is over the fence: no row asks for it."""
+    params = AvoidanceParams(envelope=FLAT)
+    outcome = fly([straight(0, speed_mps)], params=params, fence=corridor(width_m))
+    assert outcome.outside_m == 0.0
+    assert outcome.near_miss >= 0.98
+
+
 @pytest.mark.parametrize("from_deg", [0, 180])
 @pytest.mark.parametrize("width_m", [400.0, 600.0])
 def test_where_there_is_no_room_for_well_clear_there_is_for_no_near_miss(

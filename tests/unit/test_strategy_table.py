@@ -117,6 +117,11 @@ def test_every_height_goes_with_every_way_over_the_ground() -> None:
     assert {(row.ground, row.height) for row in TABLE} == set(product(grounds, Height))
 
 
+def test_no_turn_leaves_open_which_way_round_it_goes() -> None:
+    turns_rad = [abs(row.ground.turn_rad) for row in TABLE]
+    assert math.radians(160.0) < max(turns_rad) < math.radians(170.0)
+
+
 def test_the_rules_are_there_alone_and_together() -> None:
     pairs = {(row.ground.course, row.ground.speed) for row in TABLE}
     assert pairs >= {
