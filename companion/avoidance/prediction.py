@@ -190,16 +190,12 @@ class Tracks:
 
     def velocity_until_closest_mps(self, path_m: Array) -> Array:
         """Velocities until the closest approach to a ground path (T, 2); the mean, if one turns, (N, 3)."""
-        velocity_mps: Array = kernels.velocities_until_closest(
-            self.position_m, self.velocity_mps, self.turn_radps, path_m, TIMES_S, _TURNED_S
-        )
+        velocity_mps: Array = kernels.velocities_until_closest(self, path_m, TIMES_S, _TURNED_S)
         return velocity_mps
 
     def ground_m(self) -> Array:
         """Where they are at the times of the prediction, north and east, shape (N, T, 2)."""
-        ahead_m: Array = kernels.tracks_ahead(
-            self.position_m, self.velocity_mps, self.turn_radps, TIMES_S, _TURNED_S
-        )
+        ahead_m: Array = kernels.tracks_ahead(self, TIMES_S, _TURNED_S)
         return ahead_m
 
 

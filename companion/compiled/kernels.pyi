@@ -5,17 +5,8 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-def tracks_ahead(
-    position_m: _Array, velocity_mps: _Array, turn_radps: _Array, times_s: _Array, turned_s: _Array
-) -> _Array: ...
-def velocities_until_closest(
-    position_m: _Array,
-    velocity_mps: _Array,
-    turn_radps: _Array,
-    ahead_m: _Array,
-    times_s: _Array,
-    turned_s: _Array,
-) -> _Array: ...
+def tracks_ahead(tracks: object, times_s: _Array, turned_s: _Array) -> _Array: ...
+def velocities_until_closest(tracks: object, path_m: _Array, times_s: _Array, turned_s: _Array) -> _Array: ...
 def relative_motion(
     position_m: _Array,
     velocity_mps: _Array,

@@ -24,19 +24,45 @@ cdef inline double _wrap_pi(double angle_rad) noexcept nogil:
     return turned + PI if turned < 0.0 else turned - PI
 
 
-cdef inline double _crab_rad(double course_rad, double airspeed_mps, double north_mps, double east_mps) noexcept nogil:
+cdef inline double _crab_rad(
+    double course_rad, double airspeed_mps, double north_mps, double east_mps
+) noexcept nogil:
     """How far left of a course the nose must point to hold it: the wind triangle."""
     cdef double across_mps = east_mps * cos(course_rad) - north_mps * sin(course_rad)
     return asin(_between(across_mps / max(airspeed_mps, 1e-3), -1.0, 1.0))
 
 
-cdef inline void _track_ahead(
-    double[:, ::1] ahead_m, double north_m, double east_m, double north_mps, double east_mps, double turn_radps,
+cdef class _Others:
+    """Tracks as the loops need them, checked: places and velocities (N, 3), all else (N,)."""
+
+    cdef Py_ssize_t count
+    cdef const double[:, ::1] position_m, velocity_mps
+    cdef const double[::1] turn_radps, horizontal_m, vertical_m, shell_m
+    cdef const unsigned char[::1] grounded
+
+    def __cinit__(self, tracks):
+        self.position_m, self.velocity_mps = tracks.position_m, tracks.velocity_mps
+        self.turn_radps, self.shell_m = tracks.turn_radps, tracks.shell_m
+        self.horizontal_m, self.vertical_m = tracks.protected_horizontal_m, tracks.protected_vertical_m
+        self.grounded = tracks.grounded.view(np.uint8)
+        self.count = self.position_m.shape[0]
+        _expect_tracks(self.position_m, self.velocity_mps, self.turn_radps)
+        _expect(self.horizontal_m.shape[0] == self.count and self.vertical_m.shape[0] == self.count)
+        _expect(self.grounded.shape[0] == self.count and self.shell_m.shape[0] == self.count)
+
+
+cdef inline void _fly_ahead(
+    double[:, ::1] ahead_m, _Others others, Py_ssize_t n,
     const double[::1] times_s, const double[::1] turned_s,
-) noexcept nogil:
-    """Where a track is at all times, north and east, into `ahead_m` (T, 2)."""
+) noexcept:
+    """Where track `n` is at all times, north and east, into `ahead_m` (T, 2).
+
+    `turned_s`, (T - 1,), is for how long its rate of turn has acted by the middle of each step.
+    """
     cdef Py_ssize_t i
-    cdef double step_s, ahead, across
+    cdef double step_s, ahead, across, turn_radps = others.turn_radps[n]
+    cdef double north_mps = others.velocity_mps[n, 0], east_mps = others.velocity_mps[n, 1]
+    cdef double north_m = others.position_m[n, 0], east_m = others.position_m[n, 1]
     ahead_m[0, 0], ahead_m[0, 1] = north_m, east_m
     for i in range(1, ahead_m.shape[0]):
         if turn_radps == 0.0:
@@ -50,49 +76,39 @@ cdef inline void _track_ahead(
         ahead_m[i, 1] = ahead_m[i - 1, 1] + east_mps * ahead + north_mps * across
 
 
-def tracks_ahead(
-    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
-    const double[::1] times_s, const double[::1] turned_s,
-):
-    """Where tracks (N, 3) are at the times, north and east, (N, T, 2)."""
-    cdef Py_ssize_t n, count = position_m.shape[0]
-    _expect_tracks(position_m, velocity_mps, turn_radps)
+def tracks_ahead(tracks, const double[::1] times_s, const double[::1] turned_s):
+    """Where tracks are at the times, north and east, (N, T, 2)."""
+    cdef Py_ssize_t n
+    cdef _Others others = _Others(tracks)
     _expect(turned_s.shape[0] + 1 == times_s.shape[0])
-    result = np.empty((count, times_s.shape[0], 2))
+    result = np.empty((others.count, times_s.shape[0], 2))
     cdef double[:, :, ::1] ahead_m = result
-    for n in range(count):
-        _track_ahead(
-            ahead_m[n], position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
-            times_s, turned_s,
-        )
+    for n in range(others.count):
+        _fly_ahead(ahead_m[n], others, n, times_s, turned_s)
     return result
 
 
 def velocities_until_closest(
-    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] turn_radps,
-    const double[:, ::1] ahead_m, const double[::1] times_s, const double[::1] turned_s,
+    tracks, const double[:, ::1] path_m, const double[::1] times_s, const double[::1] turned_s
 ):
     """Mean velocities of tracks until they are closest to a ground path (T, 2), at least one step, (N, 3)."""
-    cdef Py_ssize_t n, i, nearest, count = position_m.shape[0]
-    _expect_tracks(position_m, velocity_mps, turn_radps)
-    _expect(turned_s.shape[0] + 1 == times_s.shape[0] and ahead_m.shape[0] == times_s.shape[0])
-    _expect(ahead_m.shape[1] == 2)
-    result = np.array(velocity_mps)
+    cdef Py_ssize_t n, i, nearest
+    cdef _Others others = _Others(tracks)
+    _expect(turned_s.shape[0] + 1 == times_s.shape[0])
+    _expect(path_m.shape[0] == times_s.shape[0] and path_m.shape[1] == 2)
+    result = np.array(others.velocity_mps)
     cdef double[:, ::1] mean_mps = result
     cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
     cdef double north, east, off2, least2
-    for n in range(count):
-        if turn_radps[n] == 0.0:
+    for n in range(others.count):
+        if others.turn_radps[n] == 0.0:
             continue
-        _track_ahead(
-            other_m, position_m[n, 0], position_m[n, 1], velocity_mps[n, 0], velocity_mps[n, 1], turn_radps[n],
-            times_s, turned_s,
-        )
-        nearest, least2 = 0, 0.0
+        _fly_ahead(other_m, others, n, times_s, turned_s)
+        nearest, least2 = 0, INFINITY
         for i in range(times_s.shape[0]):
-            north, east = other_m[i, 0] - ahead_m[i, 0], other_m[i, 1] - ahead_m[i, 1]
+            north, east = other_m[i, 0] - path_m[i, 0], other_m[i, 1] - path_m[i, 1]
             off2 = north * north + east * east
-            if i == 0 or off2 < least2:
+            if off2 < least2:
                 nearest, least2 = i, off2
         nearest = max(nearest, 1)
         mean_mps[n, 0] = (other_m[nearest, 0] - other_m[0, 0]) / times_s[nearest]
@@ -109,7 +125,7 @@ def relative_motion(
     Times are to the horizontal closest approach; slower than `still_mps` is no motion.
     """
     cdef Py_ssize_t n, i, count = position_m.shape[0]
-    _expect(velocity_mps.shape[0] == count and position_m.shape[1] == 3 and velocity_mps.shape[1] == 3)
+    _expect(position_m.shape[1] == 3 and velocity_mps.shape[1] == 3 and velocity_mps.shape[0] == count)
     _expect(own_position_m.shape[0] == 3 and own_velocity_mps.shape[0] == 3)
     of_positions, of_velocities = np.empty((count, 3)), np.empty((count, 3))
     of_distances, of_closings, of_times = np.empty(count), np.empty(count), np.empty(count)
@@ -128,7 +144,9 @@ def relative_motion(
     return of_positions, of_velocities, of_distances, of_closings, of_times
 
 
-def approach_angles(const double[:, :] rel_position_m, const double[:, :] own_rel_velocity_mps, double still_mps):
+def approach_angles(
+    const double[:, :] rel_position_m, const double[:, :] own_rel_velocity_mps, double still_mps
+):
     """Angles from the lines of sight to the velocities, positive to the left, (N,); pi without motion."""
     cdef Py_ssize_t n, count = rel_position_m.shape[0]
     _expect(own_rel_velocity_mps.shape[0] == count)
@@ -166,14 +184,16 @@ def ground_paths(
     double north_m, double east_m, double course_rad, double crab_rad, double airspeed_mps,
     double wind_north_mps, double wind_east_mps,
     const double[::1] target_rad, const double[::1] target_mps,
-    double turn_acceleration_mps2, double max_rate_radps, double response_s, double acceleration_mps2, const double[::1] times_s,
+    double turn_acceleration_mps2, double max_rate_radps, double response_s, double acceleration_mps2,
+    const double[::1] times_s,
 ):
     """Ground paths by eq. 2 to target courses and airspeeds (H,), (H, T, 2)."""
     cdef Py_ssize_t h, i, rows = target_rad.shape[0], count = times_s.shape[0]
     _expect(target_mps.shape[0] == rows)
     result = np.empty((rows, count, 2))
     cdef double[:, :, ::1] path_m = result
-    cdef double step_s, middle_s, rate_radps, most_rad, speed_mps, flown_mps, heading_rad, flown_rad, turn_rad, to_turn_rad
+    cdef double step_s, middle_s, rate_radps, most_rad, speed_mps, flown_mps, heading_rad, flown_rad
+    cdef double turn_rad, to_turn_rad, nose_rad = course_rad - crab_rad
     cdef double north, east, through_north_m, through_east_m
     cdef bint windy = wind_north_mps != 0.0 or wind_east_mps != 0.0
     for h in range(rows):
@@ -182,7 +202,7 @@ def ground_paths(
         # Who speeds up in a turn turns slower: the rate of the greater speed is within the limits at both.
         rate_radps = min(turn_acceleration_mps2 / max(target_mps[h], airspeed_mps, 1.0), max_rate_radps)
         to_turn_rad = turn_rad = _wrap_pi(target_rad[h] - course_rad)
-        flown_mps, flown_rad, north, east = -1.0, course_rad - crab_rad, cos(course_rad - crab_rad), sin(course_rad - crab_rad)
+        flown_mps, flown_rad, north, east = -1.0, nose_rad, cos(nose_rad), sin(nose_rad)
         for i in range(1, count):
             step_s = times_s[i] - times_s[i - 1]
             middle_s = times_s[i - 1] + 0.5 * step_s
@@ -195,7 +215,7 @@ def ground_paths(
                 )
             flown_mps = speed_mps
             most_rad = rate_radps * max(middle_s - response_s, 0.0)
-            heading_rad = course_rad - crab_rad + _between(turn_rad, -most_rad, most_rad)
+            heading_rad = nose_rad + _between(turn_rad, -most_rad, most_rad)
             if heading_rad != flown_rad:
                 flown_rad, north, east = heading_rad, cos(heading_rad), sin(heading_rad)
             through_north_m += step_s * speed_mps * north
@@ -211,40 +231,20 @@ def altitudes(
 ):
     """Heights on the way to target heights (Z,): the present climb until the command bites, (Z, T)."""
     cdef Py_ssize_t z, i
-    cdef double acting_s, before_m
+    cdef double acting_s, before_m, to_go_m
     result = np.empty((target_m.shape[0], times_s.shape[0]))
     cdef double[:, ::1] altitude_m = result
     for z in range(target_m.shape[0]):
         for i in range(times_s.shape[0]):
             before_m = now_m + climb_mps * min(times_s[i], response_s)
             acting_s = max(times_s[i] - response_s, 0.0)
-            altitude_m[z, i] = before_m + _between(
-                target_m[z] - (now_m + climb_mps * response_s), -max_sink_mps * acting_s, max_climb_mps * acting_s
-            )
+            to_go_m = target_m[z] - (now_m + climb_mps * response_s)
+            altitude_m[z, i] = before_m + _between(to_go_m, -max_sink_mps * acting_s, max_climb_mps * acting_s)
     return result
 
 
-cdef class _Others:
-    """Tracks as the loops need them, checked: places and velocities (N, 3), all else (N,)."""
-
-    cdef Py_ssize_t count
-    cdef const double[:, ::1] position_m, velocity_mps
-    cdef const double[::1] turn_radps, horizontal_m, vertical_m, shell_m
-    cdef const unsigned char[::1] grounded
-
-    def __cinit__(self, tracks):
-        self.position_m, self.velocity_mps = tracks.position_m, tracks.velocity_mps
-        self.turn_radps, self.shell_m = tracks.turn_radps, tracks.shell_m
-        self.horizontal_m, self.vertical_m = tracks.protected_horizontal_m, tracks.protected_vertical_m
-        self.grounded = tracks.grounded.view(np.uint8)
-        self.count = self.position_m.shape[0]
-        _expect_tracks(self.position_m, self.velocity_mps, self.turn_radps)
-        _expect(self.horizontal_m.shape[0] == self.count and self.vertical_m.shape[0] == self.count)
-        _expect(self.grounded.shape[0] == self.count and self.shell_m.shape[0] == self.count)
-
-
 cdef class _Ways:
-    """Paths as the loops need them, checked: over ground (H, T, 2), heights (Z, T), rows made of them (K,)."""
+    """Paths as the loops need them, checked: over ground (H, T, 2), heights (Z, T), rows of both (K,)."""
 
     cdef Py_ssize_t grounds, heights, rows
     cdef const double[:, :, ::1] ground_m
@@ -281,13 +281,10 @@ cdef class _Squares:
     ) noexcept:
         """From track `n`, at the first `count` times."""
         cdef Py_ssize_t h, z, i
-        cdef double north, east, above_m
+        cdef double north, east, down_m, above_m
         cdef double per_horizontal2 = 1.0 / (others.horizontal_m[n] * others.horizontal_m[n])
         cdef double per_vertical2 = 1.0 / (others.vertical_m[n] * others.vertical_m[n])
-        _track_ahead(
-            self.other_m, others.position_m[n, 0], others.position_m[n, 1],
-            others.velocity_mps[n, 0], others.velocity_mps[n, 1], others.turn_radps[n], times_s, turned_s,
-        )
+        _fly_ahead(self.other_m, others, n, times_s, turned_s)
         for h in range(ways.grounds):
             for i in range(count):
                 north = ways.ground_m[h, i, 0] - self.other_m[i, 0]
@@ -295,7 +292,8 @@ cdef class _Squares:
                 self.horizontal[h, i] = (north * north + east * east) * per_horizontal2
         for z in range(ways.heights):
             for i in range(count):
-                above_m = ways.altitude_m[z, i] + others.position_m[n, 2] + others.velocity_mps[n, 2] * times_s[i]
+                down_m = others.position_m[n, 2] + others.velocity_mps[n, 2] * times_s[i]
+                above_m = ways.altitude_m[z, i] + down_m
                 if others.grounded[n] and above_m < 0.0:
                     above_m = 0.0
                 self.vertical[z, i] = above_m * above_m * per_vertical2
@@ -343,7 +341,7 @@ def losses(
     const double[::1] times_s, const double[::1] turned_s, const double[::1] shares,
     Py_ssize_t predicted, Py_ssize_t count, Py_ssize_t soon,
 ):
-    """What rows cost by how they keep clear of tracks, each as `likely` as it is, (K,), and the closest, (K,).
+    """What rows cost by how they keep clear of tracks, each as `likely` as it is, and the closest, (K,) each.
 
     The first of the tracks are `predicted`; for them the first `count` times matter, and theirs is the
     closest. The rest may come true, and matter at the first `soon` times.
@@ -358,7 +356,8 @@ def losses(
     cdef _Others others = _Others(tracks)
     cdef _Squares squares = _Squares(ways, times_s.shape[0])
     _expect(likely.shape[0] == others.count)
-    cdef double margin = weights.margin, loss = weights.loss, depth = weights.depth, exposure = weights.exposure
+    cdef double margin = weights.margin, loss = weights.loss
+    cdef double depth = weights.depth, exposure = weights.exposure
     of_costs, of_closest = np.zeros(ways.rows), np.full(ways.rows, INFINITY)
     cdef double[::1] cost = of_costs, closest = of_closest
     cdef double ratio, near, within, price
@@ -384,7 +383,9 @@ def losses(
     return of_costs, of_closest
 
 
-cdef inline double _least_of_greater(const double* ones, const double* others, Py_ssize_t count) noexcept nogil:
+cdef inline double _least_of_greater(
+    const double* ones, const double* others, Py_ssize_t count
+) noexcept nogil:
     """The least over time of the greater of two; in four strands, as each of them waits for its last step."""
     cdef Py_ssize_t i = 0
     cdef double a, b, c, d
@@ -415,10 +416,7 @@ def left_to_pass(
     cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
     cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, across_m
     for n in range(others.count):
-        _track_ahead(
-            other_m, others.position_m[n, 0], others.position_m[n, 1],
-            others.velocity_mps[n, 0], others.velocity_mps[n, 1], others.turn_radps[n], times_s, turned_s,
-        )
+        _fly_ahead(other_m, others, n, times_s, turned_s)
         step_s = times_s[then] - times_s[then - 1]
         north_mps = (other_m[then, 0] - other_m[then - 1, 0]) / step_s - ours_north_mps
         east_mps = (other_m[then, 1] - other_m[then - 1, 1]) / step_s - ours_east_mps

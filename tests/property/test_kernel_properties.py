@@ -242,13 +242,13 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     with pytest.raises(ValueError, match="do not match"):
         separation(replace(paths, height_of=paths.height_of - 1000), tracks)
     with pytest.raises(ValueError, match="do not match"):
-        kernels.tracks_ahead(
-            np.zeros((2, 3)), np.zeros((1, 3)), np.zeros(2), TIMES_S, np.zeros(len(MIDDLES_S))
-        )
+        replace(tracks, velocity_mps=np.zeros((1, 3))).ground_m()
     with pytest.raises(ValueError, match="do not match"):
-        kernels.tracks_ahead(
-            np.zeros((2, 1)), np.zeros((2, 1)), np.zeros(2), TIMES_S, np.zeros(len(MIDDLES_S))
-        )
+        replace(tracks, position_m=np.zeros((len(tracks), 1))).ground_m()
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.tracks_ahead(tracks, TIMES_S, np.zeros(3))
+    with pytest.raises(ValueError, match="do not match"):
+        tracks.velocity_until_closest_mps(np.zeros((2, 2)))
     with pytest.raises(ValueError, match="do not match"):
         relative_motion(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(3), np.zeros(3))
     with pytest.raises(ValueError, match="do not match"):
