@@ -239,7 +239,9 @@ def altitudes(
             before_m = now_m + climb_mps * min(times_s[i], response_s)
             acting_s = max(times_s[i] - response_s, 0.0)
             to_go_m = target_m[z] - (now_m + climb_mps * response_s)
-            altitude_m[z, i] = before_m + _between(to_go_m, -max_sink_mps * acting_s, max_climb_mps * acting_s)
+            altitude_m[z, i] = before_m + _between(
+                to_go_m, -max_sink_mps * acting_s, max_climb_mps * acting_s
+            )
     return result
 
 
