@@ -43,6 +43,11 @@ from companion.avoidance.survey import (
 )
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 
+# In so long, impatience makes what is left to pass count for as much again.
+_IMPATIENT_IN_S = 10.0
+# And then so much of the margin itself is given up for the return, lest we follow somebody along its edge.
+_GIVEN_UP = 0.05
+
 
 class Avoider:
     """Decides for one aircraft during one flight.
@@ -66,6 +71,7 @@ class Avoider:
         self._rule: _Rule | None = None
         self._answering = False  # our group's conflict
         self._clear_since_s: float | None = None
+        self._avoiding_since_s: float | None = None
 
     def retune(self, params: AvoidanceParams) -> None:
         """Other parameters from now on. The conflict at hand, and the envelope, stay what they are."""
@@ -88,6 +94,7 @@ class Avoider:
         self._rule = None
         self._answering = False
         self._clear_since_s = None
+        self._avoiding_since_s = None
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
         """The decision at `now_s` for our aircraft among the tracks, in one north-east-down frame [m, m/s].
@@ -113,6 +120,7 @@ class Avoider:
             self.envelope,
             self._domain,
             horizon_s=horizon_s(state, mission, goal),
+            spare=max(self.params.release_margin * (1.0 - self._impatience(now_s)), -_GIVEN_UP),
             avoiding=self._held is not None,
         )
         answer = self._group_answer(now_s, own, relevant, goal)
@@ -124,7 +132,7 @@ class Avoider:
         if not survey.conflict.any():
             return self._without_conflict(now_s, state, mission, goal)
         self._clear_since_s = None
-        return self._avoid(state, mission, survey, relevant, goal)
+        return self._avoid(now_s, state, mission, survey, relevant, goal)
 
     def member(self, own: Ownship, goal: Goal) -> Member:
         """What the other members of our group are to know of us: what we want within what we can."""
@@ -251,11 +259,22 @@ class Avoider:
         return self._keeps_fence(self._within_limits(mission), state, ahead_s)
 
     def _avoid(
-        self, state: OwnState, mission: Guidance, survey: Survey, relevant: list[Track], goal: Goal
+        self,
+        now_s: float,
+        state: OwnState,
+        mission: Guidance,
+        survey: Survey,
+        relevant: list[Track],
+        goal: Goal,
     ) -> Decision:
+        if self._avoiding_since_s is None or now_s < self._avoiding_since_s:
+            self._avoiding_since_s = now_s
         if self._held is not None:
             self._held = self._within_limits(self._held)
         situation = self._bounded(conflict(state, mission, survey, goal, self.params, self.envelope))
+        impatience = self._impatience(now_s)
+        if impatience > 0.0:
+            situation = replace(situation, impatience=impatience)
         pressing = survey.pressing(self.params.priced_tracks)
         layer, priced = self._priced(situation, survey, pressing)
         best = priced.best()
@@ -264,6 +283,12 @@ class Avoider:
             self._rule = None
         found = threats(survey, relevant, self.params.priced_tracks)
         return Decision(layer, self._held, found, because(found[0], self._held, state))
+
+    def _impatience(self, now_s: float) -> float:
+        """0 while an avoidance has not lasted too long; from then on it grows by 1 in `_IMPATIENT_IN_S`."""
+        if self._avoiding_since_s is None:
+            return 0.0
+        return max(now_s - self._avoiding_since_s - self.params.patience_s, 0.0) / _IMPATIENT_IN_S
 
     def _priced(self, situation: Situation, survey: Survey, pressing: Tracks) -> tuple[Layer, Priced]:
         """The layer that decides, and its rows.
@@ -314,6 +339,7 @@ class Avoider:
             _repelling(survey),
             self.params.field_gains,
             heights=Control.HEIGHT in self.params.controls,
+            speeds=situation.impatience > 0.0 and Control.SPEED in self.params.controls,
         )
         return price(situation, rows, pressing, self._held)
 

@@ -85,19 +85,28 @@ def resultant_command(situation: Situation, threats: Threats, params: FieldParam
     return Commands.of([Guidance(course_rad, speed, height_m(Height.MISSION, situation))])
 
 
-def field_commands(situation: Situation, threats: Threats, params: FieldParams, *, heights: bool) -> Commands:
-    """Rows of the field: the mission's course, the resultant, the ladder; with `heights` over and under."""
+def field_commands(
+    situation: Situation, threats: Threats, params: FieldParams, *, heights: bool, speeds: bool
+) -> Commands:
+    """Rows of the field: the mission's course, the resultant, the ladder; with `heights` over and under.
+
+    With `speeds` also the mission's course faster and slower: beside somebody who flies as fast as we do,
+    that is the way past him.
+    """
     course_rad = situation.mission.course_rad
     wanted_rad = np.concatenate(
         [[resultant_rad(course_rad, 1.0, threats, params)], _ladder(course_rad, threats, params)]
     )
     limit_rad = params.largest_deflection_rad
     deflected_rad = np.minimum(np.maximum(wrap_pi(wanted_rad - course_rad), -limit_rad), limit_rad)
-    courses_rad = np.concatenate([[course_rad], course_rad + deflected_rad])
+    paces = (Speed.SLOWEST, Speed.FASTEST) if speeds else ()
+    courses_rad = np.concatenate([[course_rad], course_rad + deflected_rad, [course_rad] * len(paces)])
     choices = (Height.MISSION, Height.OVER, Height.UNDER) if heights else (Height.MISSION,)
     ground_of, height_of = _every_pair(len(courses_rad), len(choices))
     heights_m = np.array([height_m(choice, situation) for choice in choices])
     speeds_mps = np.full(len(courses_rad), speed_mps(Speed.MISSION, situation))
+    if paces:
+        speeds_mps[-len(paces) :] = [speed_mps(pace, situation) for pace in paces]
     return Commands(courses_rad, speeds_mps, heights_m, ground_of, height_of)
 
 

@@ -53,6 +53,10 @@ class AvoidanceParams:
     # Back to the mission only when its flight keeps clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
+    # Who flies on beside us, on our course and at our speed, could keep us off the mission for ever. After
+    # this, the release margin is given up, what is left to pass counts more and more, and passing him faster
+    # or slower comes into question.
+    patience_s: Annotated[float, Gt(0), Le(600)] = 75.0
     # Where the fence is in the way of the mission, it is followed for so long before the mission is flown.
     return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
     # An avoidance goes no further up or down than this from where it would otherwise be.

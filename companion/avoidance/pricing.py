@@ -101,6 +101,7 @@ class Situation:
     refusals: Refusals = field(default_factory=Refusals)
     surprises: SurpriseParams = NO_SURPRISES
     spares_heights: bool = False  # the mission's is left only where a turn does not do
+    impatience: float = 0.0  # grows when it has lasted too long: how much more what is left to pass counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +193,8 @@ def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tr
     cost: Array = weights.aside / 100.0 * np.hypot(off_m[:, 0], off_m[:, 1])
     if weights.unresolved > 0.0:
         onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps)
-        cost += weights.unresolved * left_to_pass(paths, tracks, then, onward_mps, mission.altitude_m)
+        left = left_to_pass(paths, tracks, then, onward_mps, mission.altitude_m)
+        cost += (1.0 + situation.impatience) * weights.unresolved * left
     return cost
 
 

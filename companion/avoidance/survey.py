@@ -75,9 +75,10 @@ def take(
     domain: TransitionDomain,
     *,
     horizon_s: float,
+    spare: float,
     avoiding: bool,
 ) -> Survey:
-    """Measure all tracks; `domain` remembers the cones entered, `avoiding` asks for the release margin.
+    """Measure all tracks; `domain` remembers the cones entered, `avoiding` asks for a share to `spare`.
 
     A conflict is what lies within a layer (def. 3, from surface to surface) and, but for the plain field, in
     whose collision cone we are. The paper looks along the velocity flown. What is flown by default looks
@@ -107,7 +108,7 @@ def take(
     if outer.any() or inner.any():
         ahead = ahead or fly_ahead(state, Commands.of([mission]), envelope)
         needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
-        needed *= 1.0 + params.release_margin if avoiding else _begins(motion.time_to_closest_s, params)
+        needed *= 1.0 + spare if avoiding else _begins(motion.time_to_closest_s, params)
         lost = separation(ahead, tracks, horizon_s=horizon_s).closest[0] < needed
         if by_flight:
             outer &= lost
