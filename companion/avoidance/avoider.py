@@ -11,6 +11,7 @@ from companion.avoidance.control import Control
 from companion.avoidance.envelope import Pace
 from companion.avoidance.fence import Fence
 from companion.avoidance.formation import Answer, MemberState, group_of, is_sound, joint_response
+from companion.avoidance.geometry import any_of
 from companion.avoidance.inner import emergency
 from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers
@@ -129,7 +130,7 @@ class Avoider:
             if not (survey.conflict & ~grouped).any() and self._keeps_clear(answer, state, survey, ~grouped):
                 return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
         self._answering = False
-        if not survey.conflict.any():
+        if not any_of(survey.conflict):
             return self._without_conflict(now_s, state, mission, goal)
         self._clear_since_s = None
         return self._avoid(now_s, state, mission, survey, relevant, goal)
@@ -298,7 +299,7 @@ class Avoider:
         again, so that the layers do not flicker; the inner layer also takes over when the field has no way,
         or none within the fence.
         """
-        params, near = self.params, bool(survey.emergency.any())
+        params, near = self.params, any_of(survey.emergency)
         if params.layers is Layers.INNER:
             return Layer.INNER, self._inner(situation, survey, pressing)
         if params.outer_method is not OuterMethod.PRICED:
@@ -355,7 +356,7 @@ class Avoider:
         """
         nearest = survey.nearest
         track_id = survey.tracks.ids[nearest]
-        rel, other = survey.rel_position_m[nearest], survey.tracks.velocity_mps[nearest]
+        rel, other = survey.motion.position_m[nearest], survey.tracks.velocity_mps[nearest]
         own_mps = flown_mps(state)
         pace = speed_rule(rel, other, own_mps)
         if self._rule is not None and self._rule.track_id == track_id:
@@ -382,8 +383,8 @@ class _Rule:
 def _repelling(survey: Survey) -> Threats:
     threat = survey.conflict
     return Threats(
-        survey.rel_position_m[threat],
-        survey.own_rel_velocity_mps[threat],
+        survey.motion.position_m[threat],
+        survey.motion.own_velocity_mps[threat],
         survey.surface_m[threat],
         survey.outer_reach_m[threat],
     )

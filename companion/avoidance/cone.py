@@ -12,10 +12,8 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.avoidance.geometry import Array
+from companion.avoidance.geometry import STILL_MPS, Array
 from companion.compiled import kernels
-
-_STILL_MPS = 1e-6
 
 
 def half_angle_rad(distance_m: Array, radius_m: Array) -> Array:
@@ -31,7 +29,7 @@ def approach_angle_rad(rel_position_m: Array, own_rel_velocity_mps: Array) -> Ar
     is to the left as a pilot sees it: anticlockwise from above, with x north and y east (paper §3.1, fig. 2).
     With no relative motion nothing approaches: alpha is pi.
     """
-    alpha: Array = kernels.approach_angles(rel_position_m, own_rel_velocity_mps, _STILL_MPS)
+    alpha: Array = kernels.approach_angles(rel_position_m, own_rel_velocity_mps, STILL_MPS)
     return alpha
 
 

@@ -23,16 +23,17 @@ import numpy as np
 from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
-from companion.avoidance.geometry import Array, wrap_pi
+from companion.avoidance.geometry import Array
 from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
 from companion.avoidance.prediction import Commands
 from companion.avoidance.pricing import Situation
 from companion.avoidance.strategies import Height, Speed, height_m, speed_mps
 from companion.model import Guidance
+from companion.units import wrap_pi
 
 # The repulsion against an attraction of 1: deflections of 10 to 86 degrees, where all push straight across.
-_GAINS = np.tan(np.radians([10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0]))
-_GAIN_STEPS = np.concatenate([_GAINS, -_GAINS])  # to the right, to the left
+_GAINS = [math.tan(math.radians(angle_deg)) for angle_deg in (10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0)]
+_GAIN_STEPS = [*_GAINS, *(-gain for gain in _GAINS)]  # to the right, to the left
 
 
 class OuterMethod(StrEnum):
@@ -69,13 +70,21 @@ def resultant_rad(course_rad: float, goal_distance: float, threats: Threats, par
 
     `goal_distance` is in units of the outer layer's radius. Where the forces cancel, the goal's direction.
     """
-    ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
-    pull = attraction(np.zeros(2), goal_distance * ahead, params.attraction_gain)
-    push = repulsion(
-        threats.rel_position_m[:, :2], threats.surface_m / threats.reach_m, 1.0, params.repulsion_gain
-    )
-    force = pull + push.sum(axis=0)
-    return math.atan2(force[1], force[0]) if math.hypot(force[0], force[1]) > 1e-12 else course_rad
+    return _resultant_rad(course_rad, goal_distance, threats, _pushes(threats, params), params)
+
+
+def _pushes(threats: Threats, params: FieldParams) -> Array:
+    """How hard each threat pushes, (N,): its reach is the unit of length."""
+    return repulsion_magnitude(threats.surface_m / threats.reach_m, 1.0, params.repulsion_gain)
+
+
+def _resultant_rad(
+    course_rad: float, goal_distance: float, threats: Threats, pushes: Array, params: FieldParams
+) -> float:
+    pull = attraction(0.0, goal_distance, params.attraction_gain)
+    north, east = repulsion(threats.rel_position_m, pushes).sum(axis=1).tolist()
+    north, east = north + pull * math.cos(course_rad), east + pull * math.sin(course_rad)
+    return math.atan2(east, north) if math.hypot(north, east) > 1e-12 else course_rad
 
 
 def resultant_command(situation: Situation, threats: Threats, params: FieldParams) -> Commands:
@@ -94,20 +103,18 @@ def field_commands(
     that is the way past him.
     """
     course_rad = situation.mission.course_rad
-    wanted_rad = np.concatenate(
-        [[resultant_rad(course_rad, 1.0, threats, params)], _ladder(course_rad, threats, params)]
-    )
-    limit_rad = params.largest_deflection_rad
-    deflected_rad = np.minimum(np.maximum(wrap_pi(wanted_rad - course_rad), -limit_rad), limit_rad)
-    paces = (Speed.SLOWEST, Speed.FASTEST) if speeds else ()
-    courses_rad = np.concatenate([[course_rad], course_rad + deflected_rad, [course_rad] * len(paces)])
+    pushes, limit_rad = _pushes(threats, params), params.largest_deflection_rad
+    resultant = wrap_pi(_resultant_rad(course_rad, 1.0, threats, pushes, params) - course_rad)
+    deflections_rad = [0.0, resultant, *_ladder(course_rad, threats, pushes)]
+    courses_rad = [course_rad + min(max(turn_rad, -limit_rad), limit_rad) for turn_rad in deflections_rad]
+    speeds_mps = [speed_mps(Speed.MISSION, situation)] * len(courses_rad)
+    if speeds:
+        courses_rad += [course_rad, course_rad]
+        speeds_mps += [speed_mps(Speed.SLOWEST, situation), speed_mps(Speed.FASTEST, situation)]
     choices = (Height.MISSION, Height.OVER, Height.UNDER) if heights else (Height.MISSION,)
+    heights_m = [height_m(choice, situation) for choice in choices]
     ground_of, height_of = _every_pair(len(courses_rad), len(choices))
-    heights_m = np.array([height_m(choice, situation) for choice in choices])
-    speeds_mps = np.full(len(courses_rad), speed_mps(Speed.MISSION, situation))
-    if paces:
-        speeds_mps[-len(paces) :] = [speed_mps(pace, situation) for pace in paces]
-    return Commands(courses_rad, speeds_mps, heights_m, ground_of, height_of)
+    return Commands(np.array(courses_rad), np.array(speeds_mps), np.array(heights_m), ground_of, height_of)
 
 
 @cache
@@ -116,18 +123,19 @@ def _every_pair(grounds: int, heights: int) -> tuple[NDArray[np.intp], NDArray[n
     return np.repeat(np.arange(grounds), heights), np.tile(np.arange(heights), grounds)
 
 
-def _ladder(course_rad: float, threats: Threats, params: FieldParams) -> Array:
-    """Courses of the force with every gain step, to the right, then to the left."""
-    ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
-    pull = attraction(np.zeros(2), ahead, params.attraction_gain)
-    push = repulsion_magnitude(threats.surface_m / threats.reach_m, 1.0, params.repulsion_gain)
+def _ladder(course_rad: float, threats: Threats, pushes: Array) -> list[float]:
+    """How far off the course the force points with every gain step, to the right, then to the left."""
     north_mps, east_mps = threats.own_rel_velocity_mps[:, 0], threats.own_rel_velocity_mps[:, 1]
-    # Across our velocity relative to each, all to the right: north and east, (2, N).
-    to_right = np.where(ahead[0] * north_mps + ahead[1] * east_mps < 0.0, -1.0, 1.0)
-    across = np.array([-east_mps, north_mps]) * (to_right / np.maximum(np.hypot(north_mps, east_mps), 1e-6))
-    # Far out the field is too weak to matter, near by too strong for any gentle way: what counts of the sum
-    # is its direction, in which each threat has the share of its push.
-    total = across @ np.maximum(push, 1e-3)
-    total *= params.attraction_gain / max(math.hypot(total[0], total[1]), 1e-9)
-    courses_rad: Array = np.arctan2(pull[1] + _GAIN_STEPS * total[1], pull[0] + _GAIN_STEPS * total[0])
-    return courses_rad
+    # Each pushes across our velocity relative to it, all to the right. Far out the field is too weak to
+    # matter, near by too strong for any gentle way: what counts of the sum is its direction, in which each
+    # threat has the share of its push.
+    onward_mps = math.cos(course_rad) * north_mps + math.sin(course_rad) * east_mps
+    shares = np.maximum(pushes, 1e-3) / np.maximum(np.hypot(north_mps, east_mps), 1e-6)
+    shares = np.where(onward_mps < 0.0, -shares, shares)
+    north, east = -float(shares @ east_mps), float(shares @ north_mps)
+    if math.hypot(north, east) < 1e-9:
+        return []  # nobody moves
+    across_rad = math.atan2(east, north) - course_rad
+    aside, along = math.sin(across_rad), math.cos(across_rad)
+    # The attraction is as long as the sum: the gains alone say how far that deflects it.
+    return [math.atan2(gain * aside, 1.0 + gain * along) for gain in _GAIN_STEPS]

@@ -1,20 +1,23 @@
 """Potential field (paper §3.1, eq. 4-9): attraction to the goal, repulsion from obstacles within reach."""
 
+from typing import TypeVar
+
 import numpy as np
 
 from companion.avoidance.geometry import Array
+
+_Place = TypeVar("_Place", float, Array)
 
 # The force at the surface is not finite; closer than this (in the caller's unit of length) it stops growing.
 _CONTACT = 1e-3
 
 
-def attraction(position: Array, goal: Array, gain: float) -> Array:
-    """Eq. 5: F_att = xi_att * (X_g - X), shape of the position.
+def attraction(position: _Place, goal: _Place, gain: float) -> _Place:
+    """Eq. 5: F_att = xi_att * (X_g - X), shape of the position; of numbers, along a line.
 
     It is the slope of half the squared distance; eq. 4 lost the square in print.
     """
-    force: Array = gain * (goal - position)
-    return force
+    return gain * (goal - position)
 
 
 def repulsion_magnitude(surface_distance: Array, reach: Array | float, gain: float) -> Array:
@@ -29,13 +32,12 @@ def repulsion_magnitude(surface_distance: Array, reach: Array | float, gain: flo
     return magnitude
 
 
-def repulsion(rel_position: Array, surface_distance: Array, reach: Array | float, gain: float) -> Array:
-    """Eq. 7: the force away from each obstacle, grad rho being the unit vector from it to us, shape (N, 2).
+def repulsion(rel_position: Array, magnitude: Array) -> Array:
+    """Eq. 7: the force away from each obstacle, grad rho being the unit vector from it to us, shape (2, N).
 
-    `rel_position` is obstacle minus own, (N, 2), in any unit; the others as in `repulsion_magnitude`. On top
-    of its centre an obstacle pushes nowhere.
+    `rel_position` is obstacle minus own, (N, 2+), in any unit; `magnitude` is that of `repulsion_magnitude`.
+    On top of its centre an obstacle pushes nowhere.
     """
-    distance = np.hypot(rel_position[:, 0], rel_position[:, 1])
-    away = -rel_position / np.maximum(distance, 1e-9)[:, None]
-    force: Array = repulsion_magnitude(surface_distance, reach, gain)[:, None] * away
-    return force
+    north, east = rel_position[:, 0], rel_position[:, 1]
+    share = magnitude / np.maximum(np.hypot(north, east), 1e-9)
+    return np.array([-north * share, -east * share])

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import Array
+from companion.avoidance.geometry import Array, RelativeMotion
 from companion.compiled import kernels
-from companion.model import Goal, Guidance
+from companion.model import Goal, Guidance, Vec2
 from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
@@ -37,6 +37,11 @@ _TURN_FADES_S = 35.0
 _TURNED_S = _TURN_FADES_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_FADES_S))
 # Of the whole time, what lies before each moment but the first.
 TIME_SHARES = _STEPS_S / HORIZON_S
+# Who hardly moves against us does not keep us from a height for ever.
+_LONGEST_CROSSING_S = 30.0
+# Slightly more than priced as clear, so that arriving at the height is enough.
+_ROOM = 1.02
+_TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +67,9 @@ class OwnState:
         return math.remainder(self.course_rad - self.heading_rad, math.tau)
 
     @property
-    def ground_mps(self) -> Array:
-        """Velocity over ground as flown now: north and east, (2,)."""
-        heading_rad = self.course_rad - self.crab_rad
-        return np.array(_over_ground_mps(heading_rad, self.airspeed_mps, self.wind_mps))
+    def ground_mps(self) -> Vec2:
+        """Velocity over ground as flown now: north and east."""
+        return _over_ground_mps(self.course_rad - self.crab_rad, self.airspeed_mps, self.wind_mps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,12 +194,12 @@ class Tracks:
 
     def velocity_until_closest_mps(self, path_m: Array) -> Array:
         """Velocities until the closest approach to a ground path (T, 2); the mean, if one turns, (N, 3)."""
-        velocity_mps: Array = kernels.velocities_until_closest(self, path_m, TIMES_S, _TURNED_S)
+        velocity_mps: Array = kernels.velocities_until_closest(self, path_m, _TIMES)
         return velocity_mps
 
     def ground_m(self) -> Array:
         """Where they are at the times of the prediction, north and east, shape (N, T, 2)."""
-        ahead_m: Array = kernels.tracks_ahead(self, TIMES_S, _TURNED_S)
+        ahead_m: Array = kernels.tracks_ahead(self, _TIMES)
         return ahead_m
 
 
@@ -294,22 +298,22 @@ def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Env
         envelope.max_turn_rate_radps,
         envelope.response_s,
         envelope.max_acceleration_mps2,
-        TIMES_S,
+        _TIMES,
     )
     return path_m
 
 
-def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> Array:
-    """Velocity over ground, north and east, of holding a course in the wind, (2,).
+def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> Vec2:
+    """Velocity over ground, north and east, of holding a course in the wind.
 
     Where the wind is too strong for the course the nose points as far into it as helps, and the aircraft goes
     where it is blown.
     """
     heading_rad = course_rad - _steady_crab_rad(course_rad, airspeed_mps, wind_mps)
-    return np.array(_over_ground_mps(heading_rad, airspeed_mps, wind_mps))
+    return _over_ground_mps(heading_rad, airspeed_mps, wind_mps)
 
 
-def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> tuple[float, float]:
+def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> Vec2:
     north_mps, east_mps = wind_mps.tolist()
     return (
         airspeed_mps * math.cos(heading_rad) + north_mps,
@@ -335,7 +339,7 @@ def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
         envelope.response_s,
         envelope.max_sink_mps,
         envelope.max_climb_mps,
-        TIMES_S,
+        _TIMES,
     )
     return altitude_m
 
@@ -347,8 +351,7 @@ def separation(
 
     Only what happens within `horizon_s` counts.
     """
-    kept = kernels.separation(paths, tracks, TIMES_S, _TURNED_S, TIME_SHARES, _count_until(horizon_s), shells)
-    return Separation(*kept)
+    return Separation(*kernels.separation(paths, tracks, _TIMES, _count_until(horizon_s), shells))
 
 
 def losses(
@@ -373,9 +376,7 @@ def losses(
         likely,
         weights,
         lost,
-        TIMES_S,
-        _TURNED_S,
-        TIME_SHARES,
+        _TIMES,
         predicted,
         _count_until(horizon_s),
         _count_until(soon_s),
@@ -388,13 +389,42 @@ def _count_until(time_s: float) -> int:
     return max(bisect_right(_TIMES_S, time_s), 2)
 
 
-def left_to_pass(paths: Paths, tracks: Tracks, then: int, onward_mps: Array, altitude_m: float) -> Array:
-    """How deep the worst volume is entered by who leaves ground paths at moment `then`, shape (H,).
+def heights_to_pass(
+    tracks: Tracks, motion: RelativeMotion, conflict: NDArray[np.bool_]
+) -> tuple[float, float, float]:
+    """Heights that pass over, and under, all tracks in conflict, (N,) [m], and when all are passed [s].
 
-    He flies straight on over ground (north and east, (2,)) at a height; 1 is through the middle, 0 is clear.
+    A track's height matters while it is within the horizontal volume, around the closest approach.
     """
-    north_mps, east_mps = onward_mps.tolist()
-    deepest: Array = kernels.left_to_pass(
-        paths, tracks, then, north_mps, east_mps, altitude_m, TIMES_S, _TURNED_S
+    over_m, under_m, passed_s = kernels.heights_to_pass(
+        tracks,
+        motion.own_velocity_mps,
+        motion.time_to_closest_s,
+        conflict,
+        _LONGEST_CROSSING_S,
+        HORIZON_S,
+        _ROOM,
     )
-    return deepest
+    return over_m, under_m, min(passed_s, HORIZON_S)
+
+
+def outcomes(
+    paths: Paths,
+    tracks: Tracks,
+    then: int,
+    mission_m: Array,
+    onward_mps: Vec2,
+    altitude_m: float,
+    *,
+    aside: float,
+    unresolved: float,
+) -> Array:
+    """What ground paths cost by where they are at moment `then`, and by what is left to do, shape (H,).
+
+    `aside` is for each metre from where the mission would be, (2,). `unresolved` is for how deep the worst
+    volume is entered by who flies straight on from there, over ground and at a height: 1 through its middle.
+    """
+    price: Array = kernels.outcomes(
+        paths, tracks, then, mission_m, aside, unresolved, *onward_mps, altitude_m, _TIMES
+    )
+    return price

@@ -13,10 +13,9 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from companion import units
 from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.fence import Breach, Fence
-from companion.avoidance.geometry import Array, wrap_pi
+from companion.avoidance.geometry import Array
 from companion.avoidance.prediction import (
     HORIZON_S,
     Commands,
@@ -25,13 +24,14 @@ from companion.avoidance.prediction import (
     Tracks,
     fly_ahead,
     ground_velocity_mps,
-    left_to_pass,
     losses,
     moment_at,
+    outcomes,
     separation,
 )
 from companion.avoidance.refusals import Refusals
 from companion.avoidance.surprises import NO_SURPRISES, SurpriseParams, foreseen
+from companion.compiled import kernels
 from companion.model import Guidance
 
 # Commands that differ by no more than this are flown alike.
@@ -163,15 +163,7 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
     if weights.nearness > 0.0:
         kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=True)
         cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
-    off = _off_mission(situation, commands)
-    of_grounds, of_heights = _effort(situation, commands, off)
-    if situation.mission_then_m is not None:
-        of_grounds += _outcome_price(situation, situation.mission_then_m, paths, tracks)
-    cost += of_grounds[commands.ground_of] + of_heights[commands.height_of]
-    if held is not None:
-        course_eases, height_eases = _eases(situation, off, held)
-        eases = course_eases[commands.ground_of] & height_eases[commands.height_of]
-        cost[1:] += np.where(eases[1:], weights.ease, weights.switch)
+    _add_efforts(cost, situation, commands, _outcome_price(situation, paths, tracks), held)
     contained = np.ones(len(commands), dtype=bool)
     if situation.fence is not None:
         breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
@@ -182,20 +174,51 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
     return Priced(commands, cost, closest, contained)
 
 
-def _outcome_price(situation: Situation, mission_then_m: Array, paths: Paths, tracks: Tracks) -> Array:
+def _add_efforts(
+    cost: Array, situation: Situation, commands: Commands, of_outcome: Array, held: Guidance | None
+) -> None:
+    """Add what rows cost of themselves, and by the outcome of their ground paths, (H,).
+
+    Turns and deviations, speeds and heights off the mission's, the wrong side; and for rows but the one held
+    what it costs to switch, or less where they lie between what is held and the mission.
+    """
+    mission = situation.mission
+    kernels.add_efforts(
+        cost,
+        commands,
+        situation.weights,
+        of_outcome,
+        mission.course_rad,
+        mission.airspeed_mps,
+        mission.altitude_m,
+        situation.own.course_rad,
+        situation.right_preferred,
+        situation.spares_heights,
+        held,
+        _SAME_COURSE_RAD,
+        _SAME_HEIGHT_M,
+    )
+
+
+def _outcome_price(situation: Situation, paths: Paths, tracks: Tracks) -> Array:
     """What ground paths cost by where they are when the mission would have passed all threats, (H,).
 
     That is the distance from where the mission would be, and what is left to do: who flies on beside a threat
     keeps clear of it for as long as he likes, but is no nearer to passing it.
     """
-    weights, then, mission = situation.weights, moment_at(situation.passed_s), situation.mission
-    off_m = paths.ground_m[:, then] - mission_then_m
-    cost: Array = weights.aside / 100.0 * np.hypot(off_m[:, 0], off_m[:, 1])
-    if weights.unresolved > 0.0:
-        onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps)
-        left = left_to_pass(paths, tracks, then, onward_mps, mission.altitude_m)
-        cost += (1.0 + situation.impatience) * weights.unresolved * left
-    return cost
+    if situation.mission_then_m is None:
+        return np.zeros(len(paths.ground_m))
+    weights, mission = situation.weights, situation.mission
+    return outcomes(
+        paths,
+        tracks,
+        moment_at(situation.passed_s),
+        situation.mission_then_m,
+        ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps),
+        mission.altitude_m,
+        aside=weights.aside / 100.0,
+        unresolved=(1.0 + situation.impatience) * weights.unresolved,
+    )
 
 
 def _fence_price(situation: Situation, fence: Fence, breach: Breach) -> Array:
@@ -228,50 +251,3 @@ def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Arra
     closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1, initial=np.inf)
     cost: Array = situation.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
     return cost
-
-
-def _eases(situation: Situation, off: "_OffMission", held: Guidance) -> tuple[NDArray[np.bool_], ...]:
-    """Which courses, (H,), and which heights, (Z,), lie between what is held and the mission."""
-    mission = situation.mission
-    held_rad = units.wrap_pi(held.course_rad - mission.course_rad)
-    return (
-        _between(off.course_rad, held_rad, _SAME_COURSE_RAD),
-        _between(off.height_m, held.altitude_m - mission.altitude_m, _SAME_HEIGHT_M),
-    )
-
-
-def _between(values: Array, end: float, slack: float) -> NDArray[np.bool_]:
-    """Which values lie between 0 and an end, or as near to that as makes no difference."""
-    return (values >= min(end, 0.0) - slack) & (values <= max(end, 0.0) + slack)
-
-
-@dataclass(frozen=True, slots=True)
-class _OffMission:
-    """How far courses (H,) and heights (Z,) of commands are off the mission's: to the right, above it."""
-
-    course_rad: Array
-    height_m: Array
-
-
-def _off_mission(situation: Situation, commands: Commands) -> _OffMission:
-    mission = situation.mission
-    return _OffMission(
-        wrap_pi(commands.course_rad - mission.course_rad), commands.altitude_m - mission.altitude_m
-    )
-
-
-def _effort(situation: Situation, commands: Commands, off: _OffMission) -> tuple[Array, Array]:
-    """What courses and speeds, (H,), and heights, (Z,), cost of themselves."""
-    weights, mission = situation.weights, situation.mission
-    ground = (
-        weights.turn / math.pi * np.abs(wrap_pi(commands.course_rad - situation.own.course_rad))
-        + weights.deviation / math.pi * np.abs(off.course_rad)
-        + weights.speed / 10.0 * np.abs(commands.airspeed_mps - mission.airspeed_mps)
-    )
-    if situation.right_preferred:
-        ground += weights.wrong_side * (off.course_rad < math.radians(-1.0))
-    higher_m = np.abs(off.height_m)
-    height = weights.height / 100.0 * higher_m + weights.descent * (off.height_m < -1.0)
-    if situation.spares_heights:
-        height += weights.spared_height * (higher_m > _SAME_HEIGHT_M)
-    return ground, height

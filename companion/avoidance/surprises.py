@@ -7,10 +7,12 @@ ninety metres higher than along the very edge of the volume for a minute.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Le
+from numpy.typing import NDArray
 
 from companion.avoidance.geometry import Array
 from companion.avoidance.prediction import Tracks
@@ -51,15 +53,25 @@ NO_SURPRISES = SurpriseParams(turn_share=0.0, climb_share=0.0)
 def foreseen(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
     """Tracks as predicted, and after them all that the first of them may do instead; how likely each is."""
     count = min(len(tracks), params.tracks) if params.any else 0
-    first = np.arange(count)
-    every = tracks.subset(np.concatenate([np.arange(len(tracks)), first, first, first, first]))
-    likely = np.ones(len(every))
-    if count:
-        _surprise(every.turn_radps[len(tracks) :], every.velocity_mps[len(tracks) :, 2], count, params)
-        flies = np.where(tracks.grounded[:count], 0.0, 1.0)  # what stands on the ground stays there
-        turn, climb = params.turn_share * flies, params.climb_share * flies
-        likely[len(tracks) :] = np.concatenate([turn, turn, climb, climb])
-    return every, likely
+    every = tracks.subset(_and_again(len(tracks), count))
+    _surprise(every.turn_radps[len(tracks) :], every.velocity_mps[len(tracks) :, 2], count, params)
+    flies = tuple(0.0 if grounded else 1.0 for grounded in tracks.grounded[:count].tolist())
+    return every, _likely(len(tracks), flies, params)
+
+
+@lru_cache(maxsize=64)
+def _and_again(tracks: int, count: int) -> NDArray[np.intp]:
+    """Places of all tracks, and then four times of the first."""
+    return np.concatenate([np.arange(tracks), np.tile(np.arange(count), 4)])
+
+
+@lru_cache(maxsize=64)
+def _likely(tracks: int, flies: tuple[float, ...], params: SurpriseParams) -> Array:
+    """How likely each of them is: what stands on the ground stays there."""
+    turn, climb = params.turn_share * np.array(flies), params.climb_share * np.array(flies)
+    likely = np.concatenate([np.ones(tracks), turn, turn, climb, climb])
+    likely.setflags(write=False)  # it is handed out again
+    return likely
 
 
 def _surprise(turn_radps: Array, down_mps: Array, count: int, params: SurpriseParams) -> None:

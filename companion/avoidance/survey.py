@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import (
-    Array,
-    position_at,
-    relative_motion,
-    vertical_distance_m,
-)
+from companion.avoidance.geometry import Array, RelativeMotion, any_of, relative_motion
 from companion.avoidance.outer import OuterMethod
 from companion.avoidance.params import AvoidanceParams, Layers
 from companion.avoidance.prediction import (
@@ -40,11 +35,8 @@ class Survey:
     """All tracks measured against flying the mission on; arrays of shape (N,) unless said otherwise."""
 
     tracks: Tracks
-    rel_position_m: Array  # other minus own, (N, 3)
-    own_rel_velocity_mps: Array  # own on the mission minus other, (N, 3)
+    motion: RelativeMotion  # against our own on the mission
     surface_m: Array  # horizontal distance to the protected volume
-    closing_mps: Array
-    time_to_closest_s: Array
     outer_reach_m: Array
     inner_reach_m: Array
     emergency: NDArray[np.bool_]  # what calls for the inner layer
@@ -56,7 +48,7 @@ class Survey:
         """The tracks to price against: conflicts first, then those soonest reached."""
         if len(self.tracks) == 1:
             return self.tracks
-        reach_s = self.surface_m / (np.hypot(*self.own_rel_velocity_mps[:, :2].T) + _OWN_REACH_MPS)
+        reach_s = self.surface_m / (np.hypot(*self.motion.own_velocity_mps[:, :2].T) + _OWN_REACH_MPS)
         return self.tracks.subset(np.lexsort((reach_s, ~self.conflict))[:most])
 
     @property
@@ -87,25 +79,25 @@ def take(
     """
     onward = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
     # Most of the time nobody turns, nor is in the way as it is: then the mission need not be flown ahead.
-    ahead = fly_ahead(state, Commands.of([mission]), envelope) if tracks.turn_radps.any() else None
+    ahead = fly_ahead(state, Commands.of([mission]), envelope) if any_of(tracks.turn_radps) else None
     # So cones, closing speeds and times mean for who turns towards us what they mean for who flies at us.
     velocity = tracks.velocity_mps if ahead is None else tracks.velocity_until_closest_mps(ahead.ground_m[0])
-    motion = relative_motion(tracks.position_m, velocity, state.position_m, np.array([*onward, 0.0]))
-    rel_position, own_rel_velocity, distance = motion.position_m, -motion.velocity_mps, motion.distance_m
-    surface = distance - tracks.protected_horizontal_m
+    motion = relative_motion(tracks.position_m, velocity, state.position_m, (*onward, 0.0))
+    surface = motion.distance_m - tracks.protected_horizontal_m
     outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * motion.closing_mps)
     inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * motion.closing_mps)
     by_flight = params.outer_method is OuterMethod.PRICED
     has_cone = params.outer_method is not OuterMethod.FIELD
     outer = surface < outer_reach
     if has_cone:
-        approach = own_rel_velocity if by_flight else flown_mps(state) - velocity
-        radius = tracks.protected_horizontal_m + (tracks.shell_m if by_flight else 0.0)
-        alpha = approach_angle_rad(rel_position, approach)
-        outer &= domain.covers(tracks.ids, alpha, half_angle_rad(distance, radius))
+        alpha, radius = motion.approach_rad, tracks.protected_horizontal_m + tracks.shell_m
+        if not by_flight:
+            alpha = approach_angle_rad(motion.position_m, flown_mps(state) - velocity)
+            radius = tracks.protected_horizontal_m
+        outer &= domain.covers(tracks.ids, alpha, half_angle_rad(motion.distance_m, radius))
     # Near by, a turn back to the mission may lead through the volume although its far end does not.
     inner = surface < (tracks.shell_m if params.clears_inner_layer else inner_reach)
-    if outer.any() or inner.any():
+    if any_of(outer) or any_of(inner):
         ahead = ahead or fly_ahead(state, Commands.of([mission]), envelope)
         needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
         needed *= 1.0 + spare if avoiding else _begins(motion.time_to_closest_s, params)
@@ -121,11 +113,8 @@ def take(
         conflict = outer if params.layers is Layers.OUTER else inner
     return Survey(
         tracks=tracks,
-        rel_position_m=rel_position,
-        own_rel_velocity_mps=own_rel_velocity,
+        motion=motion,
         surface_m=surface,
-        closing_mps=motion.closing_mps,
-        time_to_closest_s=motion.time_to_closest_s,
         outer_reach_m=outer_reach,
         inner_reach_m=inner_reach,
         emergency=inner,
@@ -158,7 +147,7 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
     What is not known of a height is added to the volume's before the margin: with all of it against us the
     bare volume is still kept.
     """
-    rows = []
+    positions, velocities, rest = [], [], []
     for track in relevant:
         grounded = track.kind is TrafficKind.OBSTACLE
         across_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
@@ -167,30 +156,28 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
             across_m = track.protected_horizontal_m
         if track.protected_vertical_m is not None:
             aloft_m = track.protected_vertical_m
-        age_s, uncertain_m = now_s - track.time_s, max(track.vertical_uncertainty_m, 0.0)
-        rows.append(
+        uncertain_m = max(track.vertical_uncertainty_m, 0.0)
+        positions.append(moved(track, now_s))
+        velocities.append(track.velocity_mps)
+        rest.append(
             (
-                *track.position_m,
-                *track.velocity_mps,
-                age_s,
                 max(across_m, 1.0) * (1.0 + params.horizontal_margin),
                 (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
                 track.turn_radps,
                 grounded,
             )
         )
-    columns = np.array(rows, dtype=np.float64).T.copy()  # each of them in one piece
-    position = (columns[:3] + columns[3:6] * columns[6]).T.copy()
-    velocity = columns[3:6].T.copy()
+    position = np.array(positions, dtype=np.float64)
+    across, aloft, turns, on_ground = np.array(list(zip(*rest, strict=True)), dtype=np.float64)
     return Tracks(
         tuple(track.track_id for track in relevant),
         position,
-        velocity,
-        columns[7],
-        columns[8],
-        columns[10] > 0.0,
-        _shells_m(position, columns[7], params, goal),
-        columns[9],
+        np.array(velocities, dtype=np.float64),
+        across,
+        aloft,
+        on_ground > 0.0,
+        _shells_m(position, across, params, goal),
+        turns,
     )
 
 
@@ -209,28 +196,44 @@ def threats(survey: Survey, relevant: Sequence[Track], most: int) -> tuple[Threa
     """The conflicts, nearest first."""
     places = survey.conflict.nonzero()[0]
     places = places[survey.surface_m[places].argsort(kind="stable")][:most]
-    rel_m = survey.rel_position_m[places]
-    times_s = survey.time_to_closest_s[places]
-    at_closest_m = position_at(rel_m, -survey.own_rel_velocity_mps[places], np.maximum(times_s, 0.0))
-    vertical_m = vertical_distance_m(at_closest_m[:, 2], survey.tracks.grounded[places])
-    inner = survey.surface_m[places] < survey.inner_reach_m[places]
-    columns = (places, rel_m, at_closest_m, vertical_m, survey.closing_mps[places], times_s, inner)
-    return tuple(
-        Threat(
-            track_id=relevant[place].track_id,
-            icao=relevant[place].icao,
-            distance_m=math.hypot(rel[0], rel[1]),
-            relative_altitude_m=-rel[2],
-            bearing_rad=math.atan2(rel[1], rel[0]),
-            closing_mps=closing_mps,
-            time_to_closest_s=time_s,
-            miss_horizontal_m=math.hypot(closest[0], closest[1]),
-            miss_vertical_m=miss_m,
-            layer=Layer.INNER if is_inner else Layer.OUTER,
-        )
-        for place, rel, closest, miss_m, closing_mps, time_s, is_inner in zip(
-            *(column.tolist() for column in columns), strict=True
-        )
+    motion = survey.motion
+    columns = (
+        places,
+        motion.position_m[places],
+        motion.own_velocity_mps[places],
+        motion.closing_mps[places],
+        motion.time_to_closest_s[places],
+        survey.surface_m[places] < survey.inner_reach_m[places],
+        survey.tracks.grounded[places],
+    )
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return tuple(_threat(relevant[place], *motion) for place, *motion in rows)
+
+
+def _threat(
+    track: Track,
+    rel_m: Vec3,
+    own_rel_mps: Vec3,
+    closing_mps: float,
+    time_s: float,
+    is_inner: bool,
+    grounded: bool,
+) -> Threat:
+    (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = rel_m, own_rel_mps
+    to_go_s = max(time_s, 0.0) if math.isfinite(time_s) else 0.0
+    above_m = down_m - down_mps * to_go_s  # how far we are above it
+    return Threat(
+        track_id=track.track_id,
+        icao=track.icao,
+        distance_m=math.hypot(north_m, east_m),
+        relative_altitude_m=-down_m,
+        bearing_rad=math.atan2(east_m, north_m),
+        closing_mps=closing_mps,
+        time_to_closest_s=time_s,
+        miss_horizontal_m=math.hypot(north_m - north_mps * to_go_s, east_m - east_mps * to_go_s),
+        # What stands on the ground reaches down to it.
+        miss_vertical_m=max(above_m, 0.0) if grounded else abs(above_m),
+        layer=Layer.INNER if is_inner else Layer.OUTER,
     )
 
 
@@ -258,8 +261,8 @@ def matters(track: Track) -> bool:
 def moved(what: Ownship | Track, now_s: float) -> Vec3:
     """Where it is at `now_s`, flying straight since its own time."""
     since_s = now_s - what.time_s
-    north, east, down = (p + v * since_s for p, v in zip(what.position_m, what.velocity_mps, strict=True))
-    return north, east, down
+    (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = what.position_m, what.velocity_mps
+    return north_m + north_mps * since_s, east_m + east_mps * since_s, down_m + down_mps * since_s
 
 
 def refuse_nonsense(own: Ownship, goal: Goal) -> None:
@@ -273,11 +276,7 @@ def refuse_nonsense(own: Ownship, goal: Goal) -> None:
 
 def own_state(now_s: float, own: Ownship) -> OwnState:
     """Ownship at `now_s`, with the wind that it measured or implies."""
-    since_s = now_s - own.time_s
     north_mps, east_mps, down_mps = own.velocity_mps
-    position = np.array(
-        [p + v * since_s for p, v in zip(own.position_m, own.velocity_mps, strict=True)], dtype=np.float64
-    )
     ground_speed = math.hypot(north_mps, east_mps)
     airspeed = own.airspeed_mps if own.airspeed_mps > 1.0 else max(ground_speed, 1.0)
     if own.wind_mps is not None:
@@ -293,7 +292,8 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
     course = math.atan2(east_mps, north_mps) if ground_speed > 1.0 else own.heading_rad
     # Against a stronger wind one course is flown with the nose either way; else it follows from the course.
     heading = own.heading_rad if math.hypot(*wind) >= airspeed else None
-    return OwnState(position, course, airspeed, -down_mps, np.array(wind, dtype=np.float64), heading)
+    position, through = np.array(moved(own, now_s)), np.array(wind, dtype=np.float64)
+    return OwnState(position, course, airspeed, -down_mps, through, heading)
 
 
 def distance_m(state: OwnState, place_m: Vec3) -> float:

@@ -5,15 +5,20 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 
-def tracks_ahead(tracks: object, times_s: _Array, turned_s: _Array) -> _Array: ...
-def velocities_until_closest(tracks: object, path_m: _Array, times_s: _Array, turned_s: _Array) -> _Array: ...
+class Times:
+    def __init__(self, times_s: _Array, turned_s: _Array, shares: _Array) -> None: ...
+
+def tracks_ahead(tracks: object, times: Times) -> _Array: ...
+def velocities_until_closest(tracks: object, path_m: _Array, times: Times) -> _Array: ...
 def relative_motion(
     position_m: _Array,
     velocity_mps: _Array,
     own_position_m: _Array,
-    own_velocity_mps: _Array,
+    own_north_mps: float,
+    own_east_mps: float,
+    own_down_mps: float,
     still_mps: float,
-) -> tuple[_Array, _Array, _Array, _Array, _Array]: ...
+) -> tuple[_Array, _Array, _Array]: ...
 def approach_angles(rel_position_m: _Array, own_rel_velocity_mps: _Array, still_mps: float) -> _Array: ...
 def half_angles(distance_m: _Array, radius_m: _Array) -> _Array: ...
 def ground_paths(
@@ -30,7 +35,7 @@ def ground_paths(
     max_rate_radps: float,
     response_s: float,
     acceleration_mps2: float,
-    times_s: _Array,
+    times: Times,
 ) -> _Array: ...
 def altitudes(
     now_m: float,
@@ -39,16 +44,10 @@ def altitudes(
     response_s: float,
     max_sink_mps: float,
     max_climb_mps: float,
-    times_s: _Array,
+    times: Times,
 ) -> _Array: ...
 def separation(
-    paths: object,
-    tracks: object,
-    times_s: _Array,
-    turned_s: _Array,
-    shares: _Array,
-    count: int,
-    shells: bool,
+    paths: object, tracks: object, times: Times, count: int, shells: bool
 ) -> tuple[_Array, _Array, _Array]: ...
 def losses(
     paths: object,
@@ -56,20 +55,44 @@ def losses(
     likely: _Array,
     weights: object,
     lost: float,
-    times_s: _Array,
-    turned_s: _Array,
-    shares: _Array,
+    times: Times,
     predicted: int,
     count: int,
     soon: int,
 ) -> tuple[_Array, _Array]: ...
-def left_to_pass(
+def heights_to_pass(
+    tracks: object,
+    own_rel_velocity_mps: _Array,
+    to_closest_s: _Array,
+    conflict: NDArray[np.bool_],
+    longest_s: float,
+    horizon_s: float,
+    room: float,
+) -> tuple[float, float, float]: ...
+def add_efforts(
+    cost: _Array,
+    commands: object,
+    weights: object,
+    of_outcome: _Array,
+    course_rad: float,
+    airspeed_mps: float,
+    altitude_m: float,
+    flown_rad: float,
+    right_preferred: bool,
+    spares_heights: bool,
+    held: object | None,
+    same_course_rad: float,
+    same_height_m: float,
+) -> None: ...
+def outcomes(
     paths: object,
     tracks: object,
     then: int,
+    mission_m: _Array,
+    aside: float,
+    unresolved: float,
     ours_north_mps: float,
     ours_east_mps: float,
     altitude_m: float,
-    times_s: _Array,
-    turned_s: _Array,
+    times: Times,
 ) -> _Array: ...

@@ -12,6 +12,7 @@ from libc.math cimport INFINITY, asin, atan2, cos, fabs, fmod, hypot, sin, sqrt
 import numpy as np
 
 cdef double PI = 3.141592653589793
+cdef double TO_THE_LEFT_RAD = -PI / 180.0
 
 
 cdef inline double _between(double value, double low, double high) noexcept nogil:
@@ -30,6 +31,21 @@ cdef inline double _crab_rad(
     """How far left of a course the nose must point to hold it: the wind triangle."""
     cdef double across_mps = east_mps * cos(course_rad) - north_mps * sin(course_rad)
     return asin(_between(across_mps / max(airspeed_mps, 1e-3), -1.0, 1.0))
+
+
+cdef class Times:
+    """The T moments of a prediction, checked once; none but these is ever flown ahead to.
+
+    `turned_s` is for how long a rate of turn has acted by the middle of each step, `shares` what each step
+    is of the whole time, (T - 1,) both.
+    """
+
+    cdef Py_ssize_t count
+    cdef const double[::1] times_s, turned_s, shares
+
+    def __cinit__(self, const double[::1] times_s, const double[::1] turned_s, const double[::1] shares):
+        self.times_s, self.turned_s, self.shares, self.count = times_s, turned_s, shares, times_s.shape[0]
+        _expect(self.count >= 2 and turned_s.shape[0] + 1 == self.count and shares.shape[0] + 1 == self.count)
 
 
 cdef class _Others:
@@ -51,18 +67,13 @@ cdef class _Others:
         _expect(self.grounded.shape[0] == self.count and self.shell_m.shape[0] == self.count)
 
 
-cdef inline void _fly_ahead(
-    double[:, ::1] ahead_m, _Others others, Py_ssize_t n,
-    const double[::1] times_s, const double[::1] turned_s,
-) noexcept:
-    """Where track `n` is at all times, north and east, into `ahead_m` (T, 2).
-
-    `turned_s`, (T - 1,), is for how long its rate of turn has acted by the middle of each step.
-    """
+cdef inline void _fly_ahead(double[:, ::1] ahead_m, _Others others, Py_ssize_t n, Times times) noexcept:
+    """Where track `n` is at all times, north and east, into `ahead_m` (T, 2)."""
     cdef Py_ssize_t i
     cdef double step_s, ahead, across, turn_radps = others.turn_radps[n]
     cdef double north_mps = others.velocity_mps[n, 0], east_mps = others.velocity_mps[n, 1]
     cdef double north_m = others.position_m[n, 0], east_m = others.position_m[n, 1]
+    cdef const double[::1] times_s = times.times_s
     ahead_m[0, 0], ahead_m[0, 1] = north_m, east_m
     for i in range(1, ahead_m.shape[0]):
         if turn_radps == 0.0:
@@ -70,78 +81,86 @@ cdef inline void _fly_ahead(
             ahead_m[i, 1] = east_m + east_mps * times_s[i]
             continue
         step_s = times_s[i] - times_s[i - 1]
-        ahead = step_s * cos(turn_radps * turned_s[i - 1])
-        across = step_s * sin(turn_radps * turned_s[i - 1])
+        ahead = step_s * cos(turn_radps * times.turned_s[i - 1])
+        across = step_s * sin(turn_radps * times.turned_s[i - 1])
         ahead_m[i, 0] = ahead_m[i - 1, 0] + north_mps * ahead - east_mps * across
         ahead_m[i, 1] = ahead_m[i - 1, 1] + east_mps * ahead + north_mps * across
 
 
-def tracks_ahead(tracks, const double[::1] times_s, const double[::1] turned_s):
+def tracks_ahead(tracks, Times times not None):
     """Where tracks are at the times, north and east, (N, T, 2)."""
     cdef Py_ssize_t n
     cdef _Others others = _Others(tracks)
-    _expect(turned_s.shape[0] + 1 == times_s.shape[0])
-    result = np.empty((others.count, times_s.shape[0], 2))
+    result = np.empty((others.count, times.count, 2))
     cdef double[:, :, ::1] ahead_m = result
     for n in range(others.count):
-        _fly_ahead(ahead_m[n], others, n, times_s, turned_s)
+        _fly_ahead(ahead_m[n], others, n, times)
     return result
 
 
-def velocities_until_closest(
-    tracks, const double[:, ::1] path_m, const double[::1] times_s, const double[::1] turned_s
-):
+def velocities_until_closest(tracks, const double[:, ::1] path_m, Times times not None):
     """Mean velocities of tracks until they are closest to a ground path (T, 2), at least one step, (N, 3)."""
     cdef Py_ssize_t n, i, nearest
     cdef _Others others = _Others(tracks)
-    _expect(turned_s.shape[0] + 1 == times_s.shape[0])
-    _expect(path_m.shape[0] == times_s.shape[0] and path_m.shape[1] == 2)
+    _expect(path_m.shape[0] == times.count and path_m.shape[1] == 2)
     result = np.array(others.velocity_mps)
     cdef double[:, ::1] mean_mps = result
-    cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
+    cdef double[:, ::1] other_m = np.empty((times.count, 2))
     cdef double north, east, off2, least2
     for n in range(others.count):
         if others.turn_radps[n] == 0.0:
             continue
-        _fly_ahead(other_m, others, n, times_s, turned_s)
+        _fly_ahead(other_m, others, n, times)
         nearest, least2 = 0, INFINITY
-        for i in range(times_s.shape[0]):
+        for i in range(times.count):
             north, east = other_m[i, 0] - path_m[i, 0], other_m[i, 1] - path_m[i, 1]
             off2 = north * north + east * east
             if off2 < least2:
                 nearest, least2 = i, off2
         nearest = max(nearest, 1)
-        mean_mps[n, 0] = (other_m[nearest, 0] - other_m[0, 0]) / times_s[nearest]
-        mean_mps[n, 1] = (other_m[nearest, 1] - other_m[0, 1]) / times_s[nearest]
+        mean_mps[n, 0] = (other_m[nearest, 0] - other_m[0, 0]) / times.times_s[nearest]
+        mean_mps[n, 1] = (other_m[nearest, 1] - other_m[0, 1]) / times.times_s[nearest]
     return result
 
 
-def relative_motion(
-    const double[:, ::1] position_m, const double[:, ::1] velocity_mps,
-    const double[::1] own_position_m, const double[::1] own_velocity_mps, double still_mps,
-):
-    """Places and velocities relative to us, (N, 3), horizontal distances, closing speeds and times, (N,).
+cdef inline double _approach_angle(
+    double north, double east, double north_mps, double east_mps, double still_mps
+) noexcept nogil:
+    """From the line of sight to a velocity, positive to the left; pi without motion."""
+    if hypot(north_mps, east_mps) < still_mps:
+        return PI
+    # In north-east coordinates a positive cross product turns clockwise, to the right.
+    return atan2(-(north * east_mps - east * north_mps), north * north_mps + east * east_mps)
 
-    Times are to the horizontal closest approach; slower than `still_mps` is no motion.
+
+def relative_motion(
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] own_position_m,
+    double own_north_mps, double own_east_mps, double own_down_mps, double still_mps,
+):
+    """Places of others from us and our velocities relative to theirs, (N, 3), and four rows of (N,).
+
+    Those are, over ground: distances, closing speeds, times to the closest approach, approach angles. Slower
+    than `still_mps` is no motion.
     """
-    cdef Py_ssize_t n, i, count = position_m.shape[0]
+    cdef Py_ssize_t n, count = position_m.shape[0]
     _expect(position_m.shape[1] == 3 and velocity_mps.shape[1] == 3 and velocity_mps.shape[0] == count)
-    _expect(own_position_m.shape[0] == 3 and own_velocity_mps.shape[0] == 3)
-    of_positions, of_velocities = np.empty((count, 3)), np.empty((count, 3))
-    of_distances, of_closings, of_times = np.empty(count), np.empty(count), np.empty(count)
-    cdef double[:, ::1] rel_m = of_positions, rel_mps = of_velocities
-    cdef double[::1] distance_m = of_distances, closing_mps = of_closings, time_s = of_times
-    cdef double along, speed2
+    _expect(own_position_m.shape[0] == 3)
+    of_places, of_velocities, of_all_else = np.empty((count, 3)), np.empty((count, 3)), np.empty((4, count))
+    cdef double[:, ::1] place_m = of_places, own_mps = of_velocities, all_else = of_all_else
+    cdef double north_m, east_m, north_mps, east_mps, distance_m, along, speed2
     for n in range(count):
-        for i in range(3):
-            rel_m[n, i] = position_m[n, i] - own_position_m[i]
-            rel_mps[n, i] = velocity_mps[n, i] - own_velocity_mps[i]
-        along = rel_m[n, 0] * rel_mps[n, 0] + rel_m[n, 1] * rel_mps[n, 1]
-        speed2 = rel_mps[n, 0] * rel_mps[n, 0] + rel_mps[n, 1] * rel_mps[n, 1]
-        distance_m[n] = hypot(rel_m[n, 0], rel_m[n, 1])
-        closing_mps[n] = max(-along / max(distance_m[n], 1e-9), 0.0)
-        time_s[n] = -along / speed2 if speed2 > still_mps * still_mps else INFINITY
-    return of_positions, of_velocities, of_distances, of_closings, of_times
+        north_m, east_m = position_m[n, 0] - own_position_m[0], position_m[n, 1] - own_position_m[1]
+        north_mps, east_mps = own_north_mps - velocity_mps[n, 0], own_east_mps - velocity_mps[n, 1]
+        place_m[n, 0], place_m[n, 1], place_m[n, 2] = north_m, east_m, position_m[n, 2] - own_position_m[2]
+        own_mps[n, 0], own_mps[n, 1], own_mps[n, 2] = north_mps, east_mps, own_down_mps - velocity_mps[n, 2]
+        along = north_m * north_mps + east_m * east_mps
+        speed2 = north_mps * north_mps + east_mps * east_mps
+        distance_m = hypot(north_m, east_m)
+        all_else[0, n] = distance_m
+        all_else[1, n] = max(along / max(distance_m, 1e-9), 0.0)
+        all_else[2, n] = along / speed2 if speed2 > still_mps * still_mps else INFINITY
+        all_else[3, n] = _approach_angle(north_m, east_m, north_mps, east_mps, still_mps)
+    return of_places, of_velocities, of_all_else
 
 
 def approach_angles(
@@ -153,17 +172,11 @@ def approach_angles(
     _expect(rel_position_m.shape[1] >= 2 and own_rel_velocity_mps.shape[1] >= 2)
     result = np.empty(count)
     cdef double[::1] alpha_rad = result
-    cdef double north, east, north_mps, east_mps
     for n in range(count):
-        north, east = rel_position_m[n, 0], rel_position_m[n, 1]
-        north_mps, east_mps = own_rel_velocity_mps[n, 0], own_rel_velocity_mps[n, 1]
-        if hypot(north_mps, east_mps) < still_mps:
-            alpha_rad[n] = PI
-        else:
-            # In north-east coordinates a positive cross product turns clockwise, to the right.
-            alpha_rad[n] = atan2(
-                -(north * east_mps - east * north_mps), north * north_mps + east * east_mps
-            )
+        alpha_rad[n] = _approach_angle(
+            rel_position_m[n, 0], rel_position_m[n, 1],
+            own_rel_velocity_mps[n, 0], own_rel_velocity_mps[n, 1], still_mps,
+        )
     return result
 
 
@@ -185,13 +198,14 @@ def ground_paths(
     double wind_north_mps, double wind_east_mps,
     const double[::1] target_rad, const double[::1] target_mps,
     double turn_acceleration_mps2, double max_rate_radps, double response_s, double acceleration_mps2,
-    const double[::1] times_s,
+    Times times not None,
 ):
     """Ground paths by eq. 2 to target courses and airspeeds (H,), (H, T, 2)."""
-    cdef Py_ssize_t h, i, rows = target_rad.shape[0], count = times_s.shape[0]
+    cdef Py_ssize_t h, i, rows = target_rad.shape[0], count = times.count
     _expect(target_mps.shape[0] == rows)
     result = np.empty((rows, count, 2))
     cdef double[:, :, ::1] path_m = result
+    cdef const double[::1] times_s = times.times_s
     cdef double step_s, middle_s, rate_radps, most_rad, speed_mps, flown_mps, heading_rad, flown_rad
     cdef double turn_rad, to_turn_rad, nose_rad = course_rad - crab_rad
     cdef double north, east, through_north_m, through_east_m
@@ -227,15 +241,16 @@ def ground_paths(
 
 def altitudes(
     double now_m, double climb_mps, const double[::1] target_m, double response_s,
-    double max_sink_mps, double max_climb_mps, const double[::1] times_s,
+    double max_sink_mps, double max_climb_mps, Times times not None,
 ):
     """Heights on the way to target heights (Z,): the present climb until the command bites, (Z, T)."""
     cdef Py_ssize_t z, i
     cdef double acting_s, before_m, to_go_m
-    result = np.empty((target_m.shape[0], times_s.shape[0]))
+    result = np.empty((target_m.shape[0], times.count))
     cdef double[:, ::1] altitude_m = result
+    cdef const double[::1] times_s = times.times_s
     for z in range(target_m.shape[0]):
-        for i in range(times_s.shape[0]):
+        for i in range(times.count):
             before_m = now_m + climb_mps * min(times_s[i], response_s)
             acting_s = max(times_s[i] - response_s, 0.0)
             to_go_m = target_m[z] - (now_m + climb_mps * response_s)
@@ -278,15 +293,14 @@ cdef class _Squares:
         self.other_m = np.empty((times, 2))
 
     cdef void measure(
-        self, _Ways ways, _Others others, Py_ssize_t n, const double[::1] times_s, const double[::1] turned_s,
-        Py_ssize_t count,
+        self, _Ways ways, _Others others, Py_ssize_t n, Times times, Py_ssize_t count
     ) noexcept:
         """From track `n`, at the first `count` times."""
         cdef Py_ssize_t h, z, i
         cdef double north, east, down_m, above_m
         cdef double per_horizontal2 = 1.0 / (others.horizontal_m[n] * others.horizontal_m[n])
         cdef double per_vertical2 = 1.0 / (others.vertical_m[n] * others.vertical_m[n])
-        _fly_ahead(self.other_m, others, n, times_s, turned_s)
+        _fly_ahead(self.other_m, others, n, times)
         for h in range(ways.grounds):
             for i in range(count):
                 north = ways.ground_m[h, i, 0] - self.other_m[i, 0]
@@ -294,34 +308,26 @@ cdef class _Squares:
                 self.horizontal[h, i] = (north * north + east * east) * per_horizontal2
         for z in range(ways.heights):
             for i in range(count):
-                down_m = others.position_m[n, 2] + others.velocity_mps[n, 2] * times_s[i]
+                down_m = others.position_m[n, 2] + others.velocity_mps[n, 2] * times.times_s[i]
                 above_m = ways.altitude_m[z, i] + down_m
                 if others.grounded[n] and above_m < 0.0:
                     above_m = 0.0
                 self.vertical[z, i] = above_m * above_m * per_vertical2
 
 
-def separation(
-    paths, tracks,
-    const double[::1] times_s, const double[::1] turned_s, const double[::1] shares,
-    Py_ssize_t count, bint shells,
-):
-    """Closest, exposure and nearness of K rows to N tracks in the first `count` times, three of (K, N).
-
-    The weights of exposure and nearness are `shares`, of the time before each moment but the first, (T - 1,).
-    """
+def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shells):
+    """Closest, exposure and nearness of K rows to N tracks in the first `count` times, three of (K, N)."""
     cdef Py_ssize_t n, k, i, h, z
-    _expect(turned_s.shape[0] + 1 == times_s.shape[0] and shares.shape[0] + 1 == times_s.shape[0])
-    _expect(1 <= count <= times_s.shape[0])
-    cdef _Ways ways = _Ways(paths, times_s.shape[0])
+    _expect(1 <= count <= times.count)
+    cdef _Ways ways = _Ways(paths, times.count)
     cdef _Others others = _Others(tracks)
-    cdef _Squares squares = _Squares(ways, times_s.shape[0])
+    cdef _Squares squares = _Squares(ways, times.count)
     of_closest, of_exposure = np.empty((ways.rows, others.count)), np.empty((ways.rows, others.count))
     of_nearness = np.zeros((ways.rows, others.count))
     cdef double[:, ::1] closest = of_closest, exposure = of_exposure, nearness = of_nearness
     cdef double ratio, least, depth, near, volumes
     for n in range(others.count):
-        squares.measure(ways, others, n, times_s, turned_s, count)
+        squares.measure(ways, others, n, times, count)
         volumes = others.horizontal_m[n] / max(others.shell_m[n], 1.0)
         for k in range(ways.rows):
             h, z = ways.ground_of[k], ways.height_of[k]
@@ -332,15 +338,14 @@ def separation(
                     ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
                     if ratio < 1.0 or shells:
                         ratio = sqrt(ratio)
-                        depth += shares[i - 1] * max(1.0 - ratio, 0.0)
-                        near += shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
+                        depth += times.shares[i - 1] * max(1.0 - ratio, 0.0)
+                        near += times.shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
             closest[k, n], exposure[k, n], nearness[k, n] = sqrt(least), depth, near if shells else 0.0
     return of_closest, of_exposure, of_nearness
 
 
 def losses(
-    paths, tracks, const double[::1] likely, weights, double lost,
-    const double[::1] times_s, const double[::1] turned_s, const double[::1] shares,
+    paths, tracks, const double[::1] likely, weights, double lost, Times times not None,
     Py_ssize_t predicted, Py_ssize_t count, Py_ssize_t soon,
 ):
     """What rows cost by how they keep clear of tracks, each as `likely` as it is, and the closest, (K,) each.
@@ -352,11 +357,10 @@ def losses(
     little differently, and must not be thrown over for that.
     """
     cdef Py_ssize_t n, k, i, h, z, until
-    _expect(turned_s.shape[0] + 1 == times_s.shape[0] and shares.shape[0] + 1 == times_s.shape[0])
-    _expect(1 <= count <= times_s.shape[0] and 1 <= soon <= times_s.shape[0])
-    cdef _Ways ways = _Ways(paths, times_s.shape[0])
+    _expect(1 <= count <= times.count and 1 <= soon <= times.count)
+    cdef _Ways ways = _Ways(paths, times.count)
     cdef _Others others = _Others(tracks)
-    cdef _Squares squares = _Squares(ways, times_s.shape[0])
+    cdef _Squares squares = _Squares(ways, times.count)
     _expect(likely.shape[0] == others.count)
     cdef double margin = weights.margin, loss = weights.loss
     cdef double depth = weights.depth, exposure = weights.exposure
@@ -365,7 +369,7 @@ def losses(
     cdef double ratio, near, within, price
     for n in range(others.count):
         until = count if n < predicted else soon
-        squares.measure(ways, others, n, times_s, turned_s, until)
+        squares.measure(ways, others, n, times, until)
         for k in range(ways.rows):
             h, z = ways.ground_of[k], ways.height_of[k]
             near = sqrt(_least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], until))
@@ -377,7 +381,7 @@ def losses(
             for i in range(1, until):
                 ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
                 if ratio < 1.0:
-                    within += shares[i - 1] * (1.0 - sqrt(ratio))
+                    within += times.shares[i - 1] * (1.0 - sqrt(ratio))
             price = margin * (1.0 - near) + exposure * within
             if near < lost:
                 price += loss + depth * (lost - near)
@@ -404,26 +408,59 @@ cdef inline double _least_of_greater(
     return min(min(a, b), min(c, d))
 
 
-def left_to_pass(
-    paths, tracks, Py_ssize_t then, double ours_north_mps, double ours_east_mps, double altitude_m,
-    const double[::1] times_s, const double[::1] turned_s,
+def heights_to_pass(
+    tracks, const double[:, ::1] own_rel_velocity_mps, const double[::1] to_closest_s, conflict,
+    double longest_s, double horizon_s, double room,
 ):
-    """How deep flying on straight from moment `then` of ground paths leads into any volume at worst, (H,)."""
-    cdef Py_ssize_t n, h
-    _expect(1 <= then < times_s.shape[0] and turned_s.shape[0] + 1 == times_s.shape[0])
-    cdef _Ways ways = _Ways(paths, times_s.shape[0])
+    """The lowest height over, the highest under all tracks in conflict, (N,), and when all are passed."""
+    cdef Py_ssize_t n
     cdef _Others others = _Others(tracks)
-    result = np.zeros(ways.grounds)
-    cdef double[::1] deepest = result
-    cdef double[:, ::1] other_m = np.empty((times_s.shape[0], 2))
+    cdef const unsigned char[::1] matters = conflict.view(np.uint8)
+    _expect(own_rel_velocity_mps.shape[0] == others.count and own_rel_velocity_mps.shape[1] == 3)
+    _expect(to_closest_s.shape[0] == others.count and matters.shape[0] == others.count)
+    cdef double over_m = -INFINITY, under_m = INFINITY, passed_s = 0.0
+    cdef double crossing_s, closest_s, first_m, last_m, room_m
+    for n in range(others.count):
+        if not matters[n]:
+            continue
+        crossing_s = min(others.horizontal_m[n] / max(
+            hypot(own_rel_velocity_mps[n, 0], own_rel_velocity_mps[n, 1]), 1.0
+        ), longest_s)
+        closest_s = _between(to_closest_s[n], 0.0, horizon_s)
+        first_m = -others.position_m[n, 2] - others.velocity_mps[n, 2] * max(closest_s - crossing_s, 0.0)
+        last_m = -others.position_m[n, 2] - others.velocity_mps[n, 2] * (closest_s + crossing_s)
+        room_m = room * others.vertical_m[n]
+        over_m = max(over_m, max(first_m, last_m) + room_m)
+        under_m = min(under_m, min(first_m, last_m) - room_m)
+        passed_s = max(passed_s, closest_s + crossing_s)
+    return over_m, under_m, passed_s
+
+
+def outcomes(
+    paths, tracks, Py_ssize_t then, const double[::1] mission_m, double aside, double unresolved,
+    double ours_north_mps, double ours_east_mps, double altitude_m, Times times not None,
+):
+    """What ground paths cost by where they are at moment `then`, (H,).
+
+    That is `aside` times the distance from the mission's place at that time (2,), and `unresolved` times how
+    deep flying straight on from there leads into any volume at worst.
+    """
+    cdef Py_ssize_t n, h
+    _expect(1 <= then < times.count)
+    cdef _Ways ways = _Ways(paths, times.count)
+    cdef _Others others = _Others(tracks)
+    _expect(mission_m.shape[0] == 2)
+    result, of_depths = np.empty(ways.grounds), np.zeros(ways.grounds)
+    cdef double[::1] price = result, deepest = of_depths
+    cdef double[:, ::1] other_m = np.empty((times.count, 2))
     cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, across_m
     for n in range(others.count):
-        _fly_ahead(other_m, others, n, times_s, turned_s)
-        step_s = times_s[then] - times_s[then - 1]
+        _fly_ahead(other_m, others, n, times)
+        step_s = times.times_s[then] - times.times_s[then - 1]
         north_mps = (other_m[then, 0] - other_m[then - 1, 0]) / step_s - ours_north_mps
         east_mps = (other_m[then, 1] - other_m[then - 1, 1]) / step_s - ours_east_mps
         speed2 = max(north_mps * north_mps + east_mps * east_mps, 1.0)
-        above_m = altitude_m + others.position_m[n, 2] + others.velocity_mps[n, 2] * times_s[then]
+        above_m = altitude_m + others.position_m[n, 2] + others.velocity_mps[n, 2] * times.times_s[then]
         vertical = (max(above_m, 0.0) if others.grounded[n] else fabs(above_m)) / others.vertical_m[n]
         for h in range(ways.grounds):
             north_m = other_m[then, 0] - ways.ground_m[h, then, 0]
@@ -431,7 +468,69 @@ def left_to_pass(
             to_go_s = max(-(north_m * north_mps + east_m * east_mps) / speed2, 0.0)
             across_m = hypot(north_m + north_mps * to_go_s, east_m + east_mps * to_go_s)
             deepest[h] = max(deepest[h], 1.0 - max(across_m / others.horizontal_m[n], vertical))
+    for h in range(ways.grounds):
+        north_m = ways.ground_m[h, then, 0] - mission_m[0]
+        east_m = ways.ground_m[h, then, 1] - mission_m[1]
+        price[h] = aside * hypot(north_m, east_m) + unresolved * deepest[h]
     return result
+
+
+def add_efforts(
+    double[::1] cost, commands, weights, const double[::1] of_outcome,
+    double course_rad, double airspeed_mps, double altitude_m, double flown_rad,
+    bint right_preferred, bint spares_heights, held, double same_course_rad, double same_height_m,
+):
+    """Add what rows cost of themselves, (K,), and by the outcome of their ground paths, (H,).
+
+    The mission's course, speed and height; the course flown; `held` is the guidance of row 0, if there is one.
+    """
+    cdef Py_ssize_t h, z, k
+    cdef const double[::1] target_rad = commands.course_rad, target_mps = commands.airspeed_mps
+    cdef const double[::1] target_m = commands.altitude_m
+    cdef const Py_ssize_t[::1] ground_of = commands.ground_of, height_of = commands.height_of
+    cdef Py_ssize_t grounds = target_rad.shape[0], heights = target_m.shape[0], rows = ground_of.shape[0]
+    _expect(target_mps.shape[0] == grounds and of_outcome.shape[0] == grounds)
+    _expect(cost.shape[0] == rows and height_of.shape[0] == rows)
+    cdef double turn = weights.turn / PI, deviation = weights.deviation / PI, speed = weights.speed / 10.0
+    cdef double wrong_side = weights.wrong_side if right_preferred else 0.0
+    cdef double height = weights.height / 100.0, descent = weights.descent
+    cdef double spared_height = weights.spared_height if spares_heights else 0.0
+    cdef double switched = weights.switch, eased = weights.ease
+    cdef bint holds = held is not None
+    cdef double held_rad = _wrap_pi(held.course_rad - course_rad) if holds else 0.0
+    cdef double held_m = held.altitude_m - altitude_m if holds else 0.0
+    cdef double[::1] price = np.empty(grounds + heights)
+    cdef unsigned char[::1] eases = np.empty(grounds + heights, dtype=np.uint8)
+    cdef double off_rad, off_m
+    for h in range(grounds):
+        off_rad = _wrap_pi(target_rad[h] - course_rad)
+        price[h] = (
+            turn * fabs(_wrap_pi(target_rad[h] - flown_rad)) + deviation * fabs(off_rad)
+            + speed * fabs(target_mps[h] - airspeed_mps)
+        )
+        if off_rad < TO_THE_LEFT_RAD:
+            price[h] += wrong_side
+        price[h] += of_outcome[h]
+        eases[h] = _lies_between(off_rad, held_rad, same_course_rad)
+    for z in range(heights):
+        off_m = target_m[z] - altitude_m
+        price[grounds + z] = height * fabs(off_m)
+        if off_m < -1.0:
+            price[grounds + z] += descent
+        if fabs(off_m) > same_height_m:
+            price[grounds + z] += spared_height
+        eases[grounds + z] = _lies_between(off_m, held_m, same_height_m)
+    for k in range(rows):
+        h, z = ground_of[k], grounds + height_of[k]
+        _expect(0 <= h < grounds and grounds <= z < grounds + heights)
+        cost[k] += price[h] + price[z]
+        if holds and k > 0:
+            cost[k] += eased if eases[h] and eases[z] else switched
+
+
+cdef inline bint _lies_between(double value, double end, double slack) noexcept nogil:
+    """Whether it lies between 0 and an end, or as near to that as makes no difference."""
+    return min(end, 0.0) - slack <= value <= max(end, 0.0) + slack
 
 
 cdef int _expect_tracks(

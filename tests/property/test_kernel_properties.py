@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.avoidance.cone import approach_angle_rad
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, relative_motion
 from companion.avoidance.prediction import (
@@ -19,13 +20,15 @@ from companion.avoidance.prediction import (
     Tracks,
     fly_ahead,
     ground_velocity_mps,
-    left_to_pass,
+    heights_to_pass,
     losses,
     moment_at,
+    outcomes,
     separation,
 )
 from companion.avoidance.pricing import CostWeights
 from companion.compiled import kernels
+from companion.model import Guidance
 from companion.units import STANDARD_GRAVITY_MPS2
 
 STEPS_S = np.diff(TIMES_S)
@@ -187,14 +190,16 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
 
 
 @given(seeds, st.floats(1.0, HORIZON_S))
-def test_what_is_left_to_pass_is_the_closest_approach_of_flying_on_from_then(
+def test_outcomes_are_distances_then_and_the_closest_approach_of_flying_on_from_there(
     seed: int, then_s: float
 ) -> None:
     rng = np.random.default_rng(seed)
     tracks, own, then = some_tracks(rng), some_own(rng), moment_at(then_s)
     paths = fly_ahead(own, some_commands(rng), Envelope())
     onward_mps = ground_velocity_mps(1.0, 22.0, own.wind_mps)
-    left = left_to_pass(paths, tracks, then, onward_mps, 310.0)
+    mission_m = rng.normal(0.0, 500.0, 2)
+    aside, unresolved = rng.uniform(0.0, 9.0, 2).tolist()
+    cost = outcomes(paths, tracks, then, mission_m, onward_mps, 310.0, aside=aside, unresolved=unresolved)
     ahead_m = plain_tracks_m(tracks)
     expected = np.zeros(len(paths.ground_m))
     for n in range(len(tracks)):
@@ -209,7 +214,100 @@ def test_what_is_left_to_pass_is_the_closest_approach_of_flying_on_from_then(
                 across_m / tracks.protected_horizontal_m[n], vertical_m / tracks.protected_vertical_m[n]
             )
             expected[h] = max(expected[h], 1.0 - ratio)
-    assert left == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    off_m = np.hypot(*(paths.ground_m[:, then] - mission_m).T)
+    assert cost == pytest.approx(aside * off_m + unresolved * expected, rel=1e-9, abs=1e-9)
+
+
+@given(seeds)
+def test_efforts_are_what_the_plain_maths_has_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    commands, mission = some_commands(rng), some_guidance(rng)
+    held = some_guidance(rng) if rng.random() < 0.5 else None
+    if held is not None:
+        commands = commands.after(held)
+    weights, flown_rad = CostWeights(*rng.uniform(0.0, 9.0, 15).tolist()), float(rng.uniform(-4.0, 4.0))
+    to_the_right, spares = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
+    of_outcome, before = rng.random(len(commands.course_rad)), rng.random(len(commands))
+    cost = before.copy()
+    kernels.add_efforts(
+        cost,
+        commands,
+        weights,
+        of_outcome,
+        mission.course_rad,
+        mission.airspeed_mps,
+        mission.altitude_m,
+        flown_rad,
+        to_the_right,
+        spares,
+        held,
+        0.1,
+        5.0,
+    )
+    for row in range(len(commands)):
+        ground, height = commands.ground_of[row], commands.height_of[row]
+        off_rad = around_rad(commands.course_rad[ground], mission.course_rad)
+        off_m = commands.altitude_m[height] - mission.altitude_m
+        expected = before[row] + of_outcome[ground]
+        expected += weights.turn / math.pi * abs(around_rad(commands.course_rad[ground], flown_rad))
+        expected += weights.deviation / math.pi * abs(off_rad)
+        expected += weights.speed / 10.0 * abs(commands.airspeed_mps[ground] - mission.airspeed_mps)
+        expected += weights.wrong_side * (to_the_right and off_rad < -math.radians(1.0))
+        expected += weights.height / 100.0 * abs(off_m) + weights.descent * (off_m < -1.0)
+        expected += weights.spared_height * (spares and abs(off_m) > 5.0)
+        if held is not None and row > 0:
+            held_rad = around_rad(held.course_rad, mission.course_rad)
+            held_m = held.altitude_m - mission.altitude_m
+            eases = min(held_rad, 0.0) - 0.1 <= off_rad <= max(held_rad, 0.0) + 0.1
+            eases &= min(held_m, 0.0) - 5.0 <= off_m <= max(held_m, 0.0) + 5.0
+            expected += weights.ease if eases else weights.switch
+        assert cost[row] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def some_guidance(rng: np.random.Generator) -> Guidance:
+    return Guidance(*rng.uniform((-4.0, 14.0, 100.0), (4.0, 30.0, 500.0)).tolist())
+
+
+def around_rad(course_rad: float, from_rad: float) -> float:
+    return math.remainder(course_rad - from_rad, math.tau)
+
+
+@given(seeds)
+def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tracks, own_m, own_mps = some_tracks(rng), rng.normal(0.0, 100.0, 3), rng.normal(0.0, 20.0, 3)
+    motion = relative_motion(tracks.position_m, tracks.velocity_mps, own_m, tuple(own_mps.tolist()))
+    for n in range(len(tracks)):
+        away_m, towards_mps = tracks.position_m[n] - own_m, own_mps - tracks.velocity_mps[n]
+        assert motion.position_m[n] == pytest.approx(away_m)
+        assert motion.own_velocity_mps[n] == pytest.approx(towards_mps)
+        distance_m, along = math.hypot(*away_m[:2]), float(away_m[:2] @ towards_mps[:2])
+        assert motion.distance_m[n] == pytest.approx(distance_m)
+        assert motion.closing_mps[n] == pytest.approx(max(along / distance_m, 0.0))
+        assert motion.time_to_closest_s[n] == pytest.approx(along / (towards_mps[:2] @ towards_mps[:2]))
+        assert motion.approach_rad[n] == approach_angle_rad(away_m[None], towards_mps[None])[0]
+
+
+@given(seeds)
+def test_heights_to_pass_are_beyond_every_threat_while_it_is_near(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tracks = some_tracks(rng)
+    motion = relative_motion(tracks.position_m, tracks.velocity_mps, np.zeros(3), (20.0, 0.0, 0.0))
+    conflict = rng.random(len(tracks)) < 0.7
+    over_m, under_m, passed_s = heights_to_pass(tracks, motion, conflict)
+    tops, feet, until = [-math.inf], [math.inf], [0.0]
+    for n in np.flatnonzero(conflict):
+        speed_mps = max(math.hypot(*motion.own_velocity_mps[n, :2]), 1.0)
+        crossing_s = min(tracks.protected_horizontal_m[n] / speed_mps, 30.0)
+        closest_s = min(max(motion.time_to_closest_s[n], 0.0), HORIZON_S)
+        near_s = np.linspace(max(closest_s - crossing_s, 0.0), closest_s + crossing_s, 7)
+        heights_m = -tracks.position_m[n, 2] - tracks.velocity_mps[n, 2] * near_s
+        tops.append(float(heights_m.max()) + 1.02 * tracks.protected_vertical_m[n])
+        feet.append(float(heights_m.min()) - 1.02 * tracks.protected_vertical_m[n])
+        until.append(float(near_s[-1]))
+    assert over_m == pytest.approx(max(tops))
+    assert under_m == pytest.approx(min(feet))
+    assert passed_s == pytest.approx(min(max(until), HORIZON_S))
 
 
 @given(seeds)
@@ -234,7 +332,7 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     tracks = some_tracks(rng)
     while len(tracks) < 2:
         tracks = some_tracks(rng)
-    paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
+    paths, more = fly_ahead(some_own(rng), some_commands(rng), Envelope()), np.zeros((len(tracks) + 1, 3))
     with pytest.raises(ValueError, match="do not match"):
         separation(paths, replace(tracks, turn_radps=np.zeros(1)))
     with pytest.raises(ValueError, match="do not match"):
@@ -246,10 +344,25 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     with pytest.raises(ValueError, match="do not match"):
         replace(tracks, position_m=np.zeros((len(tracks), 1))).ground_m()
     with pytest.raises(ValueError, match="do not match"):
-        kernels.tracks_ahead(tracks, TIMES_S, np.zeros(3))
+        kernels.Times(TIMES_S, np.zeros(3), STEPS_S)
     with pytest.raises(ValueError, match="do not match"):
         tracks.velocity_until_closest_mps(np.zeros((2, 2)))
     with pytest.raises(ValueError, match="do not match"):
-        relative_motion(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(3), np.zeros(3))
+        relative_motion(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(3), (0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="do not match"):
+        heights_to_pass(tracks, relative_motion(more, more, more[0], (0.0, 0.0, 0.0)), tracks.grounded)
+    with pytest.raises(ValueError, match="do not match"):
+        outcomes(paths, tracks, 1000, np.zeros(2), (0.0, 0.0), 0.0, aside=0.0, unresolved=0.0)
+    with pytest.raises(ValueError, match="do not match"):
+        add_nothing(np.zeros(2), Commands.of([some_guidance(rng)]))
+    with pytest.raises(ValueError, match="do not match"):
+        add_nothing(np.zeros(1), replace(Commands.of([some_guidance(rng)]), height_of=np.array([1])))
     with pytest.raises(ValueError, match="do not match"):
         kernels.half_angles(np.zeros(3), np.zeros(2))
+
+
+def add_nothing(cost: Array, commands: Commands) -> None:
+    of_outcome = np.zeros(len(commands.course_rad))
+    kernels.add_efforts(
+        cost, commands, CostWeights(), of_outcome, 0.0, 20.0, 300.0, 0.0, False, False, None, 0.1, 5.0
+    )

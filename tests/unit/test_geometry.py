@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
-from companion.avoidance.geometry import (
-    RelativeMotion,
-    position_at,
-    relative_motion,
-    vertical_distance_m,
-)
+from companion.avoidance.geometry import RelativeMotion, any_of, relative_motion
 from companion.avoidance.potential import attraction, repulsion_magnitude
 
 
@@ -21,13 +16,13 @@ def rows(*vectors: tuple[float, ...]) -> np.ndarray:
 
 def motion(position: tuple[float, ...], velocity: tuple[float, ...]) -> RelativeMotion:
     """Of one who is seen from the origin, by somebody who stands there."""
-    return relative_motion(rows(position), rows(velocity), np.zeros(3), np.zeros(3))
+    return relative_motion(rows(position), rows(velocity), np.zeros(3), (0.0, 0.0, 0.0))
 
 
 def test_closest_approach_of_a_crossing() -> None:
     crossing = motion((1000.0, 1000.0, 0.0), (0.0, -50.0, 0.0))
     assert crossing.time_to_closest_s == pytest.approx(20.0)
-    at_closest_m = position_at(crossing.position_m, crossing.velocity_mps, crossing.time_to_closest_s)
+    at_closest_m = crossing.position_m - crossing.own_velocity_mps * crossing.time_to_closest_s
     assert at_closest_m[0] == pytest.approx((1000.0, 0.0, 0.0))
 
 
@@ -42,10 +37,10 @@ def test_closing_speed_is_never_negative() -> None:
 
 
 def test_motion_is_relative_to_us() -> None:
-    ours = np.array([100.0, 0.0, -300.0]), np.array([20.0, 0.0, 1.0])
+    ours = np.array([100.0, 0.0, -300.0]), (20.0, 0.0, 1.0)
     seen = relative_motion(rows((400.0, 400.0, -350.0)), rows((-60.0, 0.0, 0.0)), *ours)
     assert seen.position_m[0] == pytest.approx((300.0, 400.0, -50.0))
-    assert seen.velocity_mps[0] == pytest.approx((-80.0, 0.0, -1.0))
+    assert seen.own_velocity_mps[0] == pytest.approx((80.0, 0.0, 1.0))
     assert seen.distance_m == pytest.approx(500.0)
     assert seen.closing_mps == pytest.approx(80.0 * 300.0 / 500.0)
 
@@ -56,9 +51,11 @@ def test_left_is_positive() -> None:
     assert approach_angle_rad(left, ahead) == pytest.approx(-math.pi / 2)
 
 
-def test_nothing_flies_under_a_mast() -> None:
-    above = np.array([-30.0, 30.0, -30.0])
-    assert vertical_distance_m(above, np.array([True, True, False])) == pytest.approx([0.0, 30.0, 30.0])
+def test_any_of_a_few() -> None:
+    assert any_of(np.array([0.0, -1e-300]))
+    assert any_of(np.array([False, True]))
+    assert not any_of(np.array([0.0, -0.0]))
+    assert not any_of(np.zeros(0, dtype=bool))
 
 
 def test_half_angle_is_that_of_the_tangents() -> None:

@@ -1,14 +1,16 @@
-"""What is made of a survey: when the volume counts as lost."""
+"""What is made of a survey: when the volume counts as lost, and what is told of the threats."""
+
+import math
 
 import pytest
 
-from companion.avoidance import AvoidanceParams
+from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.prediction import HORIZON_S
 from companion.avoidance.pricing import Situation
 from companion.avoidance.situations import conflict
 from companion.avoidance.survey import mission_of, own_state, take, tracks_at
-from companion.model import Goal, Ownship, Track
+from companion.model import Goal, Ownship, Threat, Track, TrafficKind
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
 GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)
@@ -41,3 +43,27 @@ def test_a_volume_counts_as_lost_a_little_before_its_edge() -> None:
 def test_but_never_before_the_margin_begins() -> None:
     params = AvoidanceParams(horizontal_margin=0.0, vertical_margin=0.3, lost_margin=0.05)
     assert situation(params).lost == 1.0
+
+
+def threat(track: Track) -> Threat:
+    return Avoider(AvoidanceParams()).decide(0.0, OWN, [track], GOAL).threats[0]
+
+
+@pytest.mark.parametrize(("down_m", "miss_m"), [(-330.0, 0.0), (-270.0, 30.0)])
+def test_nothing_flies_under_a_mast(down_m: float, miss_m: float) -> None:
+    mast = Track("M", 0.0, (600.0, 10.0, down_m), (0.0, 0.0, 0.0), kind=TrafficKind.OBSTACLE)
+    assert threat(mast).miss_vertical_m == pytest.approx(miss_m)
+
+
+def test_a_threat_is_told_where_it_is_and_how_near_the_mission_would_come() -> None:
+    crossing = Track("A", 0.0, (1000.0, 1500.0, -320.0), (0.0, -30.0, -0.5), icao=0xABCDEF)
+    told = threat(crossing)
+    assert (told.track_id, told.icao) == ("A", 0xABCDEF)
+    assert told.distance_m == pytest.approx(math.hypot(1000.0, 1500.0))
+    assert told.relative_altitude_m == pytest.approx(20.0)
+    assert told.bearing_rad == pytest.approx(math.atan2(1500.0, 1000.0))
+    closest_s = (1000.0 * 22.0 + 1500.0 * 30.0) / (22.0**2 + 30.0**2)
+    assert told.time_to_closest_s == pytest.approx(closest_s)
+    north_m, east_m = 1000.0 - 22.0 * closest_s, 1500.0 - 30.0 * closest_s
+    assert told.miss_horizontal_m == pytest.approx(math.hypot(north_m, east_m))
+    assert told.miss_vertical_m == pytest.approx(20.0 + 0.5 * closest_s)
