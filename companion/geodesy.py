@@ -3,14 +3,14 @@
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 # WGS 84
 _SEMI_MAJOR_AXIS_M = 6_378_137.0
 _ECCENTRICITY_SQUARED = 6.694_379_990_14e-3
 
 
-@dataclass(frozen=True, slots=True)
-class GeoPoint:
+class GeoPoint(NamedTuple):
     """A place: latitude and longitude [deg], height above mean sea level [m]."""
 
     lat_deg: float
@@ -29,6 +29,11 @@ class LocalFrame:
 
     lat_deg: float
     lon_deg: float
+
+    @property
+    def metres_per_degree(self) -> tuple[float, float]:
+        """Length of a degree of latitude and of one of longitude [m]: the same everywhere in the frame."""
+        return _metres_per_degree(self.lat_deg)
 
     def to_ned_m(self, point: GeoPoint) -> tuple[float, float, float]:
         """North, east and down of a place [m]."""

@@ -51,7 +51,10 @@ class Announcer:
 
     def transmit(self, messages: Sequence[Message]) -> list[Effect]:
         """These messages, from us."""
-        return [Transmit(self._sender(), message) for message in messages]
+        if not messages:
+            return []  # as at most times
+        us = self._sender()
+        return [Transmit(us, message) for message in messages]
 
     def tell(
         self, severity: int, text: str, now_s: float, topic: str | None = None, *, once: bool = False

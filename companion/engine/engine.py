@@ -48,6 +48,8 @@ from companion.model import Decision, Goal, Layer, Ownship, Snapshot, Track
 from companion.supervisor import WATCHING, Role, State, Supervisor
 from companion.traffic import Tracker
 
+# What an operator sends; looked for in every fact.
+_OPERATORS = (CommandRequest, ParameterRequest, ParameterSet)
 _HEARTBEAT_INTERVAL_S = 1.0
 _KEEP_INTERVAL_S = 1.0
 # Position, wind and the autopilot's own following of a course are good to this.
@@ -187,7 +189,7 @@ class Engine:
         us = self.sender
         if fact.sender == us:
             return False
-        if isinstance(fact, CommandRequest | ParameterRequest | ParameterSet):
+        if isinstance(fact, _OPERATORS):
             self._answers += self.operator.receive(fact)
             return bool(self._answers)
         if isinstance(fact, Traffic):

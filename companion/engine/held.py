@@ -59,7 +59,7 @@ def _before(raw: Any) -> Before:
     return Before(
         int(raw["mode"]),
         None if sequence is None else int(sequence),
-        None if target is None else GeoPoint(**{key: float(value) for key, value in target.items()}),
+        None if target is None else GeoPoint(*(float(value) for value in target)),
         float(raw["course_rad"]),
         float(raw["altitude_m"]),
         float(raw["airspeed_mps"]),

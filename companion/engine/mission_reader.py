@@ -26,6 +26,7 @@ _QUIET_S = 3.0
 _REREAD_S = 300.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 10.0, 300.0
 
+MISSION_PROTOCOL = (MissionCount, MissionItem, MissionAck, MissionTalk)
 _Protocol = MissionCount | MissionItem | MissionAck | MissionTalk
 
 

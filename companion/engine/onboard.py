@@ -18,13 +18,23 @@ from companion.engine.fence_items import zones_of
 from companion.engine.heights import HeightLimits
 from companion.engine.limits import Belief, believe
 from companion.engine.mission import Mission
-from companion.engine.mission_reader import FENCE, MISSION, MissionReader
+from companion.engine.mission_reader import FENCE, MISSION, MISSION_PROTOCOL, MissionReader
 from companion.engine.parameter_reader import ParameterReader
 from companion.geodesy import LocalFrame
 from companion.geofence import FenceZone, LocalFence
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import Fact, FenceStatus, HomePosition, MissionItem, Parameter, Sender
+from companion.mavlink.facts import (
+    Fact,
+    FenceStatus,
+    HomePosition,
+    MissionItem,
+    MissionProgress,
+    Parameter,
+    Sender,
+)
 
+# Most facts are of other things.
+_HEEDED = (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
 _GAP_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot that keeps to its fence.
 _FENCE_HEARD_S = 5.0
@@ -106,6 +116,8 @@ class Onboard:
 
     def observe(self, fact: Fact, adapter: Adapter, us: Sender, now_s: float) -> None:
         """Take any fact in, whoever it came from."""
+        if not isinstance(fact, _HEEDED):
+            return
         self._adopt(adapter, now_s)
         self._missions.observe(fact, us, adapter.target, now_s)
         if fact.sender != adapter.target:

@@ -29,6 +29,10 @@ class _Question:
     def open(self) -> bool:
         return self.answered_s is None and self.tries < _TRIES * len(self.names)
 
+    def before(self, other: "_Question") -> bool:
+        """Whether it is this one's turn: who was asked less often, then who waits for longer."""
+        return (self.tries, self.due_s) < (other.tries, other.due_s)
+
 
 class ParameterReader:
     """Knows the values of some parameters, as far as the autopilot told them.
@@ -42,6 +46,7 @@ class ParameterReader:
         self.values: dict[str, float] = {}
         self._questions = [_Question(names) for names in questions]
         self._by_name = {name: question for question in self._questions for name in question.names}
+        self._open = self._questions  # neither answered nor given up
         self._refreshed_s = -math.inf
         self._next_due_s = -math.inf  # nothing is due before
 
@@ -54,13 +59,16 @@ class ParameterReader:
         for question in self._questions:
             question.tries, question.answered_s = 0, None
             question.sent_s = question.due_s = -math.inf
-        self._next_due_s = -math.inf
+        self._open, self._next_due_s = self._questions, -math.inf
 
     def observe(self, name: str, value: float, now_s: float) -> bool:
         """Take a value in; true when it is one of ours and differs from what was known."""
         question = self._by_name.get(name)
         if question is None:
             return False
+        if question.answered_s is None:
+            question.answered_s = now_s
+            self._open = [one for one in self._open if one.open]
         question.answered_s = now_s
         changed = self.values.get(name) != value
         self.values[name] = value
@@ -74,19 +82,22 @@ class ParameterReader:
     def _due(self, now_s: float) -> str | None:
         if now_s < self._next_due_s:
             return None
-        unanswered = [question for question in self._questions if question.open]
-        if sum(now_s - question.sent_s < _ANSWER_S for question in unanswered) >= _AT_A_TIME:
+        waiting, question = 0, None
+        for one in self._open:
+            waiting += now_s - one.sent_s < _ANSWER_S
+            if now_s >= one.due_s and (question is None or one.before(question)):
+                question = one
+        if waiting >= _AT_A_TIME:
             return None
-        due = [question for question in unanswered if now_s >= question.due_s]
-        if not due:
-            self._next_due_s = min((question.due_s for question in unanswered), default=math.inf)
+        if question is None:
+            self._next_due_s = min((one.due_s for one in self._open), default=math.inf)
             return None
-        question = min(due, key=lambda q: (q.tries, q.due_s))
         name = question.names[question.tries % len(question.names)]
         rounds = question.tries // len(question.names)
         question.tries += 1
         question.sent_s = now_s
         question.due_s = now_s + min(_ANSWER_S * 2.0**rounds, _LONGEST_WAIT_S)
+        self._open = [one for one in self._open if one.open]
         return name
 
     def _stale(self, now_s: float) -> str | None:

@@ -54,13 +54,13 @@ class RateKeeper:
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Count a fact of our autopilot."""
-        if isinstance(fact, Parameter) and fact.name == Adapter.own_icao_parameter:
-            self._own_icao_tries = _OWN_ICAO_TRIES
-        if isinstance(fact, Traffic):
-            self._traffic_s = now_s
         message_id = _MEASURED.get(type(fact))
         if message_id is not None:
             self._counts[message_id] = self._counts.get(message_id, 0) + 1
+        elif isinstance(fact, Traffic):
+            self._traffic_s = now_s
+        elif isinstance(fact, Parameter) and fact.name == Adapter.own_icao_parameter:
+            self._own_icao_tries = _OWN_ICAO_TRIES
 
     def restart(self) -> None:
         """The autopilot started anew, or came back: it remembers nothing."""

@@ -102,7 +102,7 @@ class OwnEcho:
         return verdict.reports >= self._params.reports and now_s - verdict.since_s >= self._params.after_s
 
     def _gap(self, target: Target, datums: Datums) -> float | None:
-        """How unlike us it is, in parts of the gate; `None` when that cannot be said."""
+        """How unlike us it is, in parts of the gate, inf beyond any; `None` when that cannot be said."""
         params, motion = self._params, target.motion
         if motion is None or not self._trail:
             return None
@@ -117,12 +117,12 @@ class OwnEcho:
         if not then or height is None:
             return None
         frame = LocalFrame(motion.lat_deg, motion.lon_deg)
-        vertical_m = params.vertical_m + height.uncertainty_m
+        vertical_m, furthest = params.vertical_m + height.uncertainty_m, max(params.split_factor, 1.0)
         smallest = math.inf
         for own in then:
             north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
             apart = math.hypot(north_m, east_m) / params.radius_m
-            if apart >= smallest:
+            if apart > furthest or apart >= smallest:
                 continue
             unlike_mps = math.hypot(own.north_mps - motion.north_mps, own.east_mps - motion.east_mps)
             apart = max(

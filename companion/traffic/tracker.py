@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from operator import attrgetter
 
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import LocalFrame
 from companion.model import Track, TrafficReport, adsb_key, uas_key
 from companion.traffic.association import Association, leader
 from companion.traffic.forward_clock import ForwardClock
@@ -93,9 +93,7 @@ class Tracker:
         """Everyone whose place and height are known, flown on to `now_s`, in order of `track_id`."""
         steady_now_s = self._clock.at(now_s)
         self._forget_stale(steady_now_s)
-        north_m_per_deg, east_m_per_deg, _ = frame.to_ned_m(
-            GeoPoint(frame.lat_deg + 1.0, frame.lon_deg + 1.0, 0.0)  # the frame is linear in degrees
-        )
+        north_m_per_deg, east_m_per_deg = frame.metres_per_degree
         tracks = []
         for target in self._by_key():
             led_by, heights = self._shown(target, steady_now_s)
