@@ -154,19 +154,18 @@ class FixedWing:
         climb_mps = self._climb(frame, dt_s)
 
         # g tan(bank) / V, and the heading halfway through the step carries the position.
-        turn_rad = STANDARD_GRAVITY_MPS2 * math.tan(bank_rad) / max(airspeed_mps, 1.0) * dt_s
+        slow_mps = airspeed_mps if airspeed_mps > 1.0 else 1.0
+        turn_rad = STANDARD_GRAVITY_MPS2 * math.tan(bank_rad) / slow_mps * dt_s
         midway_rad = self.heading_rad + 0.5 * turn_rad
         self.heading_rad = (self.heading_rad + turn_rad) % _TWO_PI
-        over_ground_m = math.sqrt(max(airspeed_mps * airspeed_mps - climb_mps * climb_mps, 0.0)) * dt_s
+        over_ground_m = _horizontal_mps(airspeed_mps, climb_mps) * dt_s
         self.north_m += over_ground_m * math.cos(midway_rad) + self.wind_north_mps * dt_s
         self.east_m += over_ground_m * math.sin(midway_rad) + self.wind_east_mps * dt_s
 
     def _roll(self, frame: Airframe, dt_s: float) -> float:
         """Follow the bank command, or the bank that the course command asks for; the new bank [rad]."""
         if self._course_command_rad is not None:
-            horizontal_mps = math.sqrt(max(self.airspeed_mps**2 - self.climb_mps**2, 0.0))
-            north_mps = horizontal_mps * math.cos(self.heading_rad) + self.wind_north_mps
-            east_mps = horizontal_mps * math.sin(self.heading_rad) + self.wind_east_mps
+            north_mps, east_mps = self.ground_velocity_mps
             error_rad = (self._course_command_rad - math.atan2(east_mps, north_mps) + _PI) % _TWO_PI - _PI
             wanted_rad = _limited(frame.bank_per_course_error * error_rad, self._bank_limit_rad)
         else:
@@ -196,11 +195,17 @@ class FixedWing:
     @property
     def ground_velocity_mps(self) -> Vec2:
         """Horizontal velocity over ground: north, east [m/s]."""
-        horizontal_mps = math.sqrt(max(self.airspeed_mps**2 - self.climb_mps**2, 0.0))
+        horizontal_mps, heading_rad = _horizontal_mps(self.airspeed_mps, self.climb_mps), self.heading_rad
         return (
-            horizontal_mps * math.cos(self.heading_rad) + self.wind_north_mps,
-            horizontal_mps * math.sin(self.heading_rad) + self.wind_east_mps,
+            horizontal_mps * math.cos(heading_rad) + self.wind_north_mps,
+            horizontal_mps * math.sin(heading_rad) + self.wind_east_mps,
         )
+
+
+def _horizontal_mps(airspeed_mps: float, climb_mps: float) -> float:
+    """What of the airspeed is not climb."""
+    square = airspeed_mps * airspeed_mps - climb_mps * climb_mps
+    return math.sqrt(square) if square > 0.0 else 0.0
 
 
 def _limited(value: float, limit: float) -> float:

@@ -28,6 +28,7 @@ from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, Traff
 _OWN_REACH_MPS = 20.0
 # Nothing on earth is further away, nothing that matters is faster; not a number is neither.
 _FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
+_NOWHERE = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,7 @@ def take(
     by_flight = params.outer_method is OuterMethod.PRICED
     has_cone = params.outer_method is not OuterMethod.FIELD
     outer = surface < outer_reach
-    if has_cone:
+    if has_cone and any_of(outer):
         alpha, radius = motion.approach_rad, tracks.protected_horizontal_m + tracks.shell_m
         if not by_flight:
             alpha = approach_angle_rad(motion.position_m, flown_mps(state) - velocity)
@@ -120,7 +121,7 @@ def take(
         emergency=inner,
         conflict=conflict,
         horizon_s=horizon_s,
-        mission_ahead_m=np.zeros((0, 2)) if ahead is None else ahead.ground_m[0],
+        mission_ahead_m=_NOWHERE if ahead is None else ahead.ground_m[0],
     )
 
 

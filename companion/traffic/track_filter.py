@@ -12,7 +12,7 @@ Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navig
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated, NamedTuple, Self
 
 from annotated_types import Ge, Gt
 
@@ -50,8 +50,7 @@ class EstimateParams:
     timestamp_error_s: Annotated[float, Ge(0)] = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class HorizontalFix:
+class HorizontalFix(NamedTuple):
     """A reported place at `time_s`, with its velocity over ground (north, east) where the sender knew it."""
 
     time_s: float
@@ -60,8 +59,7 @@ class HorizontalFix:
     velocity_mps: Vec2 | None
 
 
-@dataclass(frozen=True, slots=True)
-class VerticalFix:
+class VerticalFix(NamedTuple):
     """A reported height at `time_s`, with its climb (positive up) where the sender knew it."""
 
     time_s: float
@@ -108,10 +106,11 @@ class Spread:
 class HorizontalEstimate:
     """Latitude, longitude [deg] and velocity over ground (north, east) [m/s] at `time_s`."""
 
-    __slots__ = ("_params", "_spread", "east_mps", "lat_deg", "lon_deg", "north_mps", "time_s")
+    __slots__ = ("_frame", "_params", "_spread", "east_mps", "lat_deg", "lon_deg", "north_mps", "time_s")
 
     def __init__(self, fix: HorizontalFix, params: EstimateParams) -> None:
         self._params = params
+        self._frame = LocalFrame(fix.lat_deg, fix.lon_deg)  # around the present place
         self.time_s = fix.time_s
         self.lat_deg = fix.lat_deg
         self.lon_deg = fix.lon_deg
@@ -128,7 +127,7 @@ class HorizontalEstimate:
         """Whether no aircraft gets from here to there (or to that velocity) in the time between."""
         p = self._params
         dt_s = max(fix.time_s - self.time_s, 0.0)
-        north_m, east_m = self._frame().to_north_east_m(fix.lat_deg, fix.lon_deg)
+        north_m, east_m = self._frame.to_north_east_m(fix.lat_deg, fix.lon_deg)
         velocity_slack_mps = _ESTIMATE_SIGMAS * math.sqrt(self._spread.vv)
         slack_m = _REPORT_SIGMAS * p.position_sigma_m + p.timestamp_error_s * math.hypot(
             self.north_mps, self.east_mps
@@ -149,9 +148,8 @@ class HorizontalEstimate:
     def correct(self, fix: HorizontalFix) -> None:
         """Take in a report that is not older than this estimate."""
         p = self._params
-        frame = self._frame()
         dt_s = max(fix.time_s - self.time_s, 0.0)
-        reported_north_m, reported_east_m = frame.to_north_east_m(fix.lat_deg, fix.lon_deg)
+        reported_north_m, reported_east_m = self._frame.to_north_east_m(fix.lat_deg, fix.lon_deg)
         north_m, east_m = self.north_mps * dt_s, self.east_mps * dt_s
 
         self._spread.grow(dt_s, p.manoeuvre_mps)
@@ -171,12 +169,9 @@ class HorizontalEstimate:
             self.north_mps += k_v * off_north_mps
             self.east_mps += k_v * off_east_mps
 
-        place = frame.to_geo(north_m, east_m, 0.0)
-        self.lat_deg, self.lon_deg = place.lat_deg, place.lon_deg
+        self.lat_deg, self.lon_deg, _ = self._frame.to_geo(north_m, east_m, 0.0)
+        self._frame = LocalFrame(self.lat_deg, self.lon_deg)
         self.time_s = max(fix.time_s, self.time_s)
-
-    def _frame(self) -> LocalFrame:
-        return LocalFrame(self.lat_deg, self.lon_deg)
 
 
 class VerticalEstimate:

@@ -49,7 +49,7 @@ class Tracker:
 
     def note_own(self, own: OwnMotion) -> None:
         """Where we are ourselves: what is always there too is not traffic."""
-        self._echo.note_own(own._replace(time_s=self._clock.at(own.time_s)))
+        self._echo.note_own(OwnMotion(self._clock.at(own.time_s), *own[1:]))
 
     def receive(self, report: TrafficReport, now_s: float) -> str | None:
         """Take in a report; the id of the track of which it is a new measurement, `None` if it is none."""

@@ -132,8 +132,7 @@ class _Flight:
                 self._decide(step * _STEP_S)
                 if step >= steps and (self._is_back(step) or step >= longest):
                     break
-            self._plane.step(_STEP_S)
-            self._own_m.append(self._plane.position_m)
+            self._own_m.append(self._plane.step(_STEP_S))
             step += 1
         flown, plane = self._flown, self._plane
         flown.own_m = np.array(self._own_m)

@@ -95,13 +95,14 @@ class Plane:
         aside_m = east_m * math.cos(self._course_rad) - north_m * math.sin(self._course_rad)
         return aside_m, self._start_m[2] - down_m
 
-    def step(self, dt_s: float) -> None:
-        """Fly on."""
+    def step(self, dt_s: float) -> Vec3:
+        """Fly on; where it is then, north, east, down [m]."""
         wing = self._wing
         if self.mode == AUTO:
             here_m = wing.north_m, wing.east_m
             wing.hold_bank(line_bank_rad(here_m, wing.ground_velocity_mps, self._begin_m, self._end_m))
         wing.step(dt_s)
+        return wing.position_m
 
     def facts(self, now_s: float) -> list[Fact]:
         """What the autopilot tells of itself, and its answers since the last call."""

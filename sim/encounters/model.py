@@ -203,16 +203,17 @@ def _nodes(graph: list[list[int]], sizes: list[int], counts: list[int], what: st
         taken += size * combinations
         if len(block) < size * combinations or (block < 0).any():
             raise ValueError(f"{what} is damaged: too few counts, or negative ones")
-        shares = tuple(_cumulated(column) for column in block.reshape(combinations, size))
+        shares = _cumulated(block.reshape(combinations, size))
         nodes.append(_Node(tuple(parents), tuple(strides), shares))
     if taken != len(counts):
         raise ValueError(f"{what} is damaged: {len(counts)} counts instead of {taken}")
     return tuple(nodes)
 
 
-def _cumulated(column: Array) -> tuple[float, ...]:
-    """Upper ends of all values but the last, so that rounding cannot lead beyond it."""
-    total = column.sum()
-    if total <= 0.0:
-        return ()
-    return tuple((np.cumsum(column)[:-1] / total).tolist())
+def _cumulated(counts: Array) -> tuple[tuple[float, ...], ...]:
+    """Upper ends of all values but the last, so that rounding cannot lead beyond it; none without counts."""
+    totals = counts.sum(axis=1)
+    ends = np.cumsum(counts, axis=1)[:, :-1] / np.maximum(totals, 1.0)[:, None]
+    return tuple(
+        tuple(row) if total else () for row, total in zip(ends.tolist(), totals.tolist(), strict=True)
+    )

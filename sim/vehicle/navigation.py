@@ -17,17 +17,22 @@ _BANK_PER_COURSE_ERROR = 0.8
 
 def line_bank_rad(position_m: Vec2, velocity_mps: Vec2, start_m: Vec2, end_m: Vec2) -> float:
     """Bank that joins and follows the line from start to end (L1 guidance, Park et al. 2004)."""
-    ground_mps = max(math.hypot(*velocity_mps), 1.0)
+    north_mps, east_mps = velocity_mps
+    ground_mps = math.hypot(north_mps, east_mps)
+    if ground_mps < 1.0:
+        ground_mps = 1.0
     l1_m = _L1_TIME_S * ground_mps
     north_m, east_m = end_m[0] - start_m[0], end_m[1] - start_m[1]
     length_m = math.hypot(north_m, east_m)
-    course_rad = math.atan2(velocity_mps[1], velocity_mps[0])
+    course_rad = math.atan2(east_mps, north_mps)
     if length_m < 1.0:
         eta_rad = wrap_pi(math.atan2(end_m[1] - position_m[1], end_m[0] - position_m[0]) - course_rad)
     else:
         along_n, along_e = north_m / length_m, east_m / length_m
         across_m = (position_m[1] - start_m[1]) * along_n - (position_m[0] - start_m[0]) * along_e
-        aim_rad = math.atan2(along_e, along_n) - math.asin(min(max(across_m / l1_m, -0.7071), 0.7071))
+        aside = across_m / l1_m
+        aside = 0.7071 if aside > 0.7071 else -0.7071 if aside < -0.7071 else aside
+        aim_rad = math.atan2(along_e, along_n) - math.asin(aside)
         eta_rad = wrap_pi(aim_rad - course_rad)
     if abs(eta_rad) > math.pi / 2.0:
         eta_rad = math.copysign(math.pi / 2.0, eta_rad)
