@@ -47,7 +47,8 @@ class AvoidanceParams:
     # Transition domain: the cone is this much wider for whoever is in it.
     delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(90.0)
     # An avoidance begins when the mission would come nearer than this share of the volume with its margin:
-    # the first when closest approach is within `inner_time_s`, the second from `outer_time_s` on.
+    # the first when closest approach is within `inner_time_s`, or the volume is entered now; the second from
+    # `outer_time_s` on.
     begin_near: Annotated[float, Gt(0), Le(1)] = 0.87
     begin_far: Annotated[float, Gt(0), Le(1)] = 0.55
     # Back to the mission only when its flight keeps clear by this share more, for this long.

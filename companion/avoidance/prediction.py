@@ -229,12 +229,14 @@ class Separation:
 
     `closest` is the smallest over time of max(horizontal / protected, vertical / protected); `exposure` the
     mean over time of how deep the volume is penetrated, which tells rows apart that start inside it;
-    `nearness` the mean over time of how deep a shell around the volume is penetrated, 1 within the volume.
+    `nearness` the mean over time of how deep a shell around the volume is penetrated, 1 within the volume;
+    `entered_s` the first time in the volume [s], inf where it is kept clear of.
     """
 
     closest: Array
     exposure: Array
     nearness: Array
+    entered_s: Array
 
 
 def times_until(time_s: float) -> Array:

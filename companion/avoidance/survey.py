@@ -101,8 +101,9 @@ def take(
     if any_of(outer) or any_of(inner):
         ahead = ahead or fly_ahead(state, Commands.of([mission]), envelope)
         needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
-        needed *= 1.0 + spare if avoiding else _begins(motion.time_to_closest_s, params)
-        lost = separation(ahead, tracks, horizon_s=horizon_s).closest[0] < needed
+        kept = separation(ahead, tracks, horizon_s=horizon_s)
+        needed *= 1.0 + spare if avoiding else _begins(motion.time_to_closest_s, kept.entered_s[0], params)
+        lost = kept.closest[0] < needed
         if by_flight:
             outer &= lost
         if not params.clears_inner_layer:
@@ -125,12 +126,15 @@ def take(
     )
 
 
-def _begins(to_closest_s: Array, params: AvoidanceParams) -> Array:
+def _begins(to_closest_s: Array, entered_s: Array, params: AvoidanceParams) -> Array:
     """How near a track must come, as a share of the volume with its margin, for an avoidance to begin, (N,).
 
     The longer there is to go, the more often what looks near passes clear by itself: others turn and climb,
-    and errors of velocity grow. Early on only what goes deep counts: there is time to wait and see.
+    and errors of velocity grow. Early on only what goes deep counts: there is time to wait and see. There is
+    none where the volume is entered soon, however long the closest approach is off: who flies nearly as we do
+    is beside us for minutes.
     """
+    to_closest_s = np.minimum(to_closest_s, entered_s + params.inner_time_s)
     span_s = max(params.outer_time_s - params.inner_time_s, 1e-3)
     early = np.minimum(np.maximum((to_closest_s - params.inner_time_s) / span_s, 0.0), 1.0)
     begins: Array = params.begin_near + (params.begin_far - params.begin_near) * early

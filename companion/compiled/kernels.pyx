@@ -316,7 +316,10 @@ cdef class _Squares:
 
 
 def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shells):
-    """Closest, exposure and nearness of K rows to N tracks in the first `count` times, three of (K, N)."""
+    """How K rows keep clear of N tracks in the first `count` times, (K, N) each.
+
+    That is closest, exposure, nearness, and the time when the volume is entered, inf where it is not.
+    """
     cdef Py_ssize_t n, k, i, h, z
     _expect(1 <= count <= times.count)
     cdef _Ways ways = _Ways(paths, times.count)
@@ -324,7 +327,9 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
     cdef _Squares squares = _Squares(ways, times.count)
     of_closest, of_exposure = np.empty((ways.rows, others.count)), np.empty((ways.rows, others.count))
     of_nearness = np.zeros((ways.rows, others.count))
+    of_entries = np.full((ways.rows, others.count), INFINITY)
     cdef double[:, ::1] closest = of_closest, exposure = of_exposure, nearness = of_nearness
+    cdef double[:, ::1] entered_s = of_entries
     cdef double ratio, least, depth, near, volumes
     for n in range(others.count):
         squares.measure(ways, others, n, times, count)
@@ -333,6 +338,11 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
             h, z = ways.ground_of[k], ways.height_of[k]
             least = _least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], count)
             depth = near = 0.0
+            if least < 1.0:
+                i = 0
+                while max(squares.horizontal[h, i], squares.vertical[z, i]) >= 1.0:
+                    i += 1
+                entered_s[k, n] = times.times_s[i]
             if least < 1.0 or shells:
                 for i in range(1, count):
                     ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
@@ -341,7 +351,7 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
                         depth += times.shares[i - 1] * max(1.0 - ratio, 0.0)
                         near += times.shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
             closest[k, n], exposure[k, n], nearness[k, n] = sqrt(least), depth, near if shells else 0.0
-    return of_closest, of_exposure, of_nearness
+    return of_closest, of_exposure, of_nearness, of_entries
 
 
 def losses(

@@ -1,5 +1,7 @@
 """Somebody flies beside us, on our course and at our speed: nothing passes by itself, and yet it must end."""
 
+import math
+
 import pytest
 
 from companion.avoidance import AvoidanceParams
@@ -38,3 +40,17 @@ def test_whoever_flies_beside_us_does_not_keep_us_off_the_mission_for_ever(
 
 def test_it_is_impatience_that_ends_it() -> None:
     assert released_s(alongside(0.0, 0.1, patience_s=600.0)) == 210, "to the end of the flight"
+
+
+@pytest.mark.parametrize("drift_mps", [0.7, 1.5, 3.0, -1.5])
+def test_whoever_drifts_into_us_is_avoided_before_that_however_far_the_closest_approach_is_off(
+    drift_mps: float,
+) -> None:
+    """He enters the volume after 50 s, the closest approach comes minutes later."""
+    aside_m = math.copysign(610.0 + 50.0 * abs(drift_mps), drift_mps)
+
+    def at(time_s: float) -> tuple[Vec3, Vec3]:
+        return (OWN_MPS * time_s, aside_m - drift_mps * time_s, -ALTITUDE_M), (OWN_MPS, -drift_mps, 0.0)
+
+    assert fly([at], avoid=False, seconds=210.0).well_clear < 1.0
+    assert fly([at], seconds=210.0).well_clear >= 1.0

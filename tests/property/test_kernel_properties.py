@@ -158,6 +158,9 @@ def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: fl
     volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0))[:, None]
     in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0)
     assert kept.nearness == pytest.approx(in_shell @ share, rel=1e-9, abs=1e-9)
+    within = ratio < 1.0
+    entered_s = np.where(within.any(axis=2), TIMES_S[within.argmax(axis=2)], np.inf)
+    assert (kept.entered_s == entered_s).all()
 
 
 @given(seeds, st.floats(0.0, HORIZON_S), st.floats(0.0, HORIZON_S))
