@@ -27,9 +27,9 @@ $(STAMP): requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	touch $@
 
-# The one compiled file.
-$(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.pyx
-	@command -v cc >/dev/null || { echo "Companion compiles one file and needs a C compiler: make compiler (Debian)" >&2; exit 1; }
+# What is compiled.
+$(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.pyx sim/compiled/wing.pyx
+	@command -v cc >/dev/null || { echo "Companion compiles two files and needs a C compiler: make compiler (Debian)" >&2; exit 1; }
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 

@@ -25,8 +25,8 @@ from companion.mavlink.facts import (
 )
 from companion.model import Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
+from sim.compiled.wing import line_bank_rad
 from sim.dynamics import Airframe, FixedWing
-from sim.vehicle.navigation import line_bank_rad
 
 AUTOPILOT = Sender(1, 1)
 AUTO = 10

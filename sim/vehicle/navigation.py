@@ -5,38 +5,11 @@ from dataclasses import dataclass
 
 from companion.model import Vec2
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from sim.compiled.wing import L1_TIME_S, line_bank_rad
 from sim.dynamics import FixedWing
-
-# ArduPlane's L1 controller with its defaults: NAVL1_PERIOD 17 s and NAVL1_DAMPING 0.75.
-_L1_TIME_S = 0.75 * 17.0 / math.pi
-_L1_GAIN = 4.0 * 0.75**2
 
 _LOITER_APPROACH = 2.0  # how steeply a loiter closes on its circle
 _BANK_PER_COURSE_ERROR = 0.8
-
-
-def line_bank_rad(position_m: Vec2, velocity_mps: Vec2, start_m: Vec2, end_m: Vec2) -> float:
-    """Bank that joins and follows the line from start to end (L1 guidance, Park et al. 2004)."""
-    north_mps, east_mps = velocity_mps
-    ground_mps = math.hypot(north_mps, east_mps)
-    if ground_mps < 1.0:
-        ground_mps = 1.0
-    l1_m = _L1_TIME_S * ground_mps
-    north_m, east_m = end_m[0] - start_m[0], end_m[1] - start_m[1]
-    length_m = math.hypot(north_m, east_m)
-    course_rad = math.atan2(east_mps, north_mps)
-    if length_m < 1.0:
-        eta_rad = wrap_pi(math.atan2(end_m[1] - position_m[1], end_m[0] - position_m[0]) - course_rad)
-    else:
-        along_n, along_e = north_m / length_m, east_m / length_m
-        across_m = (position_m[1] - start_m[1]) * along_n - (position_m[0] - start_m[0]) * along_e
-        aside = across_m / l1_m
-        aside = 0.7071 if aside > 0.7071 else -0.7071 if aside < -0.7071 else aside
-        aim_rad = math.atan2(along_e, along_n) - math.asin(aside)
-        eta_rad = wrap_pi(aim_rad - course_rad)
-    if abs(eta_rad) > math.pi / 2.0:
-        eta_rad = math.copysign(math.pi / 2.0, eta_rad)
-    return math.atan(_L1_GAIN * ground_mps**2 / l1_m * math.sin(eta_rad) / STANDARD_GRAVITY_MPS2)
 
 
 def loiter_bank_rad(
@@ -79,7 +52,7 @@ class Leg:
         turn_rad = abs(
             wrap_pi(_bearing_rad(self.end_m, self.next_m) - _bearing_rad(self.start_m, self.end_m))
         )
-        return min(radius_m, _L1_TIME_S * ground_speed_mps) * min(turn_rad / (math.pi / 2.0), 1.0)
+        return min(radius_m, L1_TIME_S * ground_speed_mps) * min(turn_rad / (math.pi / 2.0), 1.0)
 
 
 def circle(aircraft: FixedWing, centre_m: Vec2, radius_m: float) -> None:
