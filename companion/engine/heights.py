@@ -1,14 +1,14 @@
 """How low and how high an avoidance may go: above home, above the terrain, within the autopilot's fence."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from companion.avoidance import Envelope
 
 
-@dataclass(frozen=True, slots=True)
-class HeightLimits:
+class HeightLimits(NamedTuple):
     """`min_height_m` above home and above the terrain, all others above home; `None`: no such limit."""
 
     min_height_m: float

@@ -97,7 +97,8 @@ class ParameterReader:
         question.tries += 1
         question.sent_s = now_s
         question.due_s = now_s + min(_ANSWER_S * 2.0**rounds, _LONGEST_WAIT_S)
-        self._open = [one for one in self._open if one.open]
+        if not question.open:
+            self._open = [one for one in self._open if one.open]
         return name
 
     def _stale(self, now_s: float) -> str | None:

@@ -29,16 +29,15 @@ _SECTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class _Node:
-    """One variable: its parents, the strides of their values, cumulated shares by combination of them."""
+    """One variable: its parents with the strides of their values, cumulated shares by combination of them."""
 
-    parents: tuple[int, ...]
-    strides: tuple[int, ...]
+    strides: tuple[tuple[int, int], ...]
     shares: tuple[tuple[float, ...], ...]  # empty where a combination was never seen
 
     def draw(self, values: list[int], chance: float) -> int | None:
         """A value, given those of the parents; `None` where nothing is known."""
         place = 0
-        for parent, stride in zip(self.parents, self.strides, strict=True):
+        for parent, stride in self.strides:
             place += stride * values[parent]
         shares = self.shares[place]
         return bisect_right(shares, chance) if shares else None
@@ -151,7 +150,7 @@ def _model(name: str, sections: dict[str, list[str]]) -> EncounterModel:
     graph, graph_after = _graph(sections["G_initial"]), _graph(sections["G_transition"])
     initial = _nodes(graph, sizes, _integers(sections["N_initial"]), "N_initial")
     after = _nodes(graph_after, sizes_after, _integers(sections["N_transition"]), "N_transition")
-    if any(parent >= _INITIAL for node in after[_INITIAL:] for parent in node.parents):
+    if any(parent >= _INITIAL for node in after[_INITIAL:] for parent, _ in node.strides):
         raise ValueError("a rate depends on another of the same moment")
     boundaries = tuple(_boundaries(line) for line in sections["boundaries"])
     rates = tuple(float(word) for word in " ".join(sections["resample_rates"]).split())
@@ -195,7 +194,7 @@ def _nodes(graph: list[list[int]], sizes: list[int], counts: list[int], what: st
     without = len(graph) > _INITIAL
     for variable, parents in enumerate(graph):
         if without and not parents:
-            nodes.append(_Node((), (), ((),)))
+            nodes.append(_Node((), ((),)))
             continue
         strides = np.cumprod([1, *(sizes[parent] for parent in parents)]).tolist()
         size, combinations = sizes[variable], strides.pop()
@@ -204,7 +203,7 @@ def _nodes(graph: list[list[int]], sizes: list[int], counts: list[int], what: st
         if len(block) < size * combinations or (block < 0).any():
             raise ValueError(f"{what} is damaged: too few counts, or negative ones")
         shares = _cumulated(block.reshape(combinations, size))
-        nodes.append(_Node(tuple(parents), tuple(strides), shares))
+        nodes.append(_Node(tuple(zip(parents, strides, strict=True)), shares))
     if taken != len(counts):
         raise ValueError(f"{what} is damaged: {len(counts)} counts instead of {taken}")
     return tuple(nodes)
