@@ -64,7 +64,9 @@ class CostWeights:
     # than any turn costs, less than the loss of the protected volume.
     spared_height: Annotated[float, Ge(0)] = 12.0
     speed: Annotated[float, Ge(0)] = 0.5  # times the speed off the mission's, per 10 m/s
-    switch: Annotated[float, Ge(0)] = 2.0  # flat, for anything but what is flown already
+    # Flat, for anything but what is flown already; twice that while the closest approach is far off, as what
+    # looks cheaper now may not a moment later, and there is time.
+    switch: Annotated[float, Ge(0)] = 2.0
     ease: Annotated[float, Ge(0)] = 0.6  # the same, for the same with less of it: nearer to the mission
     wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
     # Where there is a fence. Leaving it outweighs the loss of many volumes, as the autopilot then takes the
@@ -101,6 +103,7 @@ class Situation:
     refusals: Refusals = field(default_factory=Refusals)
     surprises: SurpriseParams = NO_SURPRISES
     spares_heights: bool = False  # the mission's is left only where a turn does not do
+    early: float = 0.0  # 1 while the closest approach is far off, 0 when it is near (`Survey.early`)
     impatience: float = 0.0  # grows when it has lasted too long: how much more what is left to pass counts
 
 
@@ -182,11 +185,11 @@ def _add_efforts(
     Turns and deviations, speeds and heights off the mission's, the wrong side; and for rows but the one held
     what it costs to switch, or less where they lie between what is held and the mission.
     """
-    mission = situation.mission
+    mission, weights = situation.mission, situation.weights
     kernels.add_efforts(
         cost,
         commands,
-        situation.weights,
+        weights,
         of_outcome,
         mission.course_rad,
         mission.airspeed_mps,
@@ -197,6 +200,7 @@ def _add_efforts(
         held,
         _SAME_COURSE_RAD,
         _SAME_HEIGHT_M,
+        weights.switch * (1.0 + situation.early),
     )
 
 

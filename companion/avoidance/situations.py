@@ -40,6 +40,7 @@ def conflict(
         envelope=envelope,
         weights=params.weights,
         surprises=params.surprises,
+        early=survey.early(params),
         passed_s=passed_s,
         mission_then_m=survey.mission_ahead_m[moment_at(passed_s)],
     )

@@ -52,6 +52,10 @@ class Survey:
         reach_s = self.surface_m / (np.hypot(*self.motion.own_velocity_mps[:, :2].T) + _OWN_REACH_MPS)
         return self.tracks.subset(np.lexsort((reach_s, ~self.conflict))[:most])
 
+    def early(self, params: AvoidanceParams) -> float:
+        """How far off the first closest approach is of those in conflict: from 0, near, to 1, far off."""
+        return float(_early(self.motion.time_to_closest_s[self.conflict], params).min())
+
     @property
     def nearest(self) -> int:
         """Place of the nearest conflict."""
@@ -135,10 +139,15 @@ def _begins(to_closest_s: Array, entered_s: Array, params: AvoidanceParams) -> A
     is beside us for minutes.
     """
     to_closest_s = np.minimum(to_closest_s, entered_s + params.inner_time_s)
-    span_s = max(params.outer_time_s - params.inner_time_s, 1e-3)
-    early = np.minimum(np.maximum((to_closest_s - params.inner_time_s) / span_s, 0.0), 1.0)
-    begins: Array = params.begin_near + (params.begin_far - params.begin_near) * early
+    begins: Array = params.begin_near + (params.begin_far - params.begin_near) * _early(to_closest_s, params)
     return begins
+
+
+def _early(to_closest_s: Array, params: AvoidanceParams) -> Array:
+    """0 where the closest approach is within `inner_time_s`, 1 from `outer_time_s` on, (N,)."""
+    span_s = max(params.outer_time_s - params.inner_time_s, 1e-3)
+    early: Array = np.minimum(np.maximum((to_closest_s - params.inner_time_s) / span_s, 0.0), 1.0)
+    return early
 
 
 def flown_mps(state: OwnState) -> Array:

@@ -83,6 +83,7 @@ def add_efforts(
     held: object | None,
     same_course_rad: float,
     same_height_m: float,
+    switched: float,
 ) -> None: ...
 def outcomes(
     paths: object,

@@ -489,10 +489,12 @@ def add_efforts(
     double[::1] cost, commands, weights, const double[::1] of_outcome,
     double course_rad, double airspeed_mps, double altitude_m, double flown_rad,
     bint right_preferred, bint spares_heights, held, double same_course_rad, double same_height_m,
+    double switched,
 ):
     """Add what rows cost of themselves, (K,), and by the outcome of their ground paths, (H,).
 
-    The mission's course, speed and height; the course flown; `held` is the guidance of row 0, if there is one.
+    The mission's course, speed and height; the course flown; `held` is the guidance of row 0, if there is
+    one, and `switched` what anything else costs.
     """
     cdef Py_ssize_t h, z, k
     cdef const double[::1] target_rad = commands.course_rad, target_mps = commands.airspeed_mps
@@ -505,7 +507,7 @@ def add_efforts(
     cdef double wrong_side = weights.wrong_side if right_preferred else 0.0
     cdef double height = weights.height / 100.0, descent = weights.descent
     cdef double spared_height = weights.spared_height if spares_heights else 0.0
-    cdef double switched = weights.switch, eased = weights.ease
+    cdef double eased = weights.ease
     cdef bint holds = held is not None
     cdef double held_rad = _wrap_pi(held.course_rad - course_rad) if holds else 0.0
     cdef double held_m = held.altitude_m - altitude_m if holds else 0.0

@@ -246,6 +246,7 @@ def test_efforts_are_what_the_plain_maths_has_them(seed: int) -> None:
         held,
         0.1,
         5.0,
+        7.0,
     )
     for row in range(len(commands)):
         ground, height = commands.ground_of[row], commands.height_of[row]
@@ -263,7 +264,7 @@ def test_efforts_are_what_the_plain_maths_has_them(seed: int) -> None:
             held_m = held.altitude_m - mission.altitude_m
             eases = min(held_rad, 0.0) - 0.1 <= off_rad <= max(held_rad, 0.0) + 0.1
             eases &= min(held_m, 0.0) - 5.0 <= off_m <= max(held_m, 0.0) + 5.0
-            expected += weights.ease if eases else weights.switch
+            expected += weights.ease if eases else 7.0
         assert cost[row] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
@@ -367,5 +368,5 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
 def add_nothing(cost: Array, commands: Commands) -> None:
     of_outcome = np.zeros(len(commands.course_rad))
     kernels.add_efforts(
-        cost, commands, CostWeights(), of_outcome, 0.0, 20.0, 300.0, 0.0, False, False, None, 0.1, 5.0
+        cost, commands, CostWeights(), of_outcome, 0.0, 20.0, 300.0, 0.0, False, False, None, 0.1, 5.0, 2.0
     )

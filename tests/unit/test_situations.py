@@ -1,25 +1,26 @@
 """What is made of a survey: when the volume counts as lost, and what is told of the threats."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.cone import TransitionDomain
-from companion.avoidance.prediction import HORIZON_S
-from companion.avoidance.pricing import Situation
+from companion.avoidance.prediction import HORIZON_S, Commands, Tracks
+from companion.avoidance.pricing import Situation, price
 from companion.avoidance.situations import conflict
 from companion.avoidance.survey import mission_of, own_state, take, tracks_at
-from companion.model import Goal, Ownship, Threat, Track, TrafficKind
+from companion.model import Goal, Guidance, Ownship, Threat, Track, TrafficKind
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
 GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)
 HEAD_ON = Track("A", 0.0, (2000.0, 0.0, -300.0), (-50.0, 0.0, 0.0))
 
 
-def situation(params: AvoidanceParams) -> Situation:
+def situation(params: AvoidanceParams, track: Track = HEAD_ON) -> Situation:
     state = own_state(0.0, OWN)
-    mission, tracks = mission_of(state, OWN, GOAL), tracks_at(0.0, [HEAD_ON], params, GOAL)
+    mission, tracks = mission_of(state, OWN, GOAL), tracks_at(0.0, [track], params, GOAL)
     survey = take(
         state,
         mission,
@@ -67,3 +68,20 @@ def test_a_threat_is_told_where_it_is_and_how_near_the_mission_would_come() -> N
     north_m, east_m = 1000.0 - 22.0 * closest_s, 1500.0 - 30.0 * closest_s
     assert told.miss_horizontal_m == pytest.approx(math.hypot(north_m, east_m))
     assert told.miss_vertical_m == pytest.approx(20.0 + 0.5 * closest_s)
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "early"), [(4900.0, 1.0), (2880.0, 0.5), (1400.0, 0.0), (-400.0, 0.0)]
+)
+def test_there_is_time_while_the_closest_approach_is_far_off(distance_m: float, early: float) -> None:
+    coming = Track("A", 0.0, (distance_m, 0.0, -300.0), (-50.0, 0.0, 0.0))
+    assert situation(AvoidanceParams(), coming).early == pytest.approx(early)
+
+
+def test_a_change_of_mind_costs_twice_as_much_while_there_is_time() -> None:
+    held, other = Guidance(0.5, 22.0, 300.0), Guidance(-0.5, 22.0, 300.0)
+    soon = replace(situation(AvoidanceParams()), early=0.0, mission_then_m=None)
+    costs = [
+        price(one, Commands.of([other]), Tracks.none(), held).cost for one in (soon, replace(soon, early=1.0))
+    ]
+    assert costs[1] - costs[0] == pytest.approx([0.0, soon.weights.switch])
