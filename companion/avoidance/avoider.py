@@ -36,6 +36,7 @@ from companion.avoidance.survey import (
     matters,
     mission_of,
     moved,
+    out_of_reach,
     own_state,
     refuse_nonsense,
     take,
@@ -111,7 +112,8 @@ class Avoider:
         relevant = [t for t in tracks if matters(t) and not (own_id and t.track_id == own_id)]
         state = own_state(now_s, own)
         mission = mission_of(state, own, goal)
-        if not relevant:
+        if not relevant or (not own_id and out_of_reach(state, mission, now_s, relevant, self.params)):
+            self._domain.reset()
             return self._without_conflict(now_s, state, mission, goal)
         survey = take(
             state,

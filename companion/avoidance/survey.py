@@ -22,7 +22,7 @@ from companion.avoidance.prediction import (
     separation,
     to_goal,
 )
-from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind, Vec3
+from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind, Vec2, Vec3
 
 # How fast we could fly towards somebody who is near but not on his way to us.
 _OWN_REACH_MPS = 20.0
@@ -164,10 +164,7 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
     positions, velocities, rest = [], [], []
     for track in relevant:
         grounded = track.kind is TrafficKind.OBSTACLE
-        across_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
         aloft_m = params.obstacle_vertical_m if grounded else params.well_clear_vertical_m
-        if track.protected_horizontal_m is not None:
-            across_m = track.protected_horizontal_m
         if track.protected_vertical_m is not None:
             aloft_m = track.protected_vertical_m
         uncertain_m = max(track.vertical_uncertainty_m, 0.0)
@@ -175,7 +172,7 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
         velocities.append(track.velocity_mps)
         rest.append(
             (
-                max(across_m, 1.0) * (1.0 + params.horizontal_margin),
+                _protected_horizontal_m(track, params),
                 (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
                 track.turn_radps,
                 grounded,
@@ -192,6 +189,46 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
         on_ground > 0.0,
         _shells_m(position, across, params, goal),
         turns,
+    )
+
+
+def _protected_horizontal_m(track: Track, params: AvoidanceParams) -> float:
+    """How far around it to keep clear, margin included."""
+    across_m = track.protected_horizontal_m
+    if across_m is None:
+        grounded = track.kind is TrafficKind.OBSTACLE
+        across_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
+    return max(across_m, 1.0) * (1.0 + params.horizontal_margin)
+
+
+def out_of_reach(
+    state: OwnState, mission: Guidance, now_s: float, relevant: Sequence[Track], params: AvoidanceParams
+) -> bool:
+    """Whether nobody is within reach of either layer, so that there is nothing to measure.
+
+    It is what `take` would find, in plain numbers: most of the time everybody is far away.
+    """
+    if params.clears_inner_layer:
+        return False
+    own_m = state.position_m.tolist()
+    own_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+    return all(_is_out_of_reach(own_m, own_mps, now_s, track, params) for track in relevant)
+
+
+def _is_out_of_reach(own_m: Vec3, own_mps: Vec2, now_s: float, track: Track, params: AvoidanceParams) -> bool:
+    if track.turn_radps != 0.0:
+        return False  # he may turn towards us
+    north_m, east_m, _ = moved(track, now_s)
+    north_m, east_m = north_m - own_m[0], east_m - own_m[1]
+    north_mps, east_mps = own_mps[0] - track.velocity_mps[0], own_mps[1] - track.velocity_mps[1]
+    distance_m = math.hypot(north_m, east_m)
+    surface_m = distance_m - _protected_horizontal_m(track, params)
+    closing_mps = max((north_m * north_mps + east_m * east_mps) / max(distance_m, 1e-9), 0.0)
+    return surface_m >= max(
+        params.outer_radius_m,
+        params.outer_time_s * closing_mps,
+        params.inner_radius_m,
+        params.inner_time_s * closing_mps,
     )
 
 

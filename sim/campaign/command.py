@@ -118,7 +118,7 @@ def print_figures(console: Console, report: dict[str, Any]) -> None:
     console.print(
         f"Ratios against nobody avoiding, with 95 % intervals; the pass lines are\n"
         f"{RISK_RATIO_LINE} and {LOWC_RATIO_LINE}. Aside and height are medians over conflicts.\n"
-        "Not back: on the mission line, minutes after the encounter."
+        "Not back: on the mission line, half an hour after the encounter."
     )
 
 

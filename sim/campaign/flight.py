@@ -32,8 +32,8 @@ _START_S = 1_700_000_000.0
 _RARE_FACTS_S = 2
 # Back on the mission line: as near to it as autopilots keep to one.
 _ON_LINE_M, _AT_HEIGHT_M = 25.0, 8.0
-# For the way back, after the encounter itself.
-_LONGEST_RETURN_S = 240.0
+# For the way back, after the encounter itself: somebody may fly on along the mission line, at our speed.
+_LONGEST_RETURN_S = 1800.0
 _FIRST_ICAO = 0xA00001
 
 

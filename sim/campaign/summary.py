@@ -29,6 +29,7 @@ class Figures:
         self._words: dict[str, int] = {}
         self.timing: dict[str, int] = {}
         self.not_back = 0
+        self.latest_back_s = 0.0
 
     def __len__(self) -> int:
         return len(self._numbers) // len(_COLUMNS)
@@ -45,6 +46,7 @@ class Figures:
             )
         )  # fmt: skip
         self.not_back += result["back_s"] is None
+        self.latest_back_s = max(self.latest_back_s, result["back_s"] or 0.0)
         for place, count in result["timing"].items():
             self.timing[place] = self.timing.get(place, 0) + count
 
@@ -88,6 +90,7 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         **_nuisance(columns),
         "more_than_one_engagement": int((columns["engagements"] > 1.0).sum()),
         "not_back_on_line": figures.not_back,
+        "latest_back_s": figures.latest_back_s,
         "decision_ms": {
             "p50": percentile_ms(figures.timing, 0.5),
             "p99": percentile_ms(figures.timing, 0.99),

@@ -43,6 +43,7 @@ def test_what_is_flown_by_the_engine_is_avoided(flown: tuple[Plan, Path]) -> Non
     # One of these turns into us at 110 m/s in the last seconds.
     assert ours["p_nmac"] < 0.2 * nobody["p_nmac"]
     assert ours["not_back_on_line"] == 0
+    assert plan.source()(0).duration_s <= ours["latest_back_s"] < 600.0
     assert ours["decision_ms"]["p99"] > ours["decision_ms"]["p50"] > 0.0
     assert len(by_avoider["companion"]) == plan.encounters
 
