@@ -1,6 +1,7 @@
 """Who is out of reach is told in plain numbers: it must be what the survey in arrays finds."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -61,3 +62,18 @@ def test_who_is_out_of_reach_is_what_the_survey_finds(seed: int, turns: bool) ->
     else:
         assert away == (not reached.any())
     assert not (away and survey.conflict.any())
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "speed_mps", "away"),
+    [
+        (0.99 * (60.0 * 72.0 + 1.15 * 609.6), -50.0, False),
+        (1.01 * (60.0 * 72.0 + 1.15 * 609.6), -50.0, True),
+        (0.99 * (1500.0 + 1.15 * 609.6), 50.0, False),
+        (1.01 * (1500.0 + 1.15 * 609.6), 50.0, True),
+    ],
+)
+def test_the_reach_is_that_of_the_outer_layer(distance_m: float, speed_mps: float, away: bool) -> None:
+    own = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
+    track = Track("A", 0.0, (distance_m, 0.0, -300.0), (speed_mps, 0.0, 0.0))
+    assert surveyed(own, Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0), [track])[0] is away
