@@ -19,7 +19,7 @@ from companion.engine.briefing import Briefing
 from companion.engine.effects import Effect, Keep, Record, Save
 from companion.engine.heights import limit_heights
 from companion.engine.held import Held
-from companion.engine.onboard import Onboard
+from companion.engine.onboard import HEEDED, Onboard
 from companion.engine.operator import Operator
 from companion.engine.params import EngineConfig
 from companion.engine.rates import RateKeeper
@@ -186,8 +186,8 @@ class Engine:
 
     def receive(self, fact: Fact, now_s: float) -> bool:
         """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
-        us = self.sender
-        if fact.sender == us:
+        sender = fact.sender
+        if sender.component_id == self._settings.engine.component_id and sender == self.sender:
             return False
         if isinstance(fact, _OPERATORS):
             self._answers += self.operator.receive(fact)
@@ -198,8 +198,8 @@ class Engine:
             return self._hear(fact, now_s)
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
-        if self.aircraft.adapter is not None:
-            self.onboard.observe(fact, self.aircraft.adapter, us, now_s)
+        if isinstance(fact, HEEDED) and self.aircraft.adapter is not None:
+            self.onboard.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
             return self._is_of_another_system(fact) and self._hear(fact, now_s)

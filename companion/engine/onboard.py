@@ -33,8 +33,8 @@ from companion.mavlink.facts import (
     Sender,
 )
 
-# Most facts are of other things.
-_HEEDED = (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
+# What it is told by; most facts are of other things.
+HEEDED = (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
 _GAP_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot that keeps to its fence.
 _FENCE_HEARD_S = 5.0
@@ -115,9 +115,7 @@ class Onboard:
         self._missions.restart()
 
     def observe(self, fact: Fact, adapter: Adapter, us: Sender, now_s: float) -> None:
-        """Take any fact in, whoever it came from."""
-        if not isinstance(fact, _HEEDED):
-            return
+        """Take a fact in, whoever it came from; any that is not `HEEDED` means nothing."""
         self._adopt(adapter, now_s)
         self._missions.observe(fact, us, adapter.target, now_s)
         if fact.sender != adapter.target:

@@ -84,7 +84,8 @@ class ParameterReader:
             return None
         waiting, question = 0, None
         for one in self._open:
-            waiting += now_s - one.sent_s < _ANSWER_S
+            if now_s - one.sent_s < _ANSWER_S:
+                waiting += 1
             if now_s >= one.due_s and (question is None or one.before(question)):
                 question = one
         if waiting >= _AT_A_TIME:

@@ -209,15 +209,15 @@ def _messages(effects: Sequence[object]) -> list[Message]:
 def _as_report(heard: Heard, now_s: float) -> TrafficReport:
     """As a transponder's report arrives: heights of the standard atmosphere, as old as the receiver knows."""
     index, _, position_m, velocity_mps, told_age_s = heard
-    place = FRAME.to_geo(*position_m)
+    lat_deg, lon_deg, altitude_m = FRAME.to_geo(*position_m)
     icao = _FIRST_ICAO + index
     return TrafficReport(
         TrafficSource.ADSB,
         adsb_key(icao),
         now_s - told_age_s,
-        lat_deg=place.lat_deg,
-        lon_deg=place.lon_deg,
-        altitude_m=place.altitude_m,
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        altitude_m=altitude_m,
         altitude_reference=AltitudeReference.BAROMETRIC,
         course_rad=math.atan2(velocity_mps[1], velocity_mps[0]) % math.tau,
         ground_speed_mps=math.hypot(velocity_mps[0], velocity_mps[1]),

@@ -112,7 +112,7 @@ class Observer:
 
     def _report(self, index: int, sent_s: float, state: State) -> Heard | None:
         how = self._how
-        noise = self._rng.normal(0.0, 1.0, 6)
+        north_off, east_off, down_off, *off = self._rng.normal(0.0, 1.0, 6).tolist()
         lost = self._is_lost(index)
         (north, east, down), (north_mps, east_mps, down_mps) = state
         own, moving = self._own_m, self._own_mps
@@ -120,14 +120,14 @@ class Observer:
         if lost or away_m > how.first_heard_m:
             return None
         position = (
-            north + how.position_sigma_m * float(noise[0]),
-            east + how.position_sigma_m * float(noise[1]),
-            down + how.height_sigma_m * float(noise[2]) + float(self._bias_m[index]),
+            north + how.position_sigma_m * north_off,
+            east + how.position_sigma_m * east_off,
+            down + how.height_sigma_m * down_off + float(self._bias_m[index]),
         )
         velocity = (
-            north_mps + how.velocity_sigma_mps * float(noise[3]),
-            east_mps + how.velocity_sigma_mps * float(noise[4]),
-            down_mps + how.climb_sigma_mps * float(noise[5]),
+            north_mps + how.velocity_sigma_mps * off[0],
+            east_mps + how.velocity_sigma_mps * off[1],
+            down_mps + how.climb_sigma_mps * off[2],
         )
         return index, sent_s, position, velocity, how.latency_s if how.age_is_told else 0.0
 
