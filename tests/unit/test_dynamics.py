@@ -147,3 +147,14 @@ def test_the_same_inputs_give_the_same_bits() -> None:
         fly(aircraft, 30.0)
         places.append((aircraft.position_m, aircraft.velocity_mps))
     assert places[0] == places[1]
+
+
+def test_the_way_of_a_step_in_a_turn_points_halfway_between_its_headings() -> None:
+    aircraft = FixedWing()
+    aircraft.hold_bank(math.radians(30.0))
+    fly(aircraft, 5.0)
+    before_rad, before_m = aircraft.heading_rad, aircraft.position_m
+    aircraft.step(STEP_S)
+    north_m, east_m = aircraft.north_m - before_m[0], aircraft.east_m - before_m[1]
+    halfway_rad = before_rad + 0.5 * wrap_pi(aircraft.heading_rad - before_rad)
+    assert wrap_pi(math.atan2(east_m, north_m) - halfway_rad) == pytest.approx(0.0, abs=1e-9)
