@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import PressureAltitude, Traffic
-from companion.model import AltitudeReference, TrafficReport, TrafficSource, Vec3, adsb_key
+from companion.model import AltitudeReference, TrafficReport, TrafficSource, adsb_key
 from companion.separation import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
@@ -118,7 +118,7 @@ class _Flight:
         )
         self._observer = Observer(encounter, surveillance, seed)
         self._noted: object = None
-        self._own_m: list[Vec3] = [self._plane.position_m]
+        self._own_m: list[Array] = [np.array([self._plane.position_m])]
         self._flown = Flown(Closeness(math.inf, math.inf, math.inf, nmac=False, lowc=False))
 
     def run(self) -> Flown:
@@ -126,16 +126,15 @@ class _Flight:
         longest = steps + round(_LONGEST_RETURN_S / _STEP_S)
         step = 0
         while True:
-            if step % _FACTS_EVERY == 0:
-                self._tell(step)
+            self._tell(step)
             if step % _STEPS_PER_DECISION == 0:
                 self._decide(step * _STEP_S)
                 if step >= steps and (self._is_back(step) or step >= longest):
                     break
-            self._own_m.append(self._plane.step(_STEP_S))
-            step += 1
+            self._own_m.append(self._plane.fly(_FACTS_EVERY, _STEP_S))
+            step += _FACTS_EVERY
         flown, plane = self._flown, self._plane
-        flown.own_m = np.array(self._own_m)
+        flown.own_m = np.concatenate(self._own_m)
         flown.closeness = closeness(flown.own_m, self._encounter)
         flown.engagements = plane.entered_guided
         flown.avoided = plane.entered_guided > 0

@@ -9,6 +9,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from companion.autopilots.ardupilot import GUIDED
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
@@ -25,7 +28,6 @@ from companion.mavlink.facts import (
 )
 from companion.model import Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
-from sim.compiled.wing import line_bank_rad
 from sim.dynamics import Airframe, FixedWing
 
 AUTOPILOT = Sender(1, 1)
@@ -68,12 +70,12 @@ class Plane:
         self._wing = FixedWing(position_m, course_rad, airspeed_mps, airframe=limits.airframe())
         self._start_m, self._course_rad = position_m, course_rad
         self._airspeed_mps = airspeed_mps
-        self._begin_m = position_m[:2]
-        self._end_m = (
+        end_m = (
             position_m[0] + _MISSION_M * math.cos(course_rad),
             position_m[1] + _MISSION_M * math.sin(course_rad),
         )
-        self._end = FRAME.to_geo(*self._end_m, position_m[2])
+        self._line_m = position_m[:2], end_m
+        self._end = FRAME.to_geo(*end_m, position_m[2])
         self.mode = AUTO
         self.entered_guided = 0
         self._answers: list[Fact] = []
@@ -95,14 +97,9 @@ class Plane:
         aside_m = east_m * math.cos(self._course_rad) - north_m * math.sin(self._course_rad)
         return aside_m, self._start_m[2] - down_m
 
-    def step(self, dt_s: float) -> Vec3:
-        """Fly on; where it is then, north, east, down [m]."""
-        wing = self._wing
-        if self.mode == AUTO:
-            here_m = wing.north_m, wing.east_m
-            wing.hold_bank(line_bank_rad(here_m, wing.ground_velocity_mps, self._begin_m, self._end_m))
-        wing.step(dt_s)
-        return wing.position_m
+    def fly(self, steps: int, dt_s: float) -> NDArray[np.float64]:
+        """Fly on for so many steps; where it is after each of them, north-east-down [m], (steps, 3)."""
+        return self._wing.fly(steps, dt_s, self._line_m if self.mode == AUTO else None)
 
     def facts(self, now_s: float) -> list[Fact]:
         """What the autopilot tells of itself, and its answers since the last call."""

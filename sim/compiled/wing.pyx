@@ -6,6 +6,8 @@ All is in double precision, without reordering or fusing of operations: the same
 
 from libc.math cimport asin, atan, atan2, cos, fmod, hypot, sin, sqrt, tan
 
+import numpy as np
+
 from companion.units import STANDARD_GRAVITY_MPS2
 from sim.airframe import Airframe, heading_for_course_rad
 
@@ -34,7 +36,7 @@ cdef class FixedWing:
     cdef double _climb_command_mps, _altitude_command_m
     cdef bint _holds_course, _holds_altitude
     # The airframe's, where a step needs them.
-    cdef double _roll_rate_limit_rps, _roll_lag_s, _bank_per_course_error
+    cdef double _most_bank_rad, _roll_rate_limit_rps, _roll_lag_s, _bank_per_course_error
     cdef double _acceleration_limit_mps2, _airspeed_lag_s
     cdef double _climb_limit_mps, _sink_limit_mps, _climb_acceleration_limit_mps2
     cdef double _climb_lag_s, _altitude_lag_s
@@ -62,7 +64,7 @@ cdef class FixedWing:
 
     @airframe.setter
     def airframe(self, airframe):
-        self._airframe = airframe
+        self._airframe, self._most_bank_rad = airframe, airframe.bank_limit_rad
         self._roll_rate_limit_rps, self._roll_lag_s = airframe.roll_rate_limit_rps, airframe.roll_lag_s
         self._bank_per_course_error = airframe.bank_per_course_error
         self._acceleration_limit_mps2 = airframe.acceleration_limit_mps2
@@ -111,12 +113,11 @@ cdef class FixedWing:
 
     def hold_bank(self, double bank_rad):
         """Roll to a bank angle, positive to the right."""
-        self._bank_command_rad = _limited(bank_rad, self._airframe.bank_limit_rad)
-        self._holds_course = False
+        self._hold_bank(bank_rad)
 
     def hold_course(self, double course_rad, bank_limit_rad=None):
         """Turn to a course over ground and keep it, crabbing into the wind."""
-        cdef double limit_rad = self._airframe.bank_limit_rad
+        cdef double limit_rad = self._most_bank_rad
         self._bank_limit_rad = limit_rad if bank_limit_rad is None else min(abs(bank_limit_rad), limit_rad)
         self._holds_course, self._course_command_rad = True, course_rad
 
@@ -135,6 +136,35 @@ cdef class FixedWing:
 
     def step(self, double dt_s):
         """Fly on for a short time (0.1 s at most for the lags to be smooth)."""
+        self._step(dt_s)
+
+    def fly(self, Py_ssize_t steps, double dt_s, line=None):
+        """Fly on for so many steps; where it is after each of them, north-east-down [m], (steps, 3).
+
+        That follows the commands, or the bank that `line`, from one place (north, east) to another, takes.
+        """
+        cdef Py_ssize_t i
+        cdef double start_north_m = 0.0, start_east_m = 0.0, end_north_m = 0.0, end_east_m = 0.0
+        cdef bint follows = line is not None
+        if follows:
+            (start_north_m, start_east_m), (end_north_m, end_east_m) = line
+        positions_m = np.empty((steps, 3))
+        cdef double[:, ::1] position_m = positions_m
+        for i in range(steps):
+            if follows:
+                self._hold_bank(_line_bank_rad(
+                    self.north_m, self.east_m, self._north_mps(), self._east_mps(),
+                    start_north_m, start_east_m, end_north_m, end_east_m,
+                ))
+            self._step(dt_s)
+            position_m[i, 0], position_m[i, 1], position_m[i, 2] = self.north_m, self.east_m, -self.altitude_m
+        return positions_m
+
+    cdef void _hold_bank(self, double bank_rad) noexcept:
+        self._bank_command_rad = _limited(bank_rad, self._most_bank_rad)
+        self._holds_course = False
+
+    cdef void _step(self, double dt_s) noexcept:
         cdef double error_mps, turn_rad, midway_rad, over_ground_m
         self._roll(dt_s)
         error_mps = self.airspeed_command_mps - self.airspeed_mps
@@ -188,10 +218,16 @@ cdef class FixedWing:
 
 def line_bank_rad(position_m, velocity_mps, start_m, end_m):
     """Bank that joins and follows the line from start to end (L1 guidance, Park et al. 2004)."""
-    cdef double north_m = position_m[0], east_m = position_m[1]
-    cdef double north_mps = velocity_mps[0], east_mps = velocity_mps[1]
-    cdef double start_north_m = start_m[0], start_east_m = start_m[1]
-    cdef double end_north_m = end_m[0], end_east_m = end_m[1]
+    return _line_bank_rad(
+        position_m[0], position_m[1], velocity_mps[0], velocity_mps[1],
+        start_m[0], start_m[1], end_m[0], end_m[1],
+    )
+
+
+cdef double _line_bank_rad(
+    double north_m, double east_m, double north_mps, double east_mps,
+    double start_north_m, double start_east_m, double end_north_m, double end_east_m,
+) noexcept:
     cdef double ground_mps = max(hypot(north_mps, east_mps), 1.0)
     cdef double l1_m = L1_S * ground_mps, course_rad = atan2(east_mps, north_mps)
     cdef double line_north = end_north_m - start_north_m, line_east = end_east_m - start_east_m

@@ -35,6 +35,20 @@ class Surveillance:
     burst_reports: float = 1.0
     first_heard_m: float = math.inf
 
+    @property
+    def exact(self) -> bool:
+        """Whether reports have no error, and none is lost."""
+        return not any(
+            (
+                self.position_sigma_m,
+                self.height_sigma_m,
+                self.velocity_sigma_mps,
+                self.climb_sigma_mps,
+                self.height_bias_sigma_m,
+                self.loss,
+            )
+        )
+
 
 SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
     # One second old, as in the comparison of the peers, and without any error.
@@ -76,14 +90,15 @@ class Observer:
     """What is heard of an encounter's intruders; ask with times that never run backwards."""
 
     def __init__(self, encounter: Encounter, surveillance: Surveillance, seed: int = 0) -> None:
-        self._how = surveillance
+        self._how, self._exact = surveillance, surveillance.exact
         self._intruders = encounter.intruders
         self._own_m, self._own_mps = encounter.own_position_m, encounter.own_velocity_mps
         self._arrivals = self._all_arrivals()
         self._next = next(self._arrivals)
         self._lost = [False] * len(encounter.intruders)
         self._rng = np.random.default_rng([seed, 77])
-        self._bias_m = self._rng.normal(0.0, 1.0, len(encounter.intruders)) * surveillance.height_bias_sigma_m
+        bias_m = self._rng.normal(0.0, 1.0, len(encounter.intruders)) * surveillance.height_bias_sigma_m
+        self._bias_m: list[float] = bias_m.tolist()
 
     def reports(self, now_s: float) -> list[Heard]:
         """What arrived since the last call."""
@@ -111,25 +126,33 @@ class Observer:
                 yield at_s, [states[place] for states in paths]
 
     def _report(self, index: int, sent_s: float, state: State) -> Heard | None:
+        how, told = self._how, state
+        if not self._exact:
+            told = self._with_errors(index, state)
+            if self._is_lost(index):
+                return None
+        (north_m, east_m, _), own_m, own_mps = state[0], self._own_m, self._own_mps
+        away_m = math.hypot(north_m - own_m[0] - own_mps[0] * sent_s, east_m - own_m[1] - own_mps[1] * sent_s)
+        if away_m > how.first_heard_m:
+            return None
+        position_m, velocity_mps = told
+        return index, sent_s, position_m, velocity_mps, how.latency_s if how.age_is_told else 0.0
+
+    def _with_errors(self, index: int, state: State) -> State:
         how = self._how
         north_off, east_off, down_off, *off = self._rng.normal(0.0, 1.0, 6).tolist()
-        lost = self._is_lost(index)
-        (north, east, down), (north_mps, east_mps, down_mps) = state
-        own, moving = self._own_m, self._own_mps
-        away_m = math.hypot(north - own[0] - moving[0] * sent_s, east - own[1] - moving[1] * sent_s)
-        if lost or away_m > how.first_heard_m:
-            return None
-        position = (
-            north + how.position_sigma_m * north_off,
-            east + how.position_sigma_m * east_off,
-            down + how.height_sigma_m * down_off + float(self._bias_m[index]),
+        (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = state
+        position_m = (
+            north_m + how.position_sigma_m * north_off,
+            east_m + how.position_sigma_m * east_off,
+            down_m + how.height_sigma_m * down_off + self._bias_m[index],
         )
-        velocity = (
+        velocity_mps = (
             north_mps + how.velocity_sigma_mps * off[0],
             east_mps + how.velocity_sigma_mps * off[1],
             down_mps + how.climb_sigma_mps * off[2],
         )
-        return index, sent_s, position, velocity, how.latency_s if how.age_is_told else 0.0
+        return position_m, velocity_mps
 
     def _is_lost(self, index: int) -> bool:
         """Gilbert's model: two states, so that losses come together."""

@@ -2,11 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.model import Vec2
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from sim.compiled.wing import line_bank_rad
 from sim.dynamics import Airframe, FixedWing, heading_for_course_rad
 
 STEP_S = 0.05
@@ -158,3 +161,21 @@ def test_the_way_of_a_step_in_a_turn_points_halfway_between_its_headings() -> No
     north_m, east_m = aircraft.north_m - before_m[0], aircraft.east_m - before_m[1]
     halfway_rad = before_rad + 0.5 * wrap_pi(aircraft.heading_rad - before_rad)
     assert wrap_pi(math.atan2(east_m, north_m) - halfway_rad) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("line_m", [None, ((0.0, 0.0), (900.0, 300.0))])
+def test_several_steps_at_once_are_the_same_steps(line_m: tuple[Vec2, Vec2] | None) -> None:
+    together, singly = FixedWing(wind_mps=(1.0, -3.0)), FixedWing(wind_mps=(1.0, -3.0))
+    places_m = []
+    for aircraft in (together, singly):
+        aircraft.hold_course(0.4)
+        aircraft.hold_altitude(25.0)
+        aircraft.hold_airspeed(26.0)
+    for _ in range(40):
+        if line_m is not None:
+            here_m = singly.north_m, singly.east_m
+            singly.hold_bank(line_bank_rad(here_m, singly.ground_velocity_mps, *line_m))
+        singly.step(STEP_S)
+        places_m.append(singly.position_m)
+    flown_m = np.concatenate([together.fly(15, STEP_S, line_m), together.fly(25, STEP_S, line_m)])
+    assert flown_m.tolist() == [list(place_m) for place_m in places_m]

@@ -282,6 +282,24 @@ def test_perfect_reports_are_one_second_old_and_exact() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        "position_sigma_m",
+        "height_sigma_m",
+        "velocity_sigma_mps",
+        "climb_sigma_mps",
+        "height_bias_sigma_m",
+        "loss",
+    ],
+)
+def test_each_error_alone_makes_reports_differ(error: str) -> None:
+    encounter = generate("level", 2, 3)
+    exact = Observer(encounter, Surveillance()).reports(60.0)
+    assert len(exact) == 61
+    assert Observer(encounter, Surveillance(**{error: 0.5})).reports(60.0) != exact
+
+
 def test_errors_losses_and_range_are_as_stated() -> None:
     encounter = generate("hovering", 2, 3)
     how = Surveillance(position_sigma_m=20.0, velocity_sigma_mps=2.0, loss=0.3, burst_reports=4.0)
