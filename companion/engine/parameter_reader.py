@@ -29,10 +29,6 @@ class _Question:
     def open(self) -> bool:
         return self.answered_s is None and self.tries < _TRIES * len(self.names)
 
-    def before(self, other: "_Question") -> bool:
-        """Whether it is this one's turn: who was asked less often, then who waits for longer."""
-        return (self.tries, self.due_s) < (other.tries, other.due_s)
-
 
 class ParameterReader:
     """Knows the values of some parameters, as far as the autopilot told them.
@@ -46,7 +42,7 @@ class ParameterReader:
         self.values: dict[str, float] = {}
         self._questions = [_Question(names) for names in questions]
         self._by_name = {name: question for question in self._questions for name in question.names}
-        self._open = self._questions  # neither answered nor given up
+        self._open = [*self._questions]  # neither answered nor given up; who was asked longest ago first
         self._refreshed_s = -math.inf
         self._next_due_s = -math.inf  # nothing is due before
 
@@ -59,7 +55,7 @@ class ParameterReader:
         for question in self._questions:
             question.tries, question.answered_s = 0, None
             question.sent_s = question.due_s = -math.inf
-        self._open, self._next_due_s = self._questions, -math.inf
+        self._open, self._next_due_s = [*self._questions], -math.inf
 
     def observe(self, name: str, value: float, now_s: float) -> bool:
         """Take a value in; true when it is one of ours and differs from what was known."""
@@ -82,14 +78,10 @@ class ParameterReader:
     def _due(self, now_s: float) -> str | None:
         if now_s < self._next_due_s:
             return None
-        waiting, question = 0, None
-        for one in self._open:
-            if now_s - one.sent_s < _ANSWER_S:
-                waiting += 1
-            if now_s >= one.due_s and (question is None or one.before(question)):
-                question = one
-        if waiting >= _AT_A_TIME:
+        latest = self._open[-_AT_A_TIME:]
+        if len(latest) == _AT_A_TIME and now_s - latest[0].sent_s < _ANSWER_S:
             return None
+        question = next((one for one in self._open if now_s >= one.due_s), None)
         if question is None:
             self._next_due_s = min((one.due_s for one in self._open), default=math.inf)
             return None
@@ -98,8 +90,9 @@ class ParameterReader:
         question.tries += 1
         question.sent_s = now_s
         question.due_s = now_s + min(_ANSWER_S * 2.0**rounds, _LONGEST_WAIT_S)
-        if not question.open:
-            self._open = [one for one in self._open if one.open]
+        self._open.remove(question)
+        if question.open:
+            self._open.append(question)
         return name
 
     def _stale(self, now_s: float) -> str | None:

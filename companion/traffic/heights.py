@@ -54,7 +54,8 @@ class Datum(NamedTuple):
 
 
 Datums = Mapping[AltitudeReference, Datum]
-AS_REPORTED: Datums = dict.fromkeys(AltitudeReference, Datum())
+_SAME = Datum()
+AS_REPORTED: Datums = dict.fromkeys(AltitudeReference, _SAME)
 
 
 class Height(NamedTuple):
@@ -85,10 +86,10 @@ class OwnHeights:
     def __init__(self, params: HeightParams | None = None) -> None:
         self._params = params or HeightParams()
         self._altitude_m: float | None = None
-        self._pressure_offset_m: float | None = None
+        self._pressure: Datum | None = None
         self._pressure_s = -math.inf
         self._pressure_at_m = 0.0
-        self._separation_m: float | None = None
+        self._geoid = Datum(0.0, self._params.geoid_unknown_m)
 
     def learn_altitude(self, altitude_m: float) -> None:
         """Our height above mean sea level."""
@@ -97,36 +98,31 @@ class OwnHeights:
     def learn_pressure(self, pressure_altitude_m: float, now_s: float) -> None:
         """Our height in the standard atmosphere; it means something beside a height above the sea."""
         if self._altitude_m is not None:
-            self._pressure_offset_m = self._altitude_m - pressure_altitude_m
+            self._pressure = Datum(self._altitude_m - pressure_altitude_m, 0.0)
             self._pressure_s, self._pressure_at_m = now_s, self._altitude_m
 
     def learn_separation(self, separation_m: float) -> None:
         """How far the geoid lies above the ellipsoid here; it changes by a metre in ten kilometres or so."""
-        self._separation_m = separation_m
+        self._geoid = Datum(-separation_m, 0.0)
 
     def datums(self, now_s: float) -> Datums:
         """How to compare heights of each reference with ours."""
-        geoid = (
-            Datum(0.0, self._params.geoid_unknown_m)
-            if self._separation_m is None
-            else Datum(-self._separation_m, 0.0)
-        )
         return {
             AltitudeReference.BAROMETRIC: self._barometric(now_s),
-            AltitudeReference.GEOMETRIC: geoid,
-            AltitudeReference.SEA_LEVEL: Datum(),
+            AltitudeReference.GEOMETRIC: self._geoid,
+            AltitudeReference.SEA_LEVEL: _SAME,
         }
 
     def _barometric(self, now_s: float) -> Datum:
         params = self._params
-        if self._pressure_offset_m is None or self._altitude_m is None:
+        if self._pressure is None or self._altitude_m is None:
             return Datum(0.0, params.pressure_unknown_m)
         silent_s = now_s - self._pressure_s - params.pressure_fresh_s
         if silent_s <= 0.0:
-            return Datum(self._pressure_offset_m, 0.0)
+            return self._pressure
         moved_m = abs(self._altitude_m - self._pressure_at_m)
         grown_m = silent_s * params.pressure_stale_mps + moved_m * params.pressure_stretch
-        return Datum(self._pressure_offset_m, min(grown_m, params.pressure_unknown_m))
+        return Datum(self._pressure.offset_m, min(grown_m, params.pressure_unknown_m))
 
 
 def compare(heights: Sequence[Height], datums: Datums, now_s: float) -> Compared | None:

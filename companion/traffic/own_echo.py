@@ -15,8 +15,8 @@ from companion.traffic.heights import Datums, compare
 from companion.traffic.target import Target
 
 _SPACING_S = 0.2
-# Whoever is further north or south of us than this (2 km) is not looked at more closely.
-_NEAR_DEG = 0.02
+# Our places of late are no further away than at so many times our present speed.
+_FASTER = 2.0
 # Own position comes in between two moments of the trail.
 _AHEAD_S = 0.5
 
@@ -106,7 +106,8 @@ class OwnEcho:
         params, motion = self._params, target.motion
         if motion is None or not self._trail:
             return None
-        if abs(motion.lat_deg - self._trail[-1].lat_deg) > _NEAR_DEG:
+        frame, furthest = LocalFrame(motion.lat_deg, motion.lon_deg), max(params.split_factor, 1.0)
+        if self._is_far(frame, furthest):
             return math.inf
         then = [
             own
@@ -116,8 +117,7 @@ class OwnEcho:
         height = compare(motion.heights, datums, motion.place_s)
         if not then or height is None:
             return None
-        frame = LocalFrame(motion.lat_deg, motion.lon_deg)
-        vertical_m, furthest = params.vertical_m + height.uncertainty_m, max(params.split_factor, 1.0)
+        vertical_m = params.vertical_m + height.uncertainty_m
         smallest = math.inf
         for own in then:
             north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
@@ -133,3 +133,10 @@ class OwnEcho:
             )
             smallest = min(smallest, apart)
         return smallest
+
+    def _is_far(self, frame: LocalFrame, furthest: float) -> bool:
+        """Whether none of our places of late can be within `furthest` gates of the frame's origin."""
+        own = self._trail[-1]
+        north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
+        flown_m = _FASTER * math.hypot(own.north_mps, own.east_mps) * (self._params.delay_s + 1.0)
+        return math.hypot(north_m, east_m) > furthest * self._params.radius_m + flown_m
