@@ -34,6 +34,7 @@ from companion.avoidance.survey import (
     flown_mps,
     horizon_s,
     matters,
+    mission_mps,
     mission_of,
     moved,
     out_of_reach,
@@ -112,12 +113,14 @@ class Avoider:
         relevant = [t for t in tracks if matters(t) and not (own_id and t.track_id == own_id)]
         state = own_state(now_s, own)
         mission = mission_of(state, own, goal)
-        if not relevant or (not own_id and out_of_reach(state, mission, now_s, relevant, self.params)):
+        onward_mps = mission_mps(state, mission)
+        if not relevant or (not own_id and out_of_reach(state, onward_mps, now_s, relevant, self.params)):
             self._domain.reset()
             return self._without_conflict(now_s, state, mission, goal)
         survey = take(
             state,
             mission,
+            onward_mps,
             tracks_at(now_s, relevant, self.params, goal),
             self.params,
             self.envelope,
@@ -130,7 +133,7 @@ class Avoider:
         if answer is not None:
             grouped = np.array([track.track_id in answer.guidance for track in relevant])
             if not (survey.conflict & ~grouped).any() and self._keeps_clear(answer, state, survey, ~grouped):
-                return self._answered(answer, state, replace(survey, conflict=grouped), relevant)
+                return self._answered(answer, state, survey._replace(conflict=grouped), relevant)
         self._answering = False
         if not any_of(survey.conflict):
             return self._without_conflict(now_s, state, mission, goal)
@@ -200,11 +203,11 @@ class Avoider:
     def _bounded(self, situation: Situation) -> Situation:
         """The same within the fence, without what was refused, heights spared where that is safer."""
         if situation.spares_heights is not self.spares_heights:
-            situation = replace(situation, spares_heights=self.spares_heights)
+            situation = situation._replace(spares_heights=self.spares_heights)
         if self.fence is None and not self._refusals.refused:
             return situation
         ahead_s = self._fence_look_ahead_s(situation.own)
-        return replace(situation, fence=self.fence, fence_look_ahead_s=ahead_s, refusals=self._refusals)
+        return situation._replace(fence=self.fence, fence_look_ahead_s=ahead_s, refusals=self._refusals)
 
     def _fence_look_ahead_s(self, state: OwnState) -> float:
         return min(self.params.fence_look_ahead_turns * turn_around_s(state, self.envelope), HORIZON_S)
@@ -277,7 +280,7 @@ class Avoider:
         situation = self._bounded(conflict(state, mission, survey, goal, self.params, self.envelope))
         impatience = self._impatience(now_s)
         if impatience > 0.0:
-            situation = replace(situation, impatience=impatience)
+            situation = situation._replace(impatience=impatience)
         pressing = survey.pressing(self.params.priced_tracks)
         layer, priced = self._priced(situation, survey, pressing)
         best = priced.best()
@@ -333,7 +336,7 @@ class Avoider:
 
     def _inner(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:
         self._rule = self._ruled(situation.own, survey)
-        ruled = replace(situation, rule_course_rad=self._rule.course_rad, rule_pace=self._rule.pace)
+        ruled = situation._replace(rule_course_rad=self._rule.course_rad, rule_pace=self._rule.pace)
         return emergency(ruled, self._table, pressing, self._held)
 
     def _field(self, situation: Situation, survey: Survey, pressing: Tracks) -> Priced:

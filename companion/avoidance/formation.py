@@ -175,11 +175,15 @@ def _flown(state: MemberState, centre_m: Array) -> _Flown:
     )
     own = OwnState(
         # Around the group's own middle, so that where the frame lies makes no difference to the rounding.
-        np.array(state.position_m) - np.array([*centre_m[:2], 0.0]),
+        (
+            state.position_m[0] - float(centre_m[0]),
+            state.position_m[1] - float(centre_m[1]),
+            state.position_m[2],
+        ),
         course_rad,
         max(speed_mps, 1.0),
         -velocity[2],
-        np.zeros(2),
+        (0.0, 0.0),
     )
     paths = fly_ahead(own, commands, envelope)
     path_m = np.concatenate([paths.ground_m, -paths.altitude_m[:, :, None]], axis=2)

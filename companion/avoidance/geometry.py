@@ -35,11 +35,11 @@ class RelativeMotion(NamedTuple):
 
 
 def relative_motion(
-    position_m: Array, velocity_mps: Array, own_position_m: Array, own_velocity_mps: Vec3
+    position_m: Array, velocity_mps: Array, own_position_m: Vec3, own_velocity_mps: Vec3
 ) -> RelativeMotion:
-    """How we fly relative to others, (N, 3); our own place is (3,)."""
+    """How we fly relative to others, (N, 3)."""
     places, velocities, all_else = kernels.relative_motion(
-        position_m, velocity_mps, own_position_m, *own_velocity_mps, STILL_MPS
+        position_m, velocity_mps, *own_position_m, *own_velocity_mps, STILL_MPS
     )
     return RelativeMotion(places, velocities, *all_else)
 

@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Le
@@ -55,8 +55,7 @@ class FieldParams:
     largest_deflection_rad: Annotated[float, Gt(0), Le(math.pi)] = math.radians(100.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Threats:
+class Threats(NamedTuple):
     """What repels, shape (N,) or (N, 2+)."""
 
     rel_position_m: Array  # threat minus own

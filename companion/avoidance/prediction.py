@@ -12,7 +12,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, RelativeMotion
 from companion.compiled import kernels
-from companion.model import Goal, Guidance, Vec2
+from companion.model import Goal, Guidance, Vec2, Vec3
 from companion.units import wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at 90 m/s of closing speed a step of 2 s
@@ -44,19 +44,18 @@ _ROOM = 1.02
 _TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
 
 
-@dataclass(frozen=True, slots=True)
-class OwnState:
+class OwnState(NamedTuple):
     """Ownship as the prediction needs it: position north-east-down, course over ground, wind (north, east).
 
     `heading_rad`, where the nose points, is `None` when it is what holds the course in this wind. A wind that
     is stronger than the airspeed leaves that open.
     """
 
-    position_m: Array
+    position_m: Vec3
     course_rad: float
     airspeed_mps: float
     climb_mps: float
-    wind_mps: Array
+    wind_mps: Vec2
     heading_rad: float | None = None
 
     @property
@@ -138,8 +137,7 @@ def _places(count: int) -> NDArray[np.intp]:
     return places
 
 
-@dataclass(frozen=True, slots=True)
-class Paths:
+class Paths(NamedTuple):
     """Where rows lead: `ground_m` (H, T, 2) north and east, `altitude_m` (Z, T), and rows made of them."""
 
     ground_m: Array
@@ -223,8 +221,7 @@ class LossWeights(Protocol):
         """Times the mean penetration over time."""
 
 
-@dataclass(frozen=True, slots=True)
-class Separation:
+class Separation(NamedTuple):
     """How rows keep clear, shape (K, N). One is the edge of the protected volume, with its margin.
 
     `closest` is the smallest over time of max(horizontal / protected, vertical / protected); `exposure` the
@@ -254,14 +251,14 @@ def turn_around_s(own: OwnState, envelope: Envelope) -> float:
 
     Against wind from the side the nose turns by more than half a circle, by twice the largest crab angle.
     """
-    wind = min(math.hypot(own.wind_mps[0], own.wind_mps[1]) / own.airspeed_mps, 1.0)
+    wind = min(math.hypot(*own.wind_mps) / own.airspeed_mps, 1.0)
     turn_rad = math.pi + 2.0 * math.asin(wind)
     return envelope.response_s + turn_rad / envelope.turn_rate_radps(own.airspeed_mps)
 
 
-def to_goal(position_m: Sequence[float], course_rad: float, goal: Goal) -> tuple[float, float]:
+def to_goal(position_m: Vec3, course_rad: float, goal: Goal) -> tuple[float, float]:
     """Course and height that lead to a goal from a north-east-down position on a present course [rad, m]."""
-    north_m, east_m, down_m = (float(x) for x in position_m)
+    north_m, east_m, down_m = position_m
     altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
     if goal.position_m is None:
         return course_rad if goal.course_rad is None else goal.course_rad, altitude_m
@@ -305,7 +302,7 @@ def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Env
     return path_m
 
 
-def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array) -> Vec2:
+def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Vec2) -> Vec2:
     """Velocity over ground, north and east, of holding a course in the wind.
 
     Where the wind is too strong for the course the nose points as far into it as helps, and the aircraft goes
@@ -315,24 +312,24 @@ def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Array)
     return _over_ground_mps(heading_rad, airspeed_mps, wind_mps)
 
 
-def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Array) -> Vec2:
-    north_mps, east_mps = wind_mps.tolist()
+def _over_ground_mps(heading_rad: float, airspeed_mps: float, wind_mps: Vec2) -> Vec2:
+    north_mps, east_mps = wind_mps
     return (
         airspeed_mps * math.cos(heading_rad) + north_mps,
         airspeed_mps * math.sin(heading_rad) + east_mps,
     )
 
 
-def _steady_crab_rad(course_rad: float, airspeed_mps: float, wind_mps: Array) -> float:
+def _steady_crab_rad(course_rad: float, airspeed_mps: float, wind_mps: Vec2) -> float:
     """How far left of a course the nose must point to hold it: the wind triangle."""
-    north_mps, east_mps = wind_mps.tolist()
+    north_mps, east_mps = wind_mps
     across_mps = east_mps * math.cos(course_rad) - north_mps * math.sin(course_rad)
     return math.asin(min(max(across_mps / max(airspeed_mps, 1e-3), -1.0), 1.0))
 
 
 def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
     """Heights, shape (Z, T): the present climb until the command bites, then at the limit, then hold."""
-    now_m = -float(own.position_m[2])
+    now_m = -own.position_m[2]
     climb_mps = min(max(own.climb_mps, -2.0 * envelope.max_sink_mps), 2.0 * envelope.max_climb_mps)
     altitude_m: Array = kernels.altitudes(
         now_m,

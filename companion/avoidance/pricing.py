@@ -6,8 +6,8 @@ is flown.
 """
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
@@ -79,8 +79,7 @@ class CostWeights:
     not_to_the_end: Annotated[float, Ge(0)] = 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class Situation:
+class Situation(NamedTuple):
     """What rows are made from and priced against."""
 
     own: OwnState
@@ -100,15 +99,14 @@ class Situation:
     passed_s: float = HORIZON_S  # when all threats are passed
     # Where the mission flown on is at that time, north and east, (2,); `None`: nobody is to be passed.
     mission_then_m: Array | None = None
-    refusals: Refusals = field(default_factory=Refusals)
+    refusals: Refusals = Refusals()
     surprises: SurpriseParams = NO_SURPRISES
     spares_heights: bool = False  # the mission's is left only where a turn does not do
     early: float = 0.0  # 1 while the closest approach is far off, 0 when it is near (`Survey.early`)
     impatience: float = 0.0  # grows when it has lasted too long: how much more what is left to pass counts
 
 
-@dataclass(frozen=True, slots=True)
-class Priced:
+class Priced(NamedTuple):
     """Rows with their price, shape (K,), and how they keep clear of the nearest track, shape (K,).
 
     `contained`, (K,): which of them keep to the fence.

@@ -23,7 +23,7 @@ def conflict(
 ) -> Situation:
     """The conflicts of a survey, of which there is one at least: heights over and under, sides, times."""
     over_m, under_m, passed_s = heights_to_pass(survey.tracks, survey.motion, survey.conflict)
-    usual_m = (-float(state.position_m[2]), mission.altitude_m)
+    usual_m = (-state.position_m[2], mission.altitude_m)
     highest_m = max(usual_m) + params.largest_height_change_m
     lowest_m = min(usual_m) - params.largest_height_change_m
     to_goal_m = params.outer_radius_m if goal.position_m is None else distance_m(state, goal.position_m)

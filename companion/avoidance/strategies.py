@@ -101,7 +101,7 @@ def height_m(choice: Height, situation: Situation) -> float:
         case Height.MISSION:
             wanted_m = situation.mission.altitude_m
         case Height.LEVEL:
-            wanted_m = -float(situation.own.position_m[2])
+            wanted_m = -situation.own.position_m[2]
         case Height.OVER:
             wanted_m = situation.over_m
         case Height.UNDER:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from companion.avoidance.prediction import (
     HORIZON_S,
     Commands,
     OwnState,
+    Separation,
     Tracks,
     fly_ahead,
     ground_velocity_mps,
     separation,
     to_goal,
 )
+from companion.compiled import kernels
 from companion.model import Goal, Guidance, Layer, Ownship, Threat, Track, TrafficKind, Vec2, Vec3
 
 # How fast we could fly towards somebody who is near but not on his way to us.
@@ -31,8 +33,7 @@ _FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
 _NOWHERE = np.zeros((0, 2))
 
 
-@dataclass(frozen=True, slots=True)
-class Survey:
+class Survey(NamedTuple):
     """All tracks measured against flying the mission on; arrays of shape (N,) unless said otherwise."""
 
     tracks: Tracks
@@ -54,7 +55,8 @@ class Survey:
 
     def early(self, params: AvoidanceParams) -> float:
         """How far off the first closest approach is of those in conflict: from 0, near, to 1, far off."""
-        return float(_early(self.motion.time_to_closest_s[self.conflict], params).min())
+        to_closest_s = float(self.motion.time_to_closest_s[self.conflict].min())
+        return kernels.early(to_closest_s, params.inner_time_s, params.outer_time_s)
 
     @property
     def nearest(self) -> int:
@@ -66,6 +68,7 @@ class Survey:
 def take(
     state: OwnState,
     mission: Guidance,
+    onward_mps: Vec2,
     tracks: Tracks,
     params: AvoidanceParams,
     envelope: Envelope,
@@ -75,22 +78,29 @@ def take(
     spare: float,
     avoiding: bool,
 ) -> Survey:
-    """Measure all tracks; `domain` remembers the cones entered, `avoiding` asks for a share to `spare`.
+    """Measure all tracks against the mission, which leads on with `onward_mps` over ground, north and east.
+
+    `domain` remembers the cones entered, `avoiding` asks for a share to `spare`.
 
     A conflict is what lies within a layer (def. 3, from surface to surface) and, but for the plain field, in
     whose collision cone we are. The paper looks along the velocity flown. What is flown by default looks
     along the mission's, so that a conflict lasts until the mission itself is clear, and asks besides whether
     the mission flown ahead, with its turns and heights, comes too near.
     """
-    onward = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
     # Most of the time nobody turns, nor is in the way as it is: then the mission need not be flown ahead.
     ahead = fly_ahead(state, Commands.of([mission]), envelope) if any_of(tracks.turn_radps) else None
     # So cones, closing speeds and times mean for who turns towards us what they mean for who flies at us.
     velocity = tracks.velocity_mps if ahead is None else tracks.velocity_until_closest_mps(ahead.ground_m[0])
-    motion = relative_motion(tracks.position_m, velocity, state.position_m, (*onward, 0.0))
-    surface = motion.distance_m - tracks.protected_horizontal_m
-    outer_reach = np.maximum(params.outer_radius_m, params.outer_time_s * motion.closing_mps)
-    inner_reach = np.maximum(params.inner_radius_m, params.inner_time_s * motion.closing_mps)
+    motion = relative_motion(tracks.position_m, velocity, state.position_m, (*onward_mps, 0.0))
+    surface, outer_reach, inner_reach = kernels.reaches(
+        motion.distance_m,
+        motion.closing_mps,
+        tracks.protected_horizontal_m,
+        params.outer_radius_m,
+        params.outer_time_s,
+        params.inner_radius_m,
+        params.inner_time_s,
+    )
     by_flight = params.outer_method is OuterMethod.PRICED
     has_cone = params.outer_method is not OuterMethod.FIELD
     outer = surface < outer_reach
@@ -104,10 +114,13 @@ def take(
     inner = surface < (tracks.shell_m if params.clears_inner_layer else inner_reach)
     if any_of(outer) or any_of(inner):
         ahead = ahead or fly_ahead(state, Commands.of([mission]), envelope)
-        needed = 1.0 + tracks.shell_m / tracks.protected_horizontal_m
-        kept = separation(ahead, tracks, horizon_s=horizon_s)
-        needed *= 1.0 + spare if avoiding else _begins(motion.time_to_closest_s, kept.entered_s[0], params)
-        lost = kept.closest[0] < needed
+        lost = _too_near(
+            separation(ahead, tracks, horizon_s=horizon_s),
+            tracks,
+            motion,
+            params,
+            spare if avoiding else None,
+        )
         if by_flight:
             outer &= lost
         if not params.clears_inner_layer:
@@ -130,24 +143,29 @@ def take(
     )
 
 
-def _begins(to_closest_s: Array, entered_s: Array, params: AvoidanceParams) -> Array:
-    """How near a track must come, as a share of the volume with its margin, for an avoidance to begin, (N,).
+def _too_near(
+    kept: Separation, tracks: Tracks, motion: RelativeMotion, params: AvoidanceParams, spare: float | None
+) -> NDArray[np.bool_]:
+    """Whom the mission flown ahead comes too near, (N,): within a share of the volume, margin included.
 
-    The longer there is to go, the more often what looks near passes clear by itself: others turn and climb,
-    and errors of velocity grow. Early on only what goes deep counts: there is time to wait and see. There is
-    none where the volume is entered soon, however long the closest approach is off: who flies nearly as we do
-    is beside us for minutes.
+    While we avoid, that is a share to `spare`. To begin with it is less the longer there is to go, the more
+    often what looks near passes clear by itself: others turn and climb, and errors of velocity grow. Early on
+    only what goes deep counts: there is time to wait and see. There is none where the volume is entered soon,
+    however long the closest approach is off: who flies nearly as we do is beside us for minutes.
     """
-    to_closest_s = np.minimum(to_closest_s, entered_s + params.inner_time_s)
-    begins: Array = params.begin_near + (params.begin_far - params.begin_near) * _early(to_closest_s, params)
-    return begins
-
-
-def _early(to_closest_s: Array, params: AvoidanceParams) -> Array:
-    """0 where the closest approach is within `inner_time_s`, 1 from `outer_time_s` on, (N,)."""
-    span_s = max(params.outer_time_s - params.inner_time_s, 1e-3)
-    early: Array = np.minimum(np.maximum((to_closest_s - params.inner_time_s) / span_s, 0.0), 1.0)
-    return early
+    near, far = (params.begin_near, params.begin_far) if spare is None else (1.0 + spare, 1.0 + spare)
+    lost: NDArray[np.bool_] = kernels.too_near(
+        kept.closest[0],
+        kept.entered_s[0],
+        motion.time_to_closest_s,
+        tracks.shell_m,
+        tracks.protected_horizontal_m,
+        near,
+        far,
+        params.inner_time_s,
+        params.outer_time_s,
+    )
+    return lost
 
 
 def flown_mps(state: OwnState) -> Array:
@@ -202,7 +220,7 @@ def _protected_horizontal_m(track: Track, params: AvoidanceParams) -> float:
 
 
 def out_of_reach(
-    state: OwnState, mission: Guidance, now_s: float, relevant: Sequence[Track], params: AvoidanceParams
+    state: OwnState, onward_mps: Vec2, now_s: float, relevant: Sequence[Track], params: AvoidanceParams
 ) -> bool:
     """Whether nobody is within reach of either layer, so that there is nothing to measure.
 
@@ -210,9 +228,7 @@ def out_of_reach(
     """
     if params.clears_inner_layer:
         return False
-    own_m = state.position_m.tolist()
-    own_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-    return all(_is_out_of_reach(own_m, own_mps, now_s, track, params) for track in relevant)
+    return all(_is_out_of_reach(state.position_m, onward_mps, now_s, track, params) for track in relevant)
 
 
 def _is_out_of_reach(own_m: Vec3, own_mps: Vec2, now_s: float, track: Track, params: AvoidanceParams) -> bool:
@@ -343,8 +359,7 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
     course = math.atan2(east_mps, north_mps) if ground_speed > 1.0 else own.heading_rad
     # Against a stronger wind one course is flown with the nose either way; else it follows from the course.
     heading = own.heading_rad if math.hypot(*wind) >= airspeed else None
-    position, through = np.array(moved(own, now_s)), np.array(wind, dtype=np.float64)
-    return OwnState(position, course, airspeed, -down_mps, through, heading)
+    return OwnState(moved(own, now_s), course, airspeed, -down_mps, wind, heading)
 
 
 def distance_m(state: OwnState, place_m: Vec3) -> float:
@@ -352,11 +367,16 @@ def distance_m(state: OwnState, place_m: Vec3) -> float:
     return math.hypot(place_m[0] - state.position_m[0], place_m[1] - state.position_m[1])
 
 
+def mission_mps(state: OwnState, mission: Guidance) -> Vec2:
+    """Velocity over ground, north and east, on the mission's course."""
+    return ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+
+
 def horizon_s(state: OwnState, mission: Guidance, goal: Goal) -> float:
     """How far ahead flights are judged: to the end of the flight, where that is near."""
     if goal.position_m is None or not goal.is_end:
         return HORIZON_S
-    north_mps, east_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+    north_mps, east_mps = mission_mps(state, mission)
     made_good_mps = north_mps * math.cos(mission.course_rad) + east_mps * math.sin(mission.course_rad)
     # Blown back as fast as it flies, or faster, it never arrives.
     return min(HORIZON_S, distance_m(state, goal.position_m) / max(float(made_good_mps), 1e-3))
@@ -365,5 +385,5 @@ def horizon_s(state: OwnState, mission: Guidance, goal: Goal) -> float:
 def mission_of(state: OwnState, own: Ownship, goal: Goal) -> Guidance:
     """What the goal means from here: course, airspeed and height."""
     airspeed = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
-    course_rad, altitude_m = to_goal(state.position_m.tolist(), state.course_rad, goal)
+    course_rad, altitude_m = to_goal(state.position_m, state.course_rad, goal)
     return Guidance(course_rad, airspeed, altitude_m)

@@ -13,7 +13,9 @@ def velocities_until_closest(tracks: object, path_m: _Array, times: Times) -> _A
 def relative_motion(
     position_m: _Array,
     velocity_mps: _Array,
-    own_position_m: _Array,
+    own_north_m: float,
+    own_east_m: float,
+    own_down_m: float,
     own_north_mps: float,
     own_east_mps: float,
     own_down_mps: float,
@@ -21,6 +23,27 @@ def relative_motion(
 ) -> tuple[_Array, _Array, _Array]: ...
 def approach_angles(rel_position_m: _Array, own_rel_velocity_mps: _Array, still_mps: float) -> _Array: ...
 def half_angles(distance_m: _Array, radius_m: _Array) -> _Array: ...
+def reaches(
+    distance_m: _Array,
+    closing_mps: _Array,
+    protected_m: _Array,
+    outer_m: float,
+    outer_s: float,
+    inner_m: float,
+    inner_s: float,
+) -> _Array: ...
+def early(to_closest_s: float, near_s: float, far_s: float) -> float: ...
+def too_near(
+    closest: _Array,
+    entered_s: _Array,
+    to_closest_s: _Array,
+    shell_m: _Array,
+    protected_m: _Array,
+    share_near: float,
+    share_far: float,
+    near_s: float,
+    far_s: float,
+) -> NDArray[np.bool_]: ...
 def ground_paths(
     north_m: float,
     east_m: float,
@@ -46,9 +69,7 @@ def altitudes(
     max_climb_mps: float,
     times: Times,
 ) -> _Array: ...
-def separation(
-    paths: object, tracks: object, times: Times, count: int, shells: bool
-) -> tuple[_Array, _Array, _Array, _Array]: ...
+def separation(paths: object, tracks: object, times: Times, count: int, shells: bool) -> _Array: ...
 def losses(
     paths: object,
     tracks: object,
@@ -59,7 +80,7 @@ def losses(
     predicted: int,
     count: int,
     soon: int,
-) -> tuple[_Array, _Array]: ...
+) -> _Array: ...
 def heights_to_pass(
     tracks: object,
     own_rel_velocity_mps: _Array,

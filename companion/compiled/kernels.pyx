@@ -134,7 +134,8 @@ cdef inline double _approach_angle(
 
 
 def relative_motion(
-    const double[:, ::1] position_m, const double[:, ::1] velocity_mps, const double[::1] own_position_m,
+    const double[:, ::1] position_m, const double[:, ::1] velocity_mps,
+    double own_north_m, double own_east_m, double own_down_m,
     double own_north_mps, double own_east_mps, double own_down_mps, double still_mps,
 ):
     """Places of others from us and our velocities relative to theirs, (N, 3), and four rows of (N,).
@@ -144,14 +145,13 @@ def relative_motion(
     """
     cdef Py_ssize_t n, count = position_m.shape[0]
     _expect(position_m.shape[1] == 3 and velocity_mps.shape[1] == 3 and velocity_mps.shape[0] == count)
-    _expect(own_position_m.shape[0] == 3)
     of_places, of_velocities, of_all_else = np.empty((count, 3)), np.empty((count, 3)), np.empty((4, count))
     cdef double[:, ::1] place_m = of_places, own_mps = of_velocities, all_else = of_all_else
     cdef double north_m, east_m, north_mps, east_mps, distance_m, along, speed2
     for n in range(count):
-        north_m, east_m = position_m[n, 0] - own_position_m[0], position_m[n, 1] - own_position_m[1]
+        north_m, east_m = position_m[n, 0] - own_north_m, position_m[n, 1] - own_east_m
         north_mps, east_mps = own_north_mps - velocity_mps[n, 0], own_east_mps - velocity_mps[n, 1]
-        place_m[n, 0], place_m[n, 1], place_m[n, 2] = north_m, east_m, position_m[n, 2] - own_position_m[2]
+        place_m[n, 0], place_m[n, 1], place_m[n, 2] = north_m, east_m, position_m[n, 2] - own_down_m
         own_mps[n, 0], own_mps[n, 1], own_mps[n, 2] = north_mps, east_mps, own_down_mps - velocity_mps[n, 2]
         along = north_m * north_mps + east_m * east_mps
         speed2 = north_mps * north_mps + east_mps * east_mps
@@ -190,6 +190,48 @@ def half_angles(const double[::1] distance_m, const double[::1] radius_m):
         beta_rad[n] = PI if distance_m[n] <= radius_m[n] else asin(
             min(radius_m[n] / max(distance_m[n], 1e-9), 1.0)
         )
+    return result
+
+
+def reaches(
+    const double[::1] distance_m, const double[::1] closing_mps, const double[::1] protected_m,
+    double outer_m, double outer_s, double inner_m, double inner_s,
+):
+    """Distances to the protected circles, the reach of the outer layer and that of the inner, three of (N,)."""
+    cdef Py_ssize_t n, count = distance_m.shape[0]
+    _expect(closing_mps.shape[0] == count and protected_m.shape[0] == count)
+    result = np.empty((3, count))
+    cdef double[:, ::1] reach_m = result
+    for n in range(count):
+        reach_m[0, n] = distance_m[n] - protected_m[n]
+        reach_m[1, n] = max(outer_m, outer_s * closing_mps[n])
+        reach_m[2, n] = max(inner_m, inner_s * closing_mps[n])
+    return result
+
+
+cpdef double early(double to_closest_s, double near_s, double far_s) noexcept:
+    """0 where the closest approach is within `near_s`, 1 from `far_s` on."""
+    return _between((to_closest_s - near_s) / max(far_s - near_s, 1e-3), 0.0, 1.0)
+
+
+def too_near(
+    const double[::1] closest, const double[::1] entered_s, const double[::1] to_closest_s,
+    const double[::1] shell_m, const double[::1] protected_m,
+    double share_near, double share_far, double near_s, double far_s,
+):
+    """Who is closer than a share of his volume with its shell, (N,): `share_far` where there is time, else
+    `share_near`. There is none where the volume is entered soon."""
+    cdef Py_ssize_t n, count = closest.shape[0]
+    _expect(entered_s.shape[0] == count and to_closest_s.shape[0] == count)
+    _expect(shell_m.shape[0] == count and protected_m.shape[0] == count)
+    result = np.empty(count, dtype=bool)
+    cdef unsigned char[::1] near = result.view(np.uint8)
+    cdef double share
+    for n in range(count):
+        share = share_near + (share_far - share_near) * early(
+            min(to_closest_s[n], entered_s[n] + near_s), near_s, far_s
+        )
+        near[n] = closest[n] < (1.0 + shell_m[n] / protected_m[n]) * share
     return result
 
 
@@ -316,21 +358,18 @@ cdef class _Squares:
 
 
 def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shells):
-    """How K rows keep clear of N tracks in the first `count` times, (K, N) each.
+    """How K rows keep clear of N tracks in the first `count` times, four of (K, N).
 
-    That is closest, exposure, nearness, and the time when the volume is entered, inf where it is not.
+    Those are closest, exposure, nearness, and the time when the volume is entered, inf where it is not.
     """
     cdef Py_ssize_t n, k, i, h, z
     _expect(1 <= count <= times.count)
     cdef _Ways ways = _Ways(paths, times.count)
     cdef _Others others = _Others(tracks)
     cdef _Squares squares = _Squares(ways, times.count)
-    of_closest, of_exposure = np.empty((ways.rows, others.count)), np.empty((ways.rows, others.count))
-    of_nearness = np.zeros((ways.rows, others.count))
-    of_entries = np.full((ways.rows, others.count), INFINITY)
-    cdef double[:, ::1] closest = of_closest, exposure = of_exposure, nearness = of_nearness
-    cdef double[:, ::1] entered_s = of_entries
-    cdef double ratio, least, depth, near, volumes
+    result = np.empty((4, ways.rows, others.count))
+    cdef double[:, :, ::1] kept = result
+    cdef double ratio, least, depth, near, volumes, entered_s
     for n in range(others.count):
         squares.measure(ways, others, n, times, count)
         volumes = others.horizontal_m[n] / max(others.shell_m[n], 1.0)
@@ -338,11 +377,12 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
             h, z = ways.ground_of[k], ways.height_of[k]
             least = _least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], count)
             depth = near = 0.0
+            entered_s = INFINITY
             if least < 1.0:
                 i = 0
                 while max(squares.horizontal[h, i], squares.vertical[z, i]) >= 1.0:
                     i += 1
-                entered_s[k, n] = times.times_s[i]
+                entered_s = times.times_s[i]
             if least < 1.0 or shells:
                 for i in range(1, count):
                     ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
@@ -350,15 +390,16 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
                         ratio = sqrt(ratio)
                         depth += times.shares[i - 1] * max(1.0 - ratio, 0.0)
                         near += times.shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
-            closest[k, n], exposure[k, n], nearness[k, n] = sqrt(least), depth, near if shells else 0.0
-    return of_closest, of_exposure, of_nearness, of_entries
+            kept[0, k, n], kept[1, k, n] = sqrt(least), depth
+            kept[2, k, n], kept[3, k, n] = near if shells else 0.0, entered_s
+    return result
 
 
 def losses(
     paths, tracks, const double[::1] likely, weights, double lost, Times times not None,
     Py_ssize_t predicted, Py_ssize_t count, Py_ssize_t soon,
 ):
-    """What rows cost by how they keep clear of tracks, each as `likely` as it is, and the closest, (K,) each.
+    """What rows cost by how they keep clear of tracks, each as `likely` as it is, and the closest, two of (K,).
 
     The first of the tracks are `predicted`; for them the first `count` times matter, and theirs is the
     closest. The rest may come true, and matter at the first `soon` times.
@@ -374,9 +415,11 @@ def losses(
     _expect(likely.shape[0] == others.count)
     cdef double margin = weights.margin, loss = weights.loss
     cdef double depth = weights.depth, exposure = weights.exposure
-    of_costs, of_closest = np.zeros(ways.rows), np.full(ways.rows, INFINITY)
-    cdef double[::1] cost = of_costs, closest = of_closest
+    result = np.empty((2, ways.rows))
+    cdef double[::1] cost = result[0], closest = result[1]
     cdef double ratio, near, within, price
+    for k in range(ways.rows):
+        cost[k], closest[k] = 0.0, INFINITY
     for n in range(others.count):
         until = count if n < predicted else soon
         squares.measure(ways, others, n, times, until)
@@ -396,7 +439,7 @@ def losses(
             if near < lost:
                 price += loss + depth * (lost - near)
             cost[k] += likely[n] * price
-    return of_costs, of_closest
+    return result
 
 
 cdef inline double _least_of_greater(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from companion.engine.effects import Effect, Say, Transmit
 from companion.engine.params import TextUnits
@@ -21,8 +21,7 @@ _MAX_COLLISIONS = 4
 _LEVEL_M = 10
 
 
-@dataclass(frozen=True, slots=True)
-class Outlook:
+class Outlook(NamedTuple):
     """What there is to tell about: the decision, and what it was made from."""
 
     decision: Decision

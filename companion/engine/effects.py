@@ -6,6 +6,7 @@ What is written is made into text when it is asked for: a flight of a campaign w
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from companion.engine.held import Held
 from companion.engine.record import Circumstances, decision_line
@@ -14,16 +15,14 @@ from companion.mavlink.facts import Sender
 from companion.model import Decision, Ownship, Track
 
 
-@dataclass(frozen=True, slots=True)
-class Transmit:
+class Transmit(NamedTuple):
     """Send a message, from this address, to all links."""
 
     sender: Sender
     message: Message
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
+class Record(NamedTuple):
     """Keep `line`, one decision as JSON: made at `time_s`, among these tracks."""
 
     time_s: float

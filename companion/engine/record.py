@@ -3,16 +3,15 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 from companion.geodesy import LocalFrame
 from companion.model import Decision, Guidance, Ownship, Threat, Track, TrafficKind, Vec3
 from companion.units import course_deg
 
 
-@dataclass(frozen=True, slots=True)
-class Circumstances:
+class Circumstances(NamedTuple):
     """What a decision was made in: the supervisor's state, the autopilot's mode, the local frame."""
 
     state: str

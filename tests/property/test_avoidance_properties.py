@@ -20,7 +20,7 @@ PARAMS = AvoidanceParams(envelope=Envelope(min_altitude_m=50.0, max_altitude_m=1
 @given(lengths, lengths, speeds, speeds)
 def test_nothing_is_nearer_than_the_closest_approach(n: float, e: float, vn: float, ve: float) -> None:
     position, velocity = np.array([[n, e, 0.0]]), np.array([[vn, ve, 0.0]])
-    time_s = relative_motion(position, velocity, np.zeros(3), (0.0, 0.0, 0.0)).time_to_closest_s
+    time_s = relative_motion(position, velocity, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).time_to_closest_s
     assume(np.isfinite(time_s[0]))
     nearest_m = np.hypot(*(position + velocity * time_s)[0, :2])
     for offset_s in (-100.0, -1.0, -0.01, 0.01, 1.0, 100.0):

@@ -64,7 +64,7 @@ def combination_values(
             "slowest": state.member.min_airspeed_mps,
             "fastest": state.member.max_airspeed_mps,
         }
-        own = OwnState(np.array(state.position_m), course, speed, 0.0, np.zeros(2))
+        own = OwnState(state.position_m, course, speed, 0.0, (0.0, 0.0))
         envelope = Envelope(
             max_turn_rate_radps=state.member.max_turn_rate_radps, max_bank_rad=math.radians(79.0)
         )

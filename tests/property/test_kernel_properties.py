@@ -28,12 +28,14 @@ from companion.avoidance.prediction import (
 )
 from companion.avoidance.pricing import CostWeights
 from companion.compiled import kernels
-from companion.model import Guidance
+from companion.model import Guidance, Vec2, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
 
 STEPS_S = np.diff(TIMES_S)
 MIDDLES_S = TIMES_S[:-1] + 0.5 * STEPS_S
 FADES_S = 35.0  # time constant of a rate of turn
+
+STILL = (0.0, 0.0, 0.0)
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -54,16 +56,26 @@ def some_tracks(rng: np.random.Generator) -> Tracks:
     )
 
 
+def three(values: Array) -> Vec3:
+    first, second, third = values.tolist()
+    return first, second, third
+
+
+def two(values: Array) -> Vec2:
+    first, second = values.tolist()
+    return first, second
+
+
 def some_own(rng: np.random.Generator) -> OwnState:
     """In a calm the nose is where the course is."""
     calm = rng.random() < 0.5
-    wind_mps = np.zeros(2) if calm else rng.normal(0.0, 6.0, 2)
+    wind = (0.0, 0.0) if calm else two(rng.normal(0.0, 6.0, 2))
     return OwnState(
-        np.array([*rng.normal(0.0, 100.0, 2), -300.0]),
+        (*two(rng.normal(0.0, 100.0, 2)), -300.0),
         float(rng.uniform(-math.pi, math.pi)),
         float(rng.uniform(14.0, 30.0)),
         float(rng.normal(0.0, 1.5)),
-        wind_mps,
+        wind,
         None if calm or rng.random() < 0.5 else float(rng.uniform(-math.pi, math.pi)),
     )
 
@@ -106,8 +118,10 @@ def plain_ground_m(own: OwnState, commands: Commands, envelope: Envelope) -> Arr
     heading_rad = own.course_rad - own.crab_rad + turn_rad
     through_m = np.cumsum(STEPS_S * airspeed_mps * np.exp(1j * heading_rad), axis=1)
     through_m = np.concatenate([np.zeros((len(target_rad), 1)), through_m], axis=1)
-    carried_m = TIMES_S[:, None] * own.wind_mps
-    path: Array = own.position_m[:2] + carried_m + np.stack([through_m.real, through_m.imag], axis=2)
+    carried_m = TIMES_S[:, None] * np.array(own.wind_mps)
+    path: Array = (
+        np.array(own.position_m[:2]) + carried_m + np.stack([through_m.real, through_m.imag], axis=2)
+    )
     return path
 
 
@@ -280,7 +294,7 @@ def around_rad(course_rad: float, from_rad: float) -> float:
 def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
     rng = np.random.default_rng(seed)
     tracks, own_m, own_mps = some_tracks(rng), rng.normal(0.0, 100.0, 3), rng.normal(0.0, 20.0, 3)
-    motion = relative_motion(tracks.position_m, tracks.velocity_mps, own_m, tuple(own_mps.tolist()))
+    motion = relative_motion(tracks.position_m, tracks.velocity_mps, three(own_m), three(own_mps))
     for n in range(len(tracks)):
         away_m, towards_mps = tracks.position_m[n] - own_m, own_mps - tracks.velocity_mps[n]
         assert motion.position_m[n] == pytest.approx(away_m)
@@ -293,10 +307,37 @@ def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
 
 
 @given(seeds)
+def test_layers_reach_as_far_as_their_radius_or_their_time(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    distance_m, protected_m = rng.uniform(0.0, 9000.0, 5), rng.uniform(50.0, 900.0, 5)
+    closing_mps = np.maximum(rng.normal(20.0, 40.0, 5), 0.0)
+    surface, outer, inner = kernels.reaches(distance_m, closing_mps, protected_m, 1500.0, 60.0, 300.0, 15.0)
+    assert surface == pytest.approx(distance_m - protected_m)
+    assert outer == pytest.approx(np.maximum(1500.0, 60.0 * closing_mps))
+    assert inner == pytest.approx(np.maximum(300.0, 15.0 * closing_mps))
+
+
+@given(seeds)
+def test_too_near_is_who_uses_up_the_share_of_his_volume_that_his_time_allows(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    closest, protected_m, shell_m = (
+        rng.uniform(0.0, 2.0, 9),
+        rng.uniform(50.0, 900.0, 9),
+        rng.uniform(0.0, 300.0, 9),
+    )
+    to_closest_s, entered_s = rng.normal(40.0, 40.0, 9), rng.uniform(0.0, 90.0, 9)
+    to_closest_s[0], entered_s[1] = math.inf, math.inf
+    early = np.clip((np.minimum(to_closest_s, entered_s + 15.0) - 15.0) / 45.0, 0.0, 1.0)
+    needed = (1.0 + shell_m / protected_m) * (0.9 + (0.6 - 0.9) * early)
+    near = kernels.too_near(closest, entered_s, to_closest_s, shell_m, protected_m, 0.9, 0.6, 15.0, 60.0)
+    assert near.tolist() == (closest < needed).tolist()
+
+
+@given(seeds)
 def test_heights_to_pass_are_beyond_every_threat_while_it_is_near(seed: int) -> None:
     rng = np.random.default_rng(seed)
     tracks = some_tracks(rng)
-    motion = relative_motion(tracks.position_m, tracks.velocity_mps, np.zeros(3), (20.0, 0.0, 0.0))
+    motion = relative_motion(tracks.position_m, tracks.velocity_mps, STILL, (20.0, 0.0, 0.0))
     conflict = rng.random(len(tracks)) < 0.7
     over_m, under_m, passed_s = heights_to_pass(tracks, motion, conflict)
     tops, feet, until = [-math.inf], [math.inf], [0.0]
@@ -340,9 +381,9 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     with pytest.raises(ValueError, match="do not match"):
         separation(paths, replace(tracks, turn_radps=np.zeros(1)))
     with pytest.raises(ValueError, match="do not match"):
-        separation(replace(paths, ground_of=paths.ground_of + 1000), tracks)
+        separation(paths._replace(ground_of=paths.ground_of + 1000), tracks)
     with pytest.raises(ValueError, match="do not match"):
-        separation(replace(paths, height_of=paths.height_of - 1000), tracks)
+        separation(paths._replace(height_of=paths.height_of - 1000), tracks)
     with pytest.raises(ValueError, match="do not match"):
         replace(tracks, velocity_mps=np.zeros((1, 3))).ground_m()
     with pytest.raises(ValueError, match="do not match"):
@@ -352,9 +393,9 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     with pytest.raises(ValueError, match="do not match"):
         tracks.velocity_until_closest_mps(np.zeros((2, 2)))
     with pytest.raises(ValueError, match="do not match"):
-        relative_motion(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(3), (0.0, 0.0, 0.0))
+        relative_motion(np.zeros((2, 2)), np.zeros((2, 2)), STILL, STILL)
     with pytest.raises(ValueError, match="do not match"):
-        heights_to_pass(tracks, relative_motion(more, more, more[0], (0.0, 0.0, 0.0)), tracks.grounded)
+        heights_to_pass(tracks, relative_motion(more, more, STILL, STILL), tracks.grounded)
     with pytest.raises(ValueError, match="do not match"):
         outcomes(paths, tracks, 1000, np.zeros(2), (0.0, 0.0), 0.0, aside=0.0, unresolved=0.0)
     with pytest.raises(ValueError, match="do not match"):
@@ -363,6 +404,10 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         add_nothing(np.zeros(1), replace(Commands.of([some_guidance(rng)]), height_of=np.array([1])))
     with pytest.raises(ValueError, match="do not match"):
         kernels.half_angles(np.zeros(3), np.zeros(2))
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.reaches(np.zeros(3), np.zeros(3), np.zeros(2), 0.0, 0.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.too_near(*[np.zeros(3)] * 4, np.zeros(2), 1.0, 1.0, 15.0, 60.0)
 
 
 def add_nothing(cost: Array, commands: Commands) -> None:

@@ -45,11 +45,11 @@ def test_no_strategy_asks_for_what_cannot_be_flown(
 def situations(seed: int) -> Situation:
     chance = np.random.default_rng(seed)
     own = OwnState(
-        np.array([*chance.uniform(-1e4, 1e4, 2), -chance.uniform(100.0, 600.0)]),
+        (chance.uniform(-1e4, 1e4), chance.uniform(-1e4, 1e4), -chance.uniform(100.0, 600.0)),
         chance.uniform(-math.pi, math.pi),
         chance.uniform(ENVELOPE.min_airspeed_mps, ENVELOPE.max_airspeed_mps),
         chance.uniform(-ENVELOPE.max_sink_mps, ENVELOPE.max_climb_mps),
-        np.zeros(2),
+        (0.0, 0.0),
     )
     return Situation(
         own=own,
@@ -96,7 +96,7 @@ def test_every_row_of_the_table_can_be_flown(seed: int, controls: frozenset[Cont
 
 def test_who_speeds_up_in_a_turn_is_not_predicted_to_bank_more_than_allowed() -> None:
     """Half a circle to the right (eq. 11) at V_max (eq. 13), from 17 m/s: the same rate needs more bank."""
-    own = OwnState(np.array([0.0, 0.0, -300.0]), 0.0, 17.0, 0.0, np.zeros(2))
+    own = OwnState((0.0, 0.0, -300.0), 0.0, 17.0, 0.0, (0.0, 0.0))
     path_m = fly_ahead(own, Commands.of([Guidance(math.radians(179.0), 28.0, 300.0)]), ENVELOPE).row_m(0)
     legs_m, steps_s = np.diff(path_m, axis=0), np.diff(TIMES_S)
     course_rad = np.unwrap(np.arctan2(legs_m[:, 1], legs_m[:, 0]))
@@ -138,8 +138,8 @@ def test_from_below_the_floor_and_above_the_ceiling_every_way_leads_back(
 @pytest.mark.parametrize("seed", range(4))
 def test_no_row_goes_further_beyond_the_floor_or_ceiling(altitude_m: float, seed: int) -> None:
     at = situations(seed)
-    own = replace(at.own, position_m=np.array([0.0, 0.0, -altitude_m]), climb_mps=0.0)
-    rows = StrategyTable.within(ALL_CONTROLS).commands(replace(at, own=own))
+    own = at.own._replace(position_m=(0.0, 0.0, -altitude_m), climb_mps=0.0)
+    rows = StrategyTable.within(ALL_CONTROLS).commands(at._replace(own=own))
     heights_m = fly_ahead(own, rows, ENVELOPE).altitude_m
     steps_m = np.diff(heights_m, axis=1)
     assert (steps_m >= -1e-9).all() if altitude_m < 100.0 else (steps_m <= 1e-9).all()

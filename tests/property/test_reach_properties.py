@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 from companion.avoidance import AvoidanceParams
 from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.prediction import HORIZON_S
-from companion.avoidance.survey import Survey, mission_of, out_of_reach, own_state, take, tracks_at
+from companion.avoidance.survey import (
+    Survey,
+    mission_mps,
+    mission_of,
+    out_of_reach,
+    own_state,
+    take,
+    tracks_at,
+)
 from companion.model import Goal, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()
@@ -33,9 +41,11 @@ def surveyed(own: Ownship, goal: Goal, tracks: list[Track]) -> tuple[bool, Surve
     """Whether all are out of reach, and what is surveyed."""
     state = own_state(0.0, own)
     mission = mission_of(state, own, goal)
+    onward_mps = mission_mps(state, mission)
     survey = take(
         state,
         mission,
+        onward_mps,
         tracks_at(0.0, tracks, PARAMS, goal),
         PARAMS,
         PARAMS.envelope,
@@ -44,7 +54,7 @@ def surveyed(own: Ownship, goal: Goal, tracks: list[Track]) -> tuple[bool, Surve
         spare=0.0,
         avoiding=False,
     )
-    return out_of_reach(state, mission, 0.0, tracks, PARAMS), survey
+    return out_of_reach(state, onward_mps, 0.0, tracks, PARAMS), survey
 
 
 @given(st.integers(0, 2**32 - 1), st.booleans())

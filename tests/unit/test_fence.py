@@ -36,7 +36,7 @@ def depth_m(fence: Fence, north_m: float, east_m: float, altitude_m: float = 300
 
 
 def own(course_rad: float = 0.0, airspeed_mps: float = 22.0, wind: Vec2 = (0.0, 0.0)) -> OwnState:
-    return OwnState(np.array([0.0, 0.0, -300.0]), course_rad, airspeed_mps, 0.0, np.array(wind))
+    return OwnState((0.0, 0.0, -300.0), course_rad, airspeed_mps, 0.0, wind)
 
 
 def ahead(courses_deg: list[float], airspeed_mps: float = 22.0, altitudes_m: Vec2 = (300.0, 300.0)) -> Paths:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
@@ -94,7 +93,7 @@ def test_an_answer_that_leads_into_a_stranger_is_not_flown() -> None:
     head_on = member("B", (390.0, 0.0))
     alone = decide([head_on])
     assert alone.guidance is not None
-    state = OwnState(np.array([0.0, 0.0, -300.0]), 0.0, 22.0, 0.0, np.zeros(2))
+    state = OwnState((0.0, 0.0, -300.0), 0.0, 22.0, 0.0, (0.0, 0.0))
     way = fly_ahead(state, Commands.of([alone.guidance]), Envelope()).row_m(0)
     # Where the joint answer leads in 16 s, far beside the mission.
     stranger = replace(

@@ -16,7 +16,7 @@ def rows(*vectors: tuple[float, ...]) -> np.ndarray:
 
 def motion(position: tuple[float, ...], velocity: tuple[float, ...]) -> RelativeMotion:
     """Of one who is seen from the origin, by somebody who stands there."""
-    return relative_motion(rows(position), rows(velocity), np.zeros(3), (0.0, 0.0, 0.0))
+    return relative_motion(rows(position), rows(velocity), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def test_closest_approach_of_a_crossing() -> None:
@@ -37,7 +37,7 @@ def test_closing_speed_is_never_negative() -> None:
 
 
 def test_motion_is_relative_to_us() -> None:
-    ours = np.array([100.0, 0.0, -300.0]), (20.0, 0.0, 1.0)
+    ours = (100.0, 0.0, -300.0), (20.0, 0.0, 1.0)
     seen = relative_motion(rows((400.0, 400.0, -350.0)), rows((-60.0, 0.0, 0.0)), *ours)
     assert seen.position_m[0] == pytest.approx((300.0, 400.0, -50.0))
     assert seen.own_velocity_mps[0] == pytest.approx((80.0, 0.0, 1.0))

@@ -22,18 +22,18 @@ from companion.model import Guidance, Ownship
 from sim.dynamics import FixedWing
 
 ENVELOPE = Envelope()
-CALM = np.zeros(2)
+CALM = (0.0, 0.0)
 
 
 def own(**changes: object) -> OwnState:
     state = OwnState(
-        position_m=np.array([0.0, 0.0, -300.0]),
+        position_m=(0.0, 0.0, -300.0),
         course_rad=0.0,
         airspeed_mps=22.0,
         climb_mps=0.0,
         wind_mps=CALM,
     )
-    return replace(state, **changes)  # type: ignore[arg-type]
+    return state._replace(**changes)  # type: ignore[arg-type]
 
 
 def command(course_deg: float = 0.0, airspeed_mps: float = 22.0, altitude_m: float = 300.0) -> Commands:
@@ -93,9 +93,9 @@ def test_wind_triangle() -> None:
 def test_in_a_wind_too_strong_it_goes_where_it_is_blown(
     course_deg: float, wind: tuple[float, float], blown: tuple[float, float]
 ) -> None:
-    velocity_mps = ground_velocity_mps(math.radians(course_deg), 20.0, np.array(wind))
+    velocity_mps = ground_velocity_mps(math.radians(course_deg), 20.0, wind)
     assert velocity_mps == pytest.approx(blown)
-    steady = own(course_rad=math.radians(course_deg), airspeed_mps=20.0, wind_mps=np.array(wind))
+    steady = own(course_rad=math.radians(course_deg), airspeed_mps=20.0, wind_mps=wind)
     row = fly_ahead(steady, command(course_deg, 20.0), ENVELOPE).row_m(0)
     assert row[-1, :2] == pytest.approx(HORIZON_S * np.array(blown), abs=1e-6)
 
@@ -115,7 +115,7 @@ def test_turns_in_wind_are_those_of_a_point_mass(turn_deg: float, wind_mps: floa
         wind = (wind_mps * math.cos(math.radians(from_deg)), wind_mps * math.sin(math.radians(from_deg)))
         flown = FixedWing((0.0, 0.0, -300.0), wind_mps=wind)
         flown.hold_course(math.radians(turn_deg), ENVELOPE.max_bank_rad)
-        row = fly_ahead(own(wind_mps=np.array(wind)), command(turn_deg), ENVELOPE).row_m(0)
+        row = fly_ahead(own(wind_mps=wind), command(turn_deg), ENVELOPE).row_m(0)
         for second in range(1, 12):
             for _ in range(20):
                 flown.step(0.05)

@@ -1,7 +1,6 @@
 """What is made of a survey: when the volume counts as lost, and what is told of the threats."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -10,7 +9,7 @@ from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.prediction import HORIZON_S, Commands, Tracks
 from companion.avoidance.pricing import Situation, price
 from companion.avoidance.situations import conflict
-from companion.avoidance.survey import mission_of, own_state, take, tracks_at
+from companion.avoidance.survey import mission_mps, mission_of, own_state, take, tracks_at
 from companion.model import Goal, Guidance, Ownship, Threat, Track, TrafficKind
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
@@ -24,6 +23,7 @@ def situation(params: AvoidanceParams, track: Track = HEAD_ON) -> Situation:
     survey = take(
         state,
         mission,
+        mission_mps(state, mission),
         tracks,
         params,
         params.envelope,
@@ -80,8 +80,8 @@ def test_there_is_time_while_the_closest_approach_is_far_off(distance_m: float, 
 
 def test_a_change_of_mind_costs_twice_as_much_while_there_is_time() -> None:
     held, other = Guidance(0.5, 22.0, 300.0), Guidance(-0.5, 22.0, 300.0)
-    soon = replace(situation(AvoidanceParams()), early=0.0, mission_then_m=None)
+    soon = situation(AvoidanceParams())._replace(early=0.0, mission_then_m=None)
     costs = [
-        price(one, Commands.of([other]), Tracks.none(), held).cost for one in (soon, replace(soon, early=1.0))
+        price(one, Commands.of([other]), Tracks.none(), held).cost for one in (soon, soon._replace(early=1.0))
     ]
     assert costs[1] - costs[0] == pytest.approx([0.0, soon.weights.switch])

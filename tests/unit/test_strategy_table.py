@@ -25,7 +25,7 @@ MISSION = Guidance(math.radians(10.0), 22.0, 320.0)
 
 def situation(**changes: object) -> Situation:
     usual = Situation(
-        own=OwnState(np.array([0.0, 0.0, -300.0]), math.radians(20.0), 21.0, 0.5, np.array([2.0, -3.0])),
+        own=OwnState((0.0, 0.0, -300.0), math.radians(20.0), 21.0, 0.5, (2.0, -3.0)),
         mission=MISSION,
         over_m=410.0,
         under_m=190.0,
@@ -38,7 +38,7 @@ def situation(**changes: object) -> Situation:
         rule_course_rad=math.radians(130.0),
         rule_pace=Pace.SLOWEST,
     )
-    return replace(usual, **changes)  # type: ignore[arg-type]
+    return usual._replace(**changes)  # type: ignore[arg-type]
 
 
 def traffic(chance: np.random.Generator, count: int, shell_m: float = 0.0) -> Tracks:
@@ -214,7 +214,7 @@ def test_the_emergency_flies_the_cheapest_row(seed: int, controls: frozenset[Con
 
 def test_of_equals_the_first_is_flown() -> None:
     """Rows of one price differ in name only: the mission's own row comes before a turn by nothing."""
-    at = situation(own=replace(situation().own, course_rad=MISSION.course_rad))
+    at = situation(own=situation().own._replace(course_rad=MISSION.course_rad))
     far = replace(traffic(np.random.default_rng(1), 1), position_m=np.array([[9e4, 9e4, -300.0]]))
     assert emergency(at, StrategyTable(TABLE), far, None).best() == 0
     assert TABLE[0].controls == frozenset()
@@ -251,7 +251,7 @@ def test_nearness_is_the_mean_depth_in_the_shell(seed: int) -> None:
 @pytest.mark.parametrize(("miss_m", "is_lost"), [(0.999, True), (1.001, False)])
 def test_the_volume_itself_has_a_flat_price_from_its_edge_on(miss_m: float, is_lost: bool) -> None:
     """Passed at a little less or more than 200 m; with the margin of 15 percent it is 230 m."""
-    own = OwnState(np.array([0.0, 0.0, -300.0]), 0.0, 22.0, 0.0, np.zeros(2))
+    own = OwnState((0.0, 0.0, -300.0), 0.0, 22.0, 0.0, (0.0, 0.0))
     at = situation(own=own, mission=Guidance(0.0, 22.0, 300.0), weights=CostWeights(margin=0.0, exposure=0.0))
     beside = Tracks(
         ("T",),
@@ -269,7 +269,7 @@ def test_the_volume_itself_has_a_flat_price_from_its_edge_on(miss_m: float, is_l
 
 def test_beyond_the_horizon_nothing_costs() -> None:
     """The head-on threat is met after 50 s; a flight that ends before is not disturbed by it."""
-    own = OwnState(np.array([0.0, 0.0, -300.0]), 0.0, 22.0, 0.0, np.zeros(2))
+    own = OwnState((0.0, 0.0, -300.0), 0.0, 22.0, 0.0, (0.0, 0.0))
     mission = Guidance(0.0, 22.0, 300.0)
     threat = Tracks(
         ("T",),
@@ -290,7 +290,7 @@ def test_beyond_the_horizon_nothing_costs() -> None:
 
 def test_whoever_flies_on_beside_a_threat_has_it_still_before_him() -> None:
     """Somebody slower crosses from the left: turning along keeps clear as well as passing behind him does."""
-    own = OwnState(np.array([0.0, 0.0, -300.0]), 0.0, 22.0, 0.0, np.zeros(2))
+    own = OwnState((0.0, 0.0, -300.0), 0.0, 22.0, 0.0, (0.0, 0.0))
     threat = replace(
         traffic(np.random.default_rng(0), 1),
         position_m=np.array([[1200.0, -1200.0, -300.0]]),
@@ -301,11 +301,11 @@ def test_whoever_flies_on_beside_a_threat_has_it_still_before_him() -> None:
     )
     mission = Guidance(0.0, 22.0, 300.0)
     usual = situation(own=own, mission=mission, passed_s=75.0)
-    usual = replace(usual, mission_then_m=np.array([22.0 * 75.0, 0.0]))
+    usual = usual._replace(mission_then_m=np.array([22.0 * 75.0, 0.0]))
     rows = Commands.of([Guidance(math.radians(deg), 22.0, 300.0) for deg in (90.0, -90.0)])
     cost = {
         unresolved: price(
-            replace(usual, weights=replace(usual.weights, unresolved=unresolved)), rows, threat, None
+            usual._replace(weights=replace(usual.weights, unresolved=unresolved)), rows, threat, None
         ).cost
         for unresolved in (0.0, 10.0)
     }

@@ -61,7 +61,7 @@ def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
     at, others = situation(), replace(traffic(np.random.default_rng(3), 3), grounded=np.zeros(3, dtype=bool))
     rows = StrategyTable(TABLE).commands(at)
     plain = price(at, rows, others, None)
-    priced = price(replace(at, surprises=PARAMS), rows, others, None)
+    priced = price(at._replace(surprises=PARAMS), rows, others, None)
     every, likely = foreseen(others, PARAMS)
     surprised, shares = every.subset(np.arange(3, 15)), likely[3:]
     paths = fly_ahead(at.own, rows, at.envelope)
@@ -77,7 +77,7 @@ def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
 def test_of_two_ways_that_keep_clear_the_one_wins_that_would_still_if_they_turned() -> None:
     """Somebody passes 750 m to the left: he would come to us if he turned left."""
     at = situation(
-        own=replace(situation().own, position_m=np.array([0.0, 0.0, -300.0]), course_rad=0.0),
+        own=situation().own._replace(position_m=(0.0, 0.0, -300.0), course_rad=0.0),
         mission=Guidance(0.0, 22.0, 300.0),
         right_preferred=False,
     )
@@ -90,7 +90,7 @@ def test_of_two_ways_that_keep_clear_the_one_wins_that_would_still_if_they_turne
         grounded=np.zeros(1, dtype=bool),
     )
     rows = Commands.of([Guidance(0.0, 22.0, height_m) for height_m in (300.0, 400.0)])
-    indifferent = price(replace(at, surprises=NO_SURPRISES), rows, passing, None)
-    wary = price(replace(at, surprises=PARAMS), rows, passing, None)
+    indifferent = price(at._replace(surprises=NO_SURPRISES), rows, passing, None)
+    wary = price(at._replace(surprises=PARAMS), rows, passing, None)
     assert min(indifferent.closest) >= 1.0
     assert (indifferent.best(), wary.best()) == (0, 1)
