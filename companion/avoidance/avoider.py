@@ -37,8 +37,8 @@ from companion.avoidance.survey import (
     mission_mps,
     mission_of,
     moved,
-    out_of_reach,
     own_state,
+    plainly_clear,
     refuse_nonsense,
     take,
     threats,
@@ -114,7 +114,9 @@ class Avoider:
         state = own_state(now_s, own)
         mission = mission_of(state, own, goal)
         onward_mps = mission_mps(state, mission)
-        if not relevant or (not own_id and out_of_reach(state, onward_mps, now_s, relevant, self.params)):
+        if not relevant or (
+            not own_id and plainly_clear(state, onward_mps, now_s, relevant, self.params, self._domain)
+        ):
             self._domain.reset()
             return self._without_conflict(now_s, state, mission, goal)
         survey = take(

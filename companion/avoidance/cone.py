@@ -43,10 +43,14 @@ class TransitionDomain:
         self.delta_beta_rad = delta_beta_rad
         self._inside: frozenset[str] = frozenset()
 
+    def wider_rad(self, track_id: str) -> float:
+        """How much wider the cone of this one is than beta1."""
+        return self.delta_beta_rad if track_id in self._inside else 0.0
+
     def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> NDArray[np.bool_]:
         """In whose cone we are, shape (N,): in the wider one of those entered before."""
         if self._inside:
-            beta1_rad = beta1_rad + [self.delta_beta_rad if i in self._inside else 0.0 for i in ids]
+            beta1_rad = beta1_rad + [self.wider_rad(track_id) for track_id in ids]
         covered: NDArray[np.bool_] = np.abs(alpha_rad) <= beta1_rad
         return covered
 

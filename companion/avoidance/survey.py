@@ -219,33 +219,43 @@ def _protected_horizontal_m(track: Track, params: AvoidanceParams) -> float:
     return max(across_m, 1.0) * (1.0 + params.horizontal_margin)
 
 
-def out_of_reach(
-    state: OwnState, onward_mps: Vec2, now_s: float, relevant: Sequence[Track], params: AvoidanceParams
+def plainly_clear(
+    state: OwnState,
+    onward_mps: Vec2,
+    now_s: float,
+    relevant: Sequence[Track],
+    params: AvoidanceParams,
+    domain: TransitionDomain,
 ) -> bool:
-    """Whether nobody is within reach of either layer, so that there is nothing to measure.
+    """Whether nobody is within reach of either layer, or on his way to us, so that nothing is to be measured.
 
-    It is what `take` would find, in plain numbers: most of the time everybody is far away.
+    It is what `take` would find, in plain numbers: most of the time everybody is far away, or flies past.
     """
     if params.clears_inner_layer:
         return False
-    return all(_is_out_of_reach(state.position_m, onward_mps, now_s, track, params) for track in relevant)
+    own_m = state.position_m
+    return all(_is_plainly_clear(own_m, onward_mps, now_s, track, params, domain) for track in relevant)
 
 
-def _is_out_of_reach(own_m: Vec3, own_mps: Vec2, now_s: float, track: Track, params: AvoidanceParams) -> bool:
+def _is_plainly_clear(
+    own_m: Vec3, own_mps: Vec2, now_s: float, track: Track, params: AvoidanceParams, domain: TransitionDomain
+) -> bool:
     if track.turn_radps != 0.0:
         return False  # he may turn towards us
     north_m, east_m, _ = moved(track, now_s)
     north_m, east_m = north_m - own_m[0], east_m - own_m[1]
     north_mps, east_mps = own_mps[0] - track.velocity_mps[0], own_mps[1] - track.velocity_mps[1]
-    distance_m = math.hypot(north_m, east_m)
-    surface_m = distance_m - _protected_horizontal_m(track, params)
-    closing_mps = max((north_m * north_mps + east_m * east_mps) / max(distance_m, 1e-9), 0.0)
-    return surface_m >= max(
-        params.outer_radius_m,
-        params.outer_time_s * closing_mps,
-        params.inner_radius_m,
-        params.inner_time_s * closing_mps,
-    )
+    distance_m, radius_m = math.hypot(north_m, east_m), _protected_horizontal_m(track, params)
+    surface_m, along = distance_m - radius_m, north_m * north_mps + east_m * east_mps
+    closing_mps = max(along / max(distance_m, 1e-9), 0.0)
+    if surface_m < max(params.inner_radius_m, params.inner_time_s * closing_mps):
+        return False
+    if surface_m >= max(params.outer_radius_m, params.outer_time_s * closing_mps):
+        return True
+    if params.outer_method is not OuterMethod.PRICED or distance_m <= radius_m:
+        return False
+    approach_rad = math.atan2(abs(north_m * east_mps - east_m * north_mps), along)
+    return approach_rad > math.asin(radius_m / distance_m) + domain.wider_rad(track.track_id)
 
 
 def _shells_m(position_m: Array, protected_m: Array, params: AvoidanceParams, goal: Goal) -> Array:

@@ -1,4 +1,4 @@
-"""Who is out of reach is told in plain numbers: it must be what the survey in arrays finds."""
+"""Who is out of reach, or flies past, is told in plain numbers: it must be what the survey finds."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.cone import TransitionDomain, half_angle_rad
 from companion.avoidance.prediction import HORIZON_S
 from companion.avoidance.survey import (
     Survey,
     mission_mps,
     mission_of,
-    out_of_reach,
     own_state,
+    plainly_clear,
     take,
     tracks_at,
 )
@@ -37,11 +37,16 @@ def some_track(rng: np.random.Generator, turns: bool) -> Track:
     )
 
 
-def surveyed(own: Ownship, goal: Goal, tracks: list[Track]) -> tuple[bool, Survey]:
-    """Whether all are out of reach, and what is surveyed."""
+def surveyed(
+    own: Ownship, goal: Goal, tracks: list[Track], entered: tuple[str, ...] = ()
+) -> tuple[bool, Survey]:
+    """Whether all are plainly clear, and what is surveyed; in some cones we were before."""
     state = own_state(0.0, own)
     mission = mission_of(state, own, goal)
     onward_mps = mission_mps(state, mission)
+    domain = TransitionDomain(PARAMS.delta_beta_rad)
+    domain.keep(entered, np.ones(len(entered), dtype=bool))
+    away = plainly_clear(state, onward_mps, 0.0, tracks, PARAMS, domain)
     survey = take(
         state,
         mission,
@@ -49,28 +54,32 @@ def surveyed(own: Ownship, goal: Goal, tracks: list[Track]) -> tuple[bool, Surve
         tracks_at(0.0, tracks, PARAMS, goal),
         PARAMS,
         PARAMS.envelope,
-        TransitionDomain(PARAMS.delta_beta_rad),
+        domain,
         horizon_s=HORIZON_S,
         spare=0.0,
         avoiding=False,
     )
-    return out_of_reach(state, onward_mps, 0.0, tracks, PARAMS), survey
+    return away, survey
 
 
-@given(st.integers(0, 2**32 - 1), st.booleans())
-def test_who_is_out_of_reach_is_what_the_survey_finds(seed: int, turns: bool) -> None:
+@given(st.integers(0, 2**32 - 1), st.booleans(), st.booleans())
+def test_who_is_plainly_clear_is_what_the_survey_finds(seed: int, turns: bool, before: bool) -> None:
     rng = np.random.default_rng(seed)
     tracks = [some_track(rng, turns) for _ in range(rng.integers(1, 4))]
     course_rad, speed_mps = float(rng.uniform(-3.0, 3.0)), float(rng.uniform(15.0, 30.0))
     velocity = (speed_mps * np.cos(course_rad), speed_mps * np.sin(course_rad), 0.0)
     own = Ownship(0.0, (0.0, 0.0, -300.0), velocity, speed_mps, course_rad)
     goal = Goal(course_rad=float(rng.uniform(-3.0, 3.0)), airspeed_mps=22.0, altitude_m=300.0)
-    away, survey = surveyed(own, goal, tracks)
-    reached = (survey.surface_m < survey.outer_reach_m) | (survey.surface_m < survey.inner_reach_m)
+    entered = tuple(track.track_id for track in tracks[:1]) if before else ()
+    away, survey = surveyed(own, goal, tracks, entered)
+    motion, tracked = survey.motion, survey.tracks
+    beta_rad = half_angle_rad(motion.distance_m, tracked.protected_horizontal_m)
+    beta_rad[: len(entered)] += PARAMS.delta_beta_rad
+    at_us = (survey.surface_m < survey.outer_reach_m) & (np.abs(motion.approach_rad) <= beta_rad)
     if turns:
         assert not away, "he may turn towards us"
     else:
-        assert away == (not reached.any())
+        assert away == (not (at_us | (survey.surface_m < survey.inner_reach_m)).any())
     assert not (away and survey.conflict.any())
 
 
@@ -79,8 +88,9 @@ def test_who_is_out_of_reach_is_what_the_survey_finds(seed: int, turns: bool) ->
     [
         (0.99 * (60.0 * 72.0 + 1.15 * 609.6), -50.0, False),
         (1.01 * (60.0 * 72.0 + 1.15 * 609.6), -50.0, True),
-        (0.99 * (1500.0 + 1.15 * 609.6), 50.0, False),
-        (1.01 * (1500.0 + 1.15 * 609.6), 50.0, True),
+        (0.99 * (1500.0 + 1.15 * 609.6), 21.0, False),
+        (1.01 * (1500.0 + 1.15 * 609.6), 21.0, True),
+        (0.99 * (1500.0 + 1.15 * 609.6), 50.0, True),  # he is faster than we are
     ],
 )
 def test_the_reach_is_that_of_the_outer_layer(distance_m: float, speed_mps: float, away: bool) -> None:
