@@ -388,10 +388,8 @@ class _Rule:
 
 
 def _repelling(survey: Survey) -> Threats:
-    threat = survey.conflict
-    return Threats(
-        survey.motion.position_m[threat],
-        survey.motion.own_velocity_mps[threat],
-        survey.surface_m[threat],
-        survey.outer_reach_m[threat],
-    )
+    motion, conflict = survey.motion, survey.conflict
+    every = Threats(motion.position_m, motion.own_velocity_mps, survey.surface_m, survey.outer_reach_m)
+    if np.count_nonzero(conflict) == len(conflict):
+        return every  # as mostly: there is one
+    return Threats(*(column[conflict] for column in every))

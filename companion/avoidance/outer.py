@@ -28,11 +28,13 @@ from companion.avoidance.potential import attraction, repulsion, repulsion_magni
 from companion.avoidance.prediction import Commands
 from companion.avoidance.pricing import Situation
 from companion.avoidance.strategies import Height, Speed, height_m, speed_mps
+from companion.compiled import kernels
 from companion.model import Guidance
 from companion.units import wrap_pi
 
 # The repulsion against an attraction of 1: deflections of 10 to 86 degrees, where all push straight across.
 _GAINS = [math.tan(math.radians(angle_deg)) for angle_deg in (10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0)]
+_LEAST_PUSH = 1e-3
 _GAIN_STEPS = [*_GAINS, *(-gain for gain in _GAINS)]  # to the right, to the left
 
 
@@ -81,7 +83,7 @@ def _resultant_rad(
     course_rad: float, goal_distance: float, threats: Threats, pushes: Array, params: FieldParams
 ) -> float:
     pull = attraction(0.0, goal_distance, params.attraction_gain)
-    north, east = repulsion(threats.rel_position_m, pushes).sum(axis=1).tolist()
+    north, east = repulsion(threats.rel_position_m, pushes)
     north, east = north + pull * math.cos(course_rad), east + pull * math.sin(course_rad)
     return math.atan2(east, north) if math.hypot(north, east) > 1e-12 else course_rad
 
@@ -124,14 +126,10 @@ def _every_pair(grounds: int, heights: int) -> tuple[NDArray[np.intp], NDArray[n
 
 def _ladder(course_rad: float, threats: Threats, pushes: Array) -> list[float]:
     """How far off the course the force points with every gain step, to the right, then to the left."""
-    north_mps, east_mps = threats.own_rel_velocity_mps[:, 0], threats.own_rel_velocity_mps[:, 1]
     # Each pushes across our velocity relative to it, all to the right. Far out the field is too weak to
     # matter, near by too strong for any gentle way: what counts of the sum is its direction, in which each
     # threat has the share of its push.
-    onward_mps = math.cos(course_rad) * north_mps + math.sin(course_rad) * east_mps
-    shares = np.maximum(pushes, 1e-3) / np.maximum(np.hypot(north_mps, east_mps), 1e-6)
-    shares = np.where(onward_mps < 0.0, -shares, shares)
-    north, east = -float(shares @ east_mps), float(shares @ north_mps)
+    north, east = kernels.pushes_across(threats.own_rel_velocity_mps, pushes, _LEAST_PUSH, course_rad)
     if math.hypot(north, east) < 1e-9:
         return []  # nobody moves
     across_rad = math.atan2(east, north) - course_rad

@@ -2,9 +2,9 @@
 
 from typing import TypeVar
 
-import numpy as np
-
 from companion.avoidance.geometry import Array
+from companion.compiled import kernels
+from companion.model import Vec2
 
 _Place = TypeVar("_Place", float, Array)
 
@@ -20,24 +20,21 @@ def attraction(position: _Place, goal: _Place, gain: float) -> _Place:
     return gain * (goal - position)
 
 
-def repulsion_magnitude(surface_distance: Array, reach: Array | float, gain: float) -> Array:
+def repulsion_magnitude(surface_distance: Array, reach: float, gain: float) -> Array:
     """Length of eq. 7, the slope of eq. 6: xi_rep (1/rho - 1/rho_o) / rho^2 within rho_o, else 0.
 
     Finite at contact, shape (N,). `surface_distance` is rho = d - R_b, the distance to the obstacle's
     surface; `reach` is rho_o. Both share one unit of length, and the force depends on it: the outer layer
     uses rho_o itself as the unit.
     """
-    inverse = 1.0 / np.maximum(surface_distance, _CONTACT)
-    magnitude: Array = gain * np.maximum(inverse - 1.0 / reach, 0.0) * inverse * inverse
+    magnitude: Array = kernels.repulsion_magnitudes(surface_distance, reach, gain, _CONTACT)
     return magnitude
 
 
-def repulsion(rel_position: Array, magnitude: Array) -> Array:
-    """Eq. 7: the force away from each obstacle, grad rho being the unit vector from it to us, shape (2, N).
+def repulsion(rel_position: Array, magnitude: Array) -> Vec2:
+    """Eq. 7: the forces away from obstacles summed, grad rho being the unit vector from each of them to us.
 
-    `rel_position` is obstacle minus own, (N, 2+), in any unit; `magnitude` is that of `repulsion_magnitude`.
-    On top of its centre an obstacle pushes nowhere.
+    North and east; `rel_position` is obstacle minus own, (N, 2+), in any unit; `magnitude` is that of
+    `repulsion_magnitude`. On top of its centre an obstacle pushes nowhere.
     """
-    north, east = rel_position[:, 0], rel_position[:, 1]
-    share = magnitude / np.maximum(np.hypot(north, east), 1e-9)
-    return np.array([-north * share, -east * share])
+    return kernels.repulsion(rel_position, magnitude)

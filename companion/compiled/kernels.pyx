@@ -235,6 +235,50 @@ def too_near(
     return result
 
 
+def repulsion_magnitudes(
+    const double[::1] surface, double reach, double gain, double contact
+):
+    """Lengths of repulsive forces by distances to surfaces, (N,); no closer than `contact`."""
+    cdef Py_ssize_t n, count = surface.shape[0]
+    result = np.empty(count)
+    cdef double[::1] magnitude = result
+    cdef double inverse
+    for n in range(count):
+        inverse = 1.0 / max(surface[n], contact)
+        magnitude[n] = gain * max(inverse - 1.0 / reach, 0.0) * inverse * inverse
+    return result
+
+
+def repulsion(const double[:, :] rel_position, const double[::1] magnitude):
+    """The sum of forces of these lengths away from places, north and east."""
+    cdef Py_ssize_t n, count = magnitude.shape[0]
+    _expect(rel_position.shape[0] == count and rel_position.shape[1] >= 2)
+    cdef double north = 0.0, east = 0.0, share
+    for n in range(count):
+        share = magnitude[n] / max(hypot(rel_position[n, 0], rel_position[n, 1]), 1e-9)
+        north -= rel_position[n, 0] * share
+        east -= rel_position[n, 1] * share
+    return north, east
+
+
+def pushes_across(
+    const double[:, :] own_rel_velocity_mps, const double[::1] magnitude, double least, double course_rad
+):
+    """The sum of pushes across velocities, to the right of a course, north and east; `least` is the weakest."""
+    cdef Py_ssize_t n, count = magnitude.shape[0]
+    _expect(own_rel_velocity_mps.shape[0] == count and own_rel_velocity_mps.shape[1] >= 2)
+    cdef double north = 0.0, east = 0.0, north_mps, east_mps, share
+    cdef double along_north = cos(course_rad), along_east = sin(course_rad)
+    for n in range(count):
+        north_mps, east_mps = own_rel_velocity_mps[n, 0], own_rel_velocity_mps[n, 1]
+        share = max(magnitude[n], least) / max(hypot(north_mps, east_mps), 1e-6)
+        if along_north * north_mps + along_east * east_mps < 0.0:
+            share = -share
+        north -= share * east_mps
+        east += share * north_mps
+    return north, east
+
+
 def ground_paths(
     double north_m, double east_m, double course_rad, double crab_rad, double airspeed_mps,
     double wind_north_mps, double wind_east_mps,

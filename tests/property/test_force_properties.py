@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -36,7 +37,7 @@ def slope(potential: object, own: Array) -> Array:
 def test_repulsion_is_the_slope_of_its_potential(rho: float, bearing_rad: float, gain: float) -> None:
     assume(abs(rho - REACH) > 1e-3)  # where the potential has a kink
     centre = (rho + RADIUS) * np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
-    force = repulsion(centre[None], repulsion_magnitude(np.array([rho]), REACH, gain))[:, 0]
+    force = repulsion(centre[None], repulsion_magnitude(np.array([rho]), REACH, gain))
     wanted = slope(lambda own: repulsive_potential(own, centre, gain), np.zeros(2))
     assert np.allclose(force, wanted, rtol=1e-4, atol=1e-6 * gain)
 
@@ -72,10 +73,12 @@ def test_forces_are_finite_everywhere(
     """At the centre, at the surface, within, and a thousand kilometres away."""
     offset = np.array([[d * math.cos(a), d * math.sin(a)] for d, a, _ in threats])
     surface = np.array([d - radius for d, _, radius in threats])
-    force = repulsion(offset, repulsion_magnitude(surface / 1500.0, 1.0, gain))
+    magnitude = repulsion_magnitude(surface / 1500.0, 1.0, gain)
+    force = np.array([repulsion(offset[n : n + 1], magnitude[n : n + 1]) for n in range(len(threats))])
     assert np.isfinite(force).all()
-    assert (np.einsum("in,ni->n", force, offset) <= 0.0).all(), "never towards the obstacle"
-    assert (force[:, surface >= 1500.0] == 0.0).all()
+    assert (np.einsum("ni,ni->n", force, offset) <= 0.0).all(), "never towards the obstacle"
+    assert (force[surface >= 1500.0] == 0.0).all()
+    assert repulsion(offset, magnitude) == pytest.approx(force.sum(axis=0), rel=1e-9)
     course = resultant_rad(
         0.3,
         goal_distance,

@@ -307,6 +307,20 @@ def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
 
 
 @given(seeds)
+def test_each_threat_pushes_across_our_velocity_to_the_right_of_the_course(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count, course_rad = int(rng.integers(0, 5)), float(rng.uniform(-math.pi, math.pi))
+    velocity_mps, push = rng.normal(0.0, 40.0, (count, 3)), rng.uniform(0.0, 2.0, count)
+    onward, summed = np.array([math.cos(course_rad), math.sin(course_rad)]), np.zeros(2)
+    for (north_mps, east_mps, _), length in zip(velocity_mps, push, strict=True):
+        right = np.array([-east_mps, north_mps]) / math.hypot(north_mps, east_mps)
+        backwards = np.array([north_mps, east_mps]) @ onward < 0.0
+        summed += max(length, 0.5) * (-right if backwards else right)
+    across = kernels.pushes_across(velocity_mps, push, 0.5, course_rad)
+    assert across == pytest.approx(summed, rel=1e-9, abs=1e-9)
+
+
+@given(seeds)
 def test_layers_reach_as_far_as_their_radius_or_their_time(seed: int) -> None:
     rng = np.random.default_rng(seed)
     distance_m, protected_m = rng.uniform(0.0, 9000.0, 5), rng.uniform(50.0, 900.0, 5)
@@ -404,6 +418,10 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         add_nothing(np.zeros(1), replace(Commands.of([some_guidance(rng)]), height_of=np.array([1])))
     with pytest.raises(ValueError, match="do not match"):
         kernels.half_angles(np.zeros(3), np.zeros(2))
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.repulsion(np.zeros((3, 2)), np.zeros(2))
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.pushes_across(np.zeros((3, 1)), np.zeros(3), 0.0, 0.0)
     with pytest.raises(ValueError, match="do not match"):
         kernels.reaches(np.zeros(3), np.zeros(3), np.zeros(2), 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="do not match"):
