@@ -201,6 +201,19 @@ class Tracks:
         return ahead_m
 
 
+class Surprises(NamedTuple):
+    """What tracks may do instead of flying on as they do, (M,): turn and sink at other rates.
+
+    `of` is the place of the track; `turn_radps` is positive to the right, `sink_mps` down; `likely` is the
+    share of times that it comes true.
+    """
+
+    of: NDArray[np.intp]
+    turn_radps: Array
+    sink_mps: Array
+    likely: Array
+
+
 class LossWeights(Protocol):
     """What it costs to come near."""
 
@@ -356,29 +369,20 @@ def separation(
 def losses(
     paths: Paths,
     tracks: Tracks,
-    likely: Array,
+    surprises: Surprises,
     weights: LossWeights,
     lost: float,
     *,
-    predicted: int,
     horizon_s: float,
     soon_s: float,
 ) -> tuple[Array, Array]:
     """What rows cost by how they keep clear, (K,), and how close they come to what is predicted, (K,).
 
-    The first of the tracks are `predicted`, within `horizon_s`; each of the rest may come true, as `likely`
-    as it is, (N,), and counts within `soon_s`. `lost` is the separation at which the bare volume is entered.
+    That is the tracks flying on, within `horizon_s`; each surprise may come true, as likely as it is, and
+    counts within `soon_s`. `lost` is the separation at which the bare volume is entered.
     """
     cost, closest = kernels.losses(
-        paths,
-        tracks,
-        likely,
-        weights,
-        lost,
-        _TIMES,
-        predicted,
-        _count_until(horizon_s),
-        _count_until(soon_s),
+        paths, tracks, surprises, weights, lost, _TIMES, _count_until(horizon_s), _count_until(soon_s)
     )
     return cost, closest
 

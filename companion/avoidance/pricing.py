@@ -148,14 +148,12 @@ def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidan
         commands = refusals.without(commands, _mission_within_limits(situation))
     weights = situation.weights
     paths = fly_ahead(situation.own, commands, situation.envelope)
-    every, likely = foreseen(tracks, situation.surprises)
     cost, closest = losses(
         paths,
-        every,
-        likely,
+        tracks,
+        foreseen(tracks, situation.surprises),
         weights,
         situation.lost,
-        predicted=len(tracks),
         horizon_s=situation.horizon_s,
         soon_s=min(situation.surprises.within_s, situation.horizon_s),
     )

@@ -15,7 +15,7 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from companion.avoidance.geometry import Array
-from companion.avoidance.prediction import Tracks
+from companion.avoidance.prediction import Surprises, Tracks
 
 # Slower turns and climbs than these are none.
 _STRAIGHT_RADPS = math.radians(0.2)
@@ -50,38 +50,33 @@ class SurpriseParams:
 NO_SURPRISES = SurpriseParams(turn_share=0.0, climb_share=0.0)
 
 
-def foreseen(tracks: Tracks, params: SurpriseParams) -> tuple[Tracks, Array]:
-    """Tracks as predicted, and after them all that the first of them may do instead; how likely each is."""
+def foreseen(tracks: Tracks, params: SurpriseParams) -> Surprises:
+    """All that the first of the tracks may do instead: turn right, left, climb and sink, each for all."""
     count = min(len(tracks), params.tracks) if params.any else 0
-    every = tracks.subset(_and_again(len(tracks), count))
-    _surprise(every.turn_radps[len(tracks) :], every.velocity_mps[len(tracks) :, 2], count, params)
+    turns, sinks = tracks.turn_radps[:count].tolist(), tracks.velocity_mps[:count, 2].tolist()
+    right = [params.turn_radps if abs(turn) < _STRAIGHT_RADPS else 0.0 for turn in turns]
+    left = [-params.turn_radps if abs(turn) < _STRAIGHT_RADPS else _TIGHTER * turn for turn in turns]
+    up = [-params.climb_mps if abs(sink) < _LEVEL_MPS else 0.0 for sink in sinks]
+    down = [params.climb_mps if abs(sink) < _LEVEL_MPS else _TIGHTER * sink for sink in sinks]
     flies = tuple(0.0 if grounded else 1.0 for grounded in tracks.grounded[:count].tolist())
-    return every, _likely(len(tracks), flies, params)
+    return Surprises(
+        _four_times(count),
+        np.array([*right, *left, *turns, *turns]),
+        np.array([*sinks, *sinks, *up, *down]),
+        _likely(flies, params),
+    )
 
 
 @lru_cache(maxsize=64)
-def _and_again(tracks: int, count: int) -> NDArray[np.intp]:
-    """Places of all tracks, and then four times of the first."""
-    return np.concatenate([np.arange(tracks), np.tile(np.arange(count), 4)])
+def _four_times(count: int) -> NDArray[np.intp]:
+    """Places of the first tracks, four times."""
+    return np.tile(np.arange(count), 4)
 
 
 @lru_cache(maxsize=64)
-def _likely(tracks: int, flies: tuple[float, ...], params: SurpriseParams) -> Array:
+def _likely(flies: tuple[float, ...], params: SurpriseParams) -> Array:
     """How likely each of them is: what stands on the ground stays there."""
     turn, climb = params.turn_share * np.array(flies), params.climb_share * np.array(flies)
-    likely = np.concatenate([np.ones(tracks), turn, turn, climb, climb])
+    likely = np.concatenate([turn, turn, climb, climb])
     likely.setflags(write=False)  # it is handed out again
     return likely
-
-
-def _surprise(turn_radps: Array, down_mps: Array, count: int, params: SurpriseParams) -> None:
-    """Four times the same `count` tracks become those that turn right, left, climb and sink, in place."""
-    turns, downs = turn_radps[:count].tolist(), down_mps[:count].tolist()
-    turn_radps[: 2 * count] = [
-        *(params.turn_radps if abs(turn) < _STRAIGHT_RADPS else 0.0 for turn in turns),
-        *(-params.turn_radps if abs(turn) < _STRAIGHT_RADPS else _TIGHTER * turn for turn in turns),
-    ]
-    down_mps[2 * count :] = [
-        *(-params.climb_mps if abs(down) < _LEVEL_MPS else 0.0 for down in downs),
-        *(params.climb_mps if abs(down) < _LEVEL_MPS else _TIGHTER * down for down in downs),
-    ]

@@ -78,11 +78,10 @@ def separation(paths: object, tracks: object, times: Times, count: int, shells: 
 def losses(
     paths: object,
     tracks: object,
-    likely: _Array,
+    surprises: object,
     weights: object,
     lost: float,
     times: Times,
-    predicted: int,
     count: int,
     soon: int,
 ) -> _Array: ...

@@ -67,10 +67,12 @@ cdef class _Others:
         _expect(self.grounded.shape[0] == self.count and self.shell_m.shape[0] == self.count)
 
 
-cdef inline void _fly_ahead(double[:, ::1] ahead_m, _Others others, Py_ssize_t n, Times times) noexcept:
-    """Where track `n` is at all times, north and east, into `ahead_m` (T, 2)."""
+cdef inline void _fly_ahead(
+    double[:, ::1] ahead_m, _Others others, Py_ssize_t n, double turn_radps, Times times
+) noexcept:
+    """Where track `n` is at all times if it turns like that, north and east, into `ahead_m` (T, 2)."""
     cdef Py_ssize_t i
-    cdef double step_s, ahead, across, turn_radps = others.turn_radps[n]
+    cdef double step_s, ahead, across
     cdef double north_mps = others.velocity_mps[n, 0], east_mps = others.velocity_mps[n, 1]
     cdef double north_m = others.position_m[n, 0], east_m = others.position_m[n, 1]
     cdef const double[::1] times_s = times.times_s
@@ -94,7 +96,7 @@ def tracks_ahead(tracks, Times times not None):
     result = np.empty((others.count, times.count, 2))
     cdef double[:, :, ::1] ahead_m = result
     for n in range(others.count):
-        _fly_ahead(ahead_m[n], others, n, times)
+        _fly_ahead(ahead_m[n], others, n, others.turn_radps[n], times)
     return result
 
 
@@ -110,7 +112,7 @@ def velocities_until_closest(tracks, const double[:, ::1] path_m, Times times no
     for n in range(others.count):
         if others.turn_radps[n] == 0.0:
             continue
-        _fly_ahead(other_m, others, n, times)
+        _fly_ahead(other_m, others, n, others.turn_radps[n], times)
         nearest, least2 = 0, INFINITY
         for i in range(times.count):
             north, east = other_m[i, 0] - path_m[i, 0], other_m[i, 1] - path_m[i, 1]
@@ -379,14 +381,15 @@ cdef class _Squares:
         self.other_m = np.empty((times, 2))
 
     cdef void measure(
-        self, _Ways ways, _Others others, Py_ssize_t n, Times times, Py_ssize_t count
+        self, _Ways ways, _Others others, Py_ssize_t n, double turn_radps, double sink_mps,
+        Times times, Py_ssize_t count,
     ) noexcept:
-        """From track `n`, at the first `count` times."""
+        """From track `n` if it turns and sinks like that, at the first `count` times."""
         cdef Py_ssize_t h, z, i
         cdef double north, east, down_m, above_m
         cdef double per_horizontal2 = 1.0 / (others.horizontal_m[n] * others.horizontal_m[n])
         cdef double per_vertical2 = 1.0 / (others.vertical_m[n] * others.vertical_m[n])
-        _fly_ahead(self.other_m, others, n, times)
+        _fly_ahead(self.other_m, others, n, turn_radps, times)
         for h in range(ways.grounds):
             for i in range(count):
                 north = ways.ground_m[h, i, 0] - self.other_m[i, 0]
@@ -394,7 +397,7 @@ cdef class _Squares:
                 self.horizontal[h, i] = (north * north + east * east) * per_horizontal2
         for z in range(ways.heights):
             for i in range(count):
-                down_m = others.position_m[n, 2] + others.velocity_mps[n, 2] * times.times_s[i]
+                down_m = others.position_m[n, 2] + sink_mps * times.times_s[i]
                 above_m = ways.altitude_m[z, i] + down_m
                 if others.grounded[n] and above_m < 0.0:
                     above_m = 0.0
@@ -415,7 +418,7 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
     cdef double[:, :, ::1] kept = result
     cdef double ratio, least, depth, near, volumes, entered_s
     for n in range(others.count):
-        squares.measure(ways, others, n, times, count)
+        squares.measure(ways, others, n, others.turn_radps[n], others.velocity_mps[n, 2], times, count)
         volumes = others.horizontal_m[n] / max(others.shell_m[n], 1.0)
         for k in range(ways.rows):
             h, z = ways.ground_of[k], ways.height_of[k]
@@ -440,50 +443,72 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
 
 
 def losses(
-    paths, tracks, const double[::1] likely, weights, double lost, Times times not None,
-    Py_ssize_t predicted, Py_ssize_t count, Py_ssize_t soon,
+    paths, tracks, surprises, weights, double lost, Times times not None, Py_ssize_t count, Py_ssize_t soon,
 ):
-    """What rows cost by how they keep clear of tracks, each as `likely` as it is, and the closest, two of (K,).
+    """What rows cost by how they keep clear of tracks and of their surprises, and the closest, two of (K,).
 
-    The first of the tracks are `predicted`; for them the first `count` times matter, and theirs is the
-    closest. The rest may come true, and matter at the first `soon` times.
+    For tracks as they fly the first `count` times matter, and theirs is the closest. Surprises may come true,
+    each as likely as it is, and matter at the first `soon` times.
 
     The margin is priced by how much of it is used, without a step: a flight planned along its edge is flown a
     little differently, and must not be thrown over for that.
     """
-    cdef Py_ssize_t n, k, i, h, z, until
+    cdef Py_ssize_t n, k
     _expect(1 <= count <= times.count and 1 <= soon <= times.count)
     cdef _Ways ways = _Ways(paths, times.count)
     cdef _Others others = _Others(tracks)
     cdef _Squares squares = _Squares(ways, times.count)
-    _expect(likely.shape[0] == others.count)
-    cdef double margin = weights.margin, loss = weights.loss
-    cdef double depth = weights.depth, exposure = weights.exposure
+    cdef _Prices prices = _Prices(weights, lost)
+    cdef const Py_ssize_t[::1] of = surprises.of
+    cdef const double[::1] turn_radps = surprises.turn_radps, sink_mps = surprises.sink_mps
+    cdef const double[::1] likely = surprises.likely
+    _expect(turn_radps.shape[0] == of.shape[0] and sink_mps.shape[0] == of.shape[0])
+    _expect(likely.shape[0] == of.shape[0])
     result = np.empty((2, ways.rows))
     cdef double[::1] cost = result[0], closest = result[1]
-    cdef double ratio, near, within, price
     for k in range(ways.rows):
         cost[k], closest[k] = 0.0, INFINITY
     for n in range(others.count):
-        until = count if n < predicted else soon
-        squares.measure(ways, others, n, times, until)
+        squares.measure(ways, others, n, others.turn_radps[n], others.velocity_mps[n, 2], times, count)
         for k in range(ways.rows):
-            h, z = ways.ground_of[k], ways.height_of[k]
-            near = sqrt(_least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], until))
-            if n < predicted:
-                closest[k] = min(closest[k], near)
-            if near >= 1.0:
-                continue
-            within = 0.0
-            for i in range(1, until):
-                ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
-                if ratio < 1.0:
-                    within += times.shares[i - 1] * (1.0 - sqrt(ratio))
-            price = margin * (1.0 - near) + exposure * within
-            if near < lost:
-                price += loss + depth * (lost - near)
-            cost[k] += likely[n] * price
+            closest[k] = min(closest[k], prices.add(cost, k, 1.0, ways, squares, times, count))
+    for n in range(of.shape[0]):
+        _expect(0 <= of[n] < others.count)
+        squares.measure(ways, others, of[n], turn_radps[n], sink_mps[n], times, soon)
+        for k in range(ways.rows):
+            prices.add(cost, k, likely[n], ways, squares, times, soon)
     return result
+
+
+cdef class _Prices:
+    """What coming near costs."""
+
+    cdef double margin, loss, depth, exposure, lost
+
+    def __cinit__(self, weights, double lost):
+        self.margin, self.loss = weights.margin, weights.loss
+        self.depth, self.exposure, self.lost = weights.depth, weights.exposure, lost
+
+    cdef inline double add(
+        self, double[::1] cost, Py_ssize_t k, double likely, _Ways ways, _Squares squares, Times times,
+        Py_ssize_t count,
+    ) noexcept:
+        """Add what row `k` costs by how near it comes to what was measured last; how near that is."""
+        cdef Py_ssize_t i
+        cdef const double* horizontal = &squares.horizontal[ways.ground_of[k], 0]
+        cdef const double* vertical = &squares.vertical[ways.height_of[k], 0]
+        cdef double ratio, price, within = 0.0, near = sqrt(_least_of_greater(horizontal, vertical, count))
+        if near >= 1.0:
+            return near
+        for i in range(1, count):
+            ratio = max(horizontal[i], vertical[i])
+            if ratio < 1.0:
+                within += times.shares[i - 1] * (1.0 - sqrt(ratio))
+        price = self.margin * (1.0 - near) + self.exposure * within
+        if near < self.lost:
+            price += self.loss + self.depth * (self.lost - near)
+        cost[k] += likely * price
+        return near
 
 
 cdef inline double _least_of_greater(
@@ -552,7 +577,7 @@ def outcomes(
     cdef double[:, ::1] other_m = np.empty((times.count, 2))
     cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, across_m
     for n in range(others.count):
-        _fly_ahead(other_m, others, n, times)
+        _fly_ahead(other_m, others, n, others.turn_radps[n], times)
         step_s = times.times_s[then] - times.times_s[then - 1]
         north_mps = (other_m[then, 0] - other_m[then - 1, 0]) / step_s - ours_north_mps
         east_mps = (other_m[then, 1] - other_m[then - 1, 1]) / step_s - ours_east_mps

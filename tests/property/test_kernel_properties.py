@@ -17,6 +17,7 @@ from companion.avoidance.prediction import (
     Commands,
     OwnState,
     Paths,
+    Surprises,
     Tracks,
     fly_ahead,
     ground_velocity_mps,
@@ -183,27 +184,42 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
 ) -> None:
     rng = np.random.default_rng(seed)
     tracks = some_tracks(rng)
-    predicted, likely = int(rng.integers(0, len(tracks) + 1)), rng.random(len(tracks))
+    surprises = some_surprises(rng, len(tracks))
     weights = CostWeights(*rng.uniform(0.0, 100.0, 4).tolist())
     paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
-    cost, closest = losses(
-        paths, tracks, likely, weights, 0.8, predicted=predicted, horizon_s=horizon_s, soon_s=soon_s
-    )
+    cost, closest = losses(paths, tracks, surprises, weights, 0.8, horizon_s=horizon_s, soon_s=soon_s)
     expected = np.zeros(len(paths.ground_of))
-    for n in range(len(tracks)):
-        kept = separation(
-            paths, tracks.subset(np.array([n])), horizon_s=horizon_s if n < predicted else soon_s
-        )
+    each = [
+        (separation(paths, tracks.subset(np.array([n])), horizon_s=horizon_s), 1.0)
+        for n in range(len(tracks))
+    ]
+    each += [
+        (separation(paths, one, horizon_s=soon_s), likely) for one, likely in come_true(tracks, surprises)
+    ]
+    for kept, likely in each:
         depth = np.maximum(0.8 - kept.closest[:, 0], 0.0)
         price = weights.margin * np.maximum(1.0 - kept.closest[:, 0], 0.0) + weights.loss * (depth > 0.0)
         price += weights.depth * depth + weights.exposure * kept.exposure[:, 0]
-        expected += likely[n] * price
+        expected += likely * price
     assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
-    if predicted:
-        others = tracks.subset(np.arange(predicted))
-        assert closest == pytest.approx(separation(paths, others, horizon_s=horizon_s).closest.min(axis=1))
-    else:
-        assert np.isinf(closest).all()
+    kept = separation(paths, tracks, horizon_s=horizon_s)
+    assert closest == pytest.approx(kept.closest.min(axis=1, initial=math.inf)), "by what is predicted alone"
+
+
+def some_surprises(rng: np.random.Generator, tracks: int) -> Surprises:
+    count = int(rng.integers(0, 6)) if tracks else 0
+    of = rng.integers(0, max(tracks, 1), count).astype(np.intp)
+    return Surprises(of, rng.normal(0.0, 0.05, count), rng.normal(0.0, 3.0, count), rng.random(count))
+
+
+def come_true(tracks: Tracks, surprises: Surprises) -> list[tuple[Tracks, float]]:
+    """Each of them as a track of its own, and how likely it is."""
+    made = []
+    for of, turn_radps, sink_mps, likely in zip(*surprises, strict=True):
+        one = tracks.subset(np.array([of]))
+        velocity_mps = np.column_stack([one.velocity_mps[:, :2], [sink_mps]])
+        made.append((replace(one, turn_radps=np.array([turn_radps]), velocity_mps=velocity_mps), likely))
+    return made
 
 
 @given(seeds, st.floats(1.0, HORIZON_S))
@@ -420,6 +436,10 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         kernels.half_angles(np.zeros(3), np.zeros(2))
     with pytest.raises(ValueError, match="do not match"):
         kernels.repulsion(np.zeros((3, 2)), np.zeros(2))
+    for of, others in ([len(tracks)], 1), ([0], 2):
+        some = Surprises(np.array(of), np.zeros(1), np.zeros(others), np.zeros(1))
+        with pytest.raises(ValueError, match="do not match"):
+            losses(paths, tracks, some, CostWeights(), 0.8, horizon_s=90.0, soon_s=40.0)
     with pytest.raises(ValueError, match="do not match"):
         kernels.pushes_across(np.zeros((3, 1)), np.zeros(3), 0.0, 0.0)
     with pytest.raises(ValueError, match="do not match"):

@@ -28,33 +28,28 @@ def tracks() -> Tracks:
 
 
 def test_each_may_turn_and_climb_either_way_and_what_stands_does_not() -> None:
-    every, likely = foreseen(tracks(), PARAMS)
-    predicted = every.subset(np.arange(3))
-    assert predicted.turn_radps.tolist() == tracks().turn_radps.tolist()
-    assert predicted.velocity_mps.tolist() == tracks().velocity_mps.tolist()
-    assert likely[:3].tolist() == [1.0, 1.0, 1.0], "what is predicted comes first"
-    turns = every.turn_radps[3:].reshape(4, 3)
-    climbs = -every.velocity_mps[3:, 2].reshape(4, 3)
+    surprises = foreseen(tracks(), PARAMS)
+    assert surprises.of.tolist() == 4 * [0, 1, 2]
+    turns, climbs = surprises.turn_radps.reshape(4, 3), -surprises.sink_mps.reshape(4, 3)
+    likely = surprises.likely.reshape(4, 3)
     assert turns[:, 0].tolist() == pytest.approx([0.05, -0.05, 0.0, 0.0])
     assert climbs[:, 0].tolist() == pytest.approx([0.0, 0.0, 3.0, -3.0])
     # Who turns or climbs already may stop that, or do more of it.
     assert turns[:, 1].tolist() == pytest.approx([0.0, 0.045, 0.03, 0.03])
     assert climbs[:, 1].tolist() == pytest.approx([4.0, 4.0, 0.0, 6.0])
-    assert likely[3:].reshape(4, 3)[:, 0].tolist() == pytest.approx([0.1, 0.1, 0.02, 0.02])
-    assert likely[3:].reshape(4, 3)[:, 2].tolist() == [0.0, 0.0, 0.0, 0.0]
+    assert likely[:, 0].tolist() == pytest.approx([0.1, 0.1, 0.02, 0.02])
+    assert likely[:, 2].tolist() == [0.0, 0.0, 0.0, 0.0]
 
 
 def test_in_a_crowd_only_the_first_surprise() -> None:
     crowd = traffic(np.random.default_rng(4), 30)
-    every, likely = foreseen(crowd, replace(PARAMS, tracks=2))
-    assert every.ids == crowd.ids + 4 * crowd.ids[:2]
-    assert len(likely) == 30 + 8
+    surprises = foreseen(crowd, replace(PARAMS, tracks=2))
+    assert surprises.of.tolist() == 4 * [0, 1]
+    assert len(surprises.likely) == 8
 
 
 def test_where_nothing_may_surprise_there_is_what_is_predicted() -> None:
-    every, likely = foreseen(tracks(), NO_SURPRISES)
-    assert every.ids == tracks().ids
-    assert likely.tolist() == [1.0, 1.0, 1.0]
+    assert [len(column) for column in foreseen(tracks(), NO_SURPRISES)] == [0, 0, 0, 0]
 
 
 def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
@@ -62,8 +57,10 @@ def test_a_surprise_has_its_share_of_what_it_would_cost() -> None:
     rows = StrategyTable(TABLE).commands(at)
     plain = price(at, rows, others, None)
     priced = price(at._replace(surprises=PARAMS), rows, others, None)
-    every, likely = foreseen(others, PARAMS)
-    surprised, shares = every.subset(np.arange(3, 15)), likely[3:]
+    surprises = foreseen(others, PARAMS)
+    surprised, shares = others.subset(surprises.of), surprises.likely
+    velocity_mps = np.column_stack([surprised.velocity_mps[:, :2], surprises.sink_mps])
+    surprised = replace(surprised, turn_radps=surprises.turn_radps, velocity_mps=velocity_mps)
     paths = fly_ahead(at.own, rows, at.envelope)
     kept = separation(paths, surprised, horizon_s=PARAMS.within_s)
     weights, depth = at.weights, np.maximum(at.lost - kept.closest, 0.0)
