@@ -1,5 +1,8 @@
 """The errors a user can cause. Each is shown as one line; anything else is a bug and keeps its traceback."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class CompanionError(Exception):
     """Something failed in a way that its one-line message explains."""
@@ -19,3 +22,19 @@ class LinkDownError(LinkError):
 
 class LogError(CompanionError):
     """A log cannot be read or written."""
+
+
+@contextmanager
+def alone() -> Iterator[None]:
+    """Raise the first `CompanionError` of a group of tasks in place of the group, if all it holds are such.
+
+    By `except*` it would be in a group again: Python before 3.11.4 wraps what is raised there.
+    """
+    try:
+        yield
+    except ExceptionGroup as group:
+        error: BaseException = group
+        if group.split(CompanionError)[1] is None:
+            while isinstance(error, ExceptionGroup):
+                error = error.exceptions[0]
+        raise error from None

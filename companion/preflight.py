@@ -8,7 +8,7 @@ from companion.autopilots import Adapter
 from companion.clock import Clock
 from companion.config import Config
 from companion.engine import Engine
-from companion.errors import CompanionError
+from companion.errors import alone
 from companion.links import Link
 from companion.mavlink.dialect import mavlink
 from companion.runtime import Runtime
@@ -48,7 +48,7 @@ async def look(
     engine = Engine(advising)
     engine.operator.at_most = Role.ADVISE
     runtime = Runtime(engine, links, clock=clock)
-    try:
+    with alone():
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(runtime.run(), name="preflight")
             until_us = runtime.clock.now_us() + round(seconds * 1e6)
@@ -61,8 +61,6 @@ async def look(
                 tuple(engine.readiness.hindrances(now_s, role=wanted)),
             )
             runtime.stop()
-    except* CompanionError as group:
-        raise group.exceptions[0] from None
     return result
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine, Sequence
 
 from companion.clock import Clock, SteadyClock
 from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
-from companion.errors import CompanionError
+from companion.errors import CompanionError, alone
 from companion.keeper import Keeper, LastingKeeper
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
@@ -109,7 +109,7 @@ class Runtime:
             raise CompanionError(f"the autopilot did not confirm that it took {what} back")
 
     async def _run_tasks(self) -> None:
-        try:
+        with alone():
             async with asyncio.TaskGroup() as tasks:
                 owned = [
                     tasks.create_task(
@@ -125,9 +125,6 @@ class Runtime:
                 await self._tick_until_stopped()
                 for task in owned:
                     task.cancel()
-        except* CompanionError as group:
-            # One line for the user; the group says nothing more.
-            raise group.exceptions[0] from None
 
     async def _owned(self, work: Coroutine[None, None, None]) -> None:
         """A task whose failure ends the service, after the aircraft is given back."""

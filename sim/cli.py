@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.cli import guarded, writable
-from companion.errors import CompanionError, ConfigError, LinkError
+from companion.errors import CompanionError, ConfigError, LinkError, alone
 from companion.links import open_link
 from companion.web.settings import Settings
 from sim.bench import run as run_bench
@@ -390,10 +390,8 @@ async def _relay_until_interrupted(between: Relay) -> None:
 async def _serve(server: VehicleServer) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, server.close)
-    try:
+    with alone():
         await server.run()
-    except* CompanionError as group:
-        raise group.exceptions[0] from None
 
 
 def main() -> None:
