@@ -396,7 +396,7 @@ class Aircraft:
         return True
 
     def _in_touch(self, now_s: float) -> None:
-        if math.isfinite(self._fact_s) and now_s - self._fact_s > _SILENCE_S:
+        if now_s - self._fact_s > _SILENCE_S and math.isfinite(self._fact_s):
             self._silent_until_s = now_s
         self._fact_s = now_s
 

@@ -10,14 +10,14 @@ from dataclasses import replace
 from functools import cache
 
 from companion.autopilots import NAMES
-from companion.avoidance import Avoider
+from companion.avoidance import Avoider, Envelope
 from companion.avoidance.fence import Fence, Zone
 from companion.engine.aircraft import Aircraft
 from companion.engine.announcer import Announcer, Outlook
 from companion.engine.authority import Authority
 from companion.engine.briefing import Briefing
 from companion.engine.effects import Effect, Keep, Record, Save
-from companion.engine.heights import limit_heights
+from companion.engine.heights import HeightLimits, limit_heights
 from companion.engine.held import Held
 from companion.engine.onboard import HEEDED, Onboard
 from companion.engine.operator import Operator
@@ -108,6 +108,7 @@ class Engine:
         self._heartbeat_s = -math.inf
         self._boot_time_s = -math.inf
         self._prompted = False
+        self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
         self._local_fence: LocalFence | None = None
         self._answers: list[Message] = []
         self._left: Held | None = None  # by a former run; what it borrowed is put back
@@ -198,7 +199,7 @@ class Engine:
             return self._hear(fact, now_s)
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
-        if isinstance(fact, HEEDED) and self.aircraft.adapter is not None:
+        if type(fact) in HEEDED and self.aircraft.adapter is not None:
             self.onboard.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
@@ -377,7 +378,9 @@ class Engine:
         floor_m, ceiling_m = self._settings.supervisor.min_height_m, self._settings.engine.max_height_m
         heights = self.onboard.heights(floor_m, ceiling_m, now_s)
         terrain_m = self.aircraft.terrain.altitude_m(now_s)
-        self._avoider.envelope = limit_heights(self.onboard.envelope, heights, home_m, terrain_m)
+        limits = self.onboard.envelope, heights, home_m, terrain_m
+        if limits != self._limits:  # at every tick, mostly the same
+            self._limits, self._avoider.envelope = limits, limit_heights(*limits)
         assert self._frame is not None
         local = self.onboard.local_fence(self._frame, home_m, now_s)
         if local is not self._local_fence:

@@ -34,7 +34,9 @@ from companion.mavlink.facts import (
 )
 
 # What it is told by; most facts are of other things.
-HEEDED = (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
+HEEDED: frozenset[type] = frozenset(
+    (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
+)
 _GAP_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot that keeps to its fence.
 _FENCE_HEARD_S = 5.0

@@ -1,8 +1,10 @@
 """Parameters of the autopilot: asked for by name, a few at a time, until answered or given up."""
 
 import math
+from bisect import insort
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from operator import attrgetter
 
 from companion.mavlink.dialect import Message
 
@@ -42,9 +44,9 @@ class ParameterReader:
         self.values: dict[str, float] = {}
         self._questions = [_Question(names) for names in questions]
         self._by_name = {name: question for question in self._questions for name in question.names}
-        self._open = [*self._questions]  # neither answered nor given up; who was asked longest ago first
+        self._open = [*self._questions]  # neither answered nor given up, in the order in which they are due
+        self._waiting: list[_Question] = []  # asked a moment ago
         self._refreshed_s = -math.inf
-        self._next_due_s = -math.inf  # nothing is due before
 
     def settled(self, names: Iterable[str]) -> bool:
         """Whether these parameters are answered or given up."""
@@ -55,7 +57,7 @@ class ParameterReader:
         for question in self._questions:
             question.tries, question.answered_s = 0, None
             question.sent_s = question.due_s = -math.inf
-        self._open, self._next_due_s = [*self._questions], -math.inf
+        self._open = [*self._questions]
 
     def observe(self, name: str, value: float, now_s: float) -> bool:
         """Take a value in; true when it is one of ours and differs from what was known."""
@@ -76,23 +78,20 @@ class ParameterReader:
         return None if name is None else request(name)
 
     def _due(self, now_s: float) -> str | None:
-        if now_s < self._next_due_s:
+        if not self._open or now_s < self._open[0].due_s:
             return None
-        latest = self._open[-_AT_A_TIME:]
-        if len(latest) == _AT_A_TIME and now_s - latest[0].sent_s < _ANSWER_S:
+        self._waiting = [one for one in self._waiting if one.open and now_s - one.sent_s < _ANSWER_S]
+        if len(self._waiting) == _AT_A_TIME:
             return None
-        question = next((one for one in self._open if now_s >= one.due_s), None)
-        if question is None:
-            self._next_due_s = min((one.due_s for one in self._open), default=math.inf)
-            return None
+        question = self._open.pop(0)
         name = question.names[question.tries % len(question.names)]
         rounds = question.tries // len(question.names)
         question.tries += 1
         question.sent_s = now_s
         question.due_s = now_s + min(_ANSWER_S * 2.0**rounds, _LONGEST_WAIT_S)
-        self._open.remove(question)
         if question.open:
-            self._open.append(question)
+            self._waiting.append(question)
+            insort(self._open, question, key=attrgetter("due_s"))
         return name
 
     def _stale(self, now_s: float) -> str | None:
