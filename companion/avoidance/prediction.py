@@ -10,7 +10,7 @@ ground, and holding it takes a crab angle. Tracks fly on, and go on for a while 
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple, Protocol
 
@@ -155,7 +155,7 @@ class Paths(NamedTuple):
 class Tracks:
     """The predicted traffic: positions and velocities (N, 3) now, protected volumes (N,).
 
-    `turn_radps`, (N,), is positive to the right.
+    `turn_radps`, (N,), is positive to the right. `ValueError` for arrays that do not belong together.
     """
 
     ids: tuple[str, ...]
@@ -166,6 +166,10 @@ class Tracks:
     grounded: NDArray[np.bool_]
     shell_m: Array  # around the volume, to be kept clear of where possible; 0 where there is none
     turn_radps: Array
+    others: kernels.Others = field(init=False, repr=False, compare=False)  # the same, for the kernels
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "others", kernels.Others(self))
 
     def __len__(self) -> int:
         return len(self.ids)

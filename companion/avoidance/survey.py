@@ -179,29 +179,25 @@ def tracks_at(now_s: float, relevant: Sequence[Track], params: AvoidanceParams, 
     What is not known of a height is added to the volume's before the margin: with all of it against us the
     bare volume is still kept.
     """
-    positions, velocities, rest = [], [], []
+    rows = []
     for track in relevant:
         grounded = track.kind is TrafficKind.OBSTACLE
         aloft_m = params.obstacle_vertical_m if grounded else params.well_clear_vertical_m
         if track.protected_vertical_m is not None:
             aloft_m = track.protected_vertical_m
         uncertain_m = max(track.vertical_uncertainty_m, 0.0)
-        positions.append(moved(track, now_s))
-        velocities.append(track.velocity_mps)
-        rest.append(
-            (
-                _protected_horizontal_m(track, params),
-                (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
-                track.turn_radps,
-                grounded,
-            )
+        rest = (
+            _protected_horizontal_m(track, params),
+            (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
+            track.turn_radps,
+            grounded,
         )
-    position = np.array(positions, dtype=np.float64)
-    across, aloft, turns, on_ground = np.array(list(zip(*rest, strict=True)), dtype=np.float64)
+        rows.append((moved(track, now_s), track.velocity_mps, rest))
+    position, velocity, (across, aloft, turns, on_ground) = kernels.columns(rows)
     return Tracks(
         tuple(track.track_id for track in relevant),
         position,
-        np.array(velocities, dtype=np.float64),
+        velocity,
         across,
         aloft,
         on_ground > 0.0,

@@ -1,13 +1,21 @@
 """Types of the compiled kernels; what they do stands in `kernels.pyx`."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+
+from companion.model import Vec3
 
 _Array = NDArray[np.float64]
 
 class Times:
     def __init__(self, times_s: _Array, turned_s: _Array, shares: _Array) -> None: ...
 
+class Others:
+    def __init__(self, tracks: object) -> None: ...
+
+def columns(rows: Sequence[tuple[Vec3, Vec3, tuple[float, ...]]]) -> tuple[_Array, _Array, _Array]: ...
 def tracks_ahead(tracks: object, times: Times) -> _Array: ...
 def velocities_until_closest(tracks: object, path_m: _Array, times: Times) -> _Array: ...
 def relative_motion(

@@ -7,6 +7,7 @@ are C-contiguous, over rows or tracks first and the T times of the prediction la
 lengths do not match. Inputs are not changed.
 """
 
+from cpython.mem cimport PyMem_Free, PyMem_Malloc
 from libc.math cimport INFINITY, asin, atan2, cos, fabs, fmod, hypot, sin, sqrt
 
 import numpy as np
@@ -48,8 +49,8 @@ cdef class Times:
         _expect(self.count >= 2 and turned_s.shape[0] + 1 == self.count and shares.shape[0] + 1 == self.count)
 
 
-cdef class _Others:
-    """Tracks as the loops need them, checked: places and velocities (N, 3), all else (N,)."""
+cdef class Others:
+    """Tracks as the loops need them, checked once: places and velocities (N, 3), all else (N,)."""
 
     cdef Py_ssize_t count
     cdef const double[:, ::1] position_m, velocity_mps
@@ -68,42 +69,61 @@ cdef class _Others:
 
 
 cdef inline void _fly_ahead(
-    double[:, ::1] ahead_m, _Others others, Py_ssize_t n, double turn_radps, Times times
+    double* ahead_m, Others others, Py_ssize_t n, double turn_radps, Times times
 ) noexcept:
-    """Where track `n` is at all times if it turns like that, north and east, into `ahead_m` (T, 2)."""
+    """Where track `n` is at all times if it turns like that, north and east, into `ahead_m`, (T, 2)."""
     cdef Py_ssize_t i
     cdef double step_s, ahead, across
     cdef double north_mps = others.velocity_mps[n, 0], east_mps = others.velocity_mps[n, 1]
     cdef double north_m = others.position_m[n, 0], east_m = others.position_m[n, 1]
     cdef const double[::1] times_s = times.times_s
-    ahead_m[0, 0], ahead_m[0, 1] = north_m, east_m
-    for i in range(1, ahead_m.shape[0]):
+    ahead_m[0], ahead_m[1] = north_m, east_m
+    for i in range(1, times.count):
         if turn_radps == 0.0:
-            ahead_m[i, 0] = north_m + north_mps * times_s[i]
-            ahead_m[i, 1] = east_m + east_mps * times_s[i]
+            ahead_m[2 * i] = north_m + north_mps * times_s[i]
+            ahead_m[2 * i + 1] = east_m + east_mps * times_s[i]
             continue
         step_s = times_s[i] - times_s[i - 1]
         ahead = step_s * cos(turn_radps * times.turned_s[i - 1])
         across = step_s * sin(turn_radps * times.turned_s[i - 1])
-        ahead_m[i, 0] = ahead_m[i - 1, 0] + north_mps * ahead - east_mps * across
-        ahead_m[i, 1] = ahead_m[i - 1, 1] + east_mps * ahead + north_mps * across
+        ahead_m[2 * i] = ahead_m[2 * i - 2] + north_mps * ahead - east_mps * across
+        ahead_m[2 * i + 1] = ahead_m[2 * i - 1] + east_mps * ahead + north_mps * across
+
+
+def columns(rows):
+    """Rows of tracks as arrays: places and velocities, (N, 3) both, and all else, a row for each.
+
+    A row is a place, a velocity and a tuple of as many other numbers as in every row.
+    """
+    cdef Py_ssize_t n, i, count = len(rows), others = len(rows[0][2]) if count else 0
+    of_places, of_velocities = np.empty((count, 3)), np.empty((count, 3))
+    of_all_else = np.empty((others, count))
+    cdef double[:, ::1] place_m = of_places, velocity_mps = of_velocities, all_else = of_all_else
+    for n in range(count):
+        place, velocity, rest = rows[n]
+        _expect(len(rest) == others)
+        place_m[n, 0], place_m[n, 1], place_m[n, 2] = place
+        velocity_mps[n, 0], velocity_mps[n, 1], velocity_mps[n, 2] = velocity
+        for i in range(others):
+            all_else[i, n] = rest[i]
+    return of_places, of_velocities, of_all_else
 
 
 def tracks_ahead(tracks, Times times not None):
     """Where tracks are at the times, north and east, (N, T, 2)."""
     cdef Py_ssize_t n
-    cdef _Others others = _Others(tracks)
+    cdef Others others = tracks.others
     result = np.empty((others.count, times.count, 2))
     cdef double[:, :, ::1] ahead_m = result
     for n in range(others.count):
-        _fly_ahead(ahead_m[n], others, n, others.turn_radps[n], times)
+        _fly_ahead(&ahead_m[n, 0, 0], others, n, others.turn_radps[n], times)
     return result
 
 
 def velocities_until_closest(tracks, const double[:, ::1] path_m, Times times not None):
     """Mean velocities of tracks until they are closest to a ground path (T, 2), at least one step, (N, 3)."""
     cdef Py_ssize_t n, i, nearest
-    cdef _Others others = _Others(tracks)
+    cdef Others others = tracks.others
     _expect(path_m.shape[0] == times.count and path_m.shape[1] == 2)
     result = np.array(others.velocity_mps)
     cdef double[:, ::1] mean_mps = result
@@ -112,7 +132,7 @@ def velocities_until_closest(tracks, const double[:, ::1] path_m, Times times no
     for n in range(others.count):
         if others.turn_radps[n] == 0.0:
             continue
-        _fly_ahead(other_m, others, n, others.turn_radps[n], times)
+        _fly_ahead(&other_m[0, 0], others, n, others.turn_radps[n], times)
         nearest, least2 = 0, INFINITY
         for i in range(times.count):
             north, east = other_m[i, 0] - path_m[i, 0], other_m[i, 1] - path_m[i, 1]
@@ -211,9 +231,13 @@ def reaches(
     return result
 
 
-cpdef double early(double to_closest_s, double near_s, double far_s) noexcept:
-    """0 where the closest approach is within `near_s`, 1 from `far_s` on."""
+cdef inline double _early(double to_closest_s, double near_s, double far_s) noexcept nogil:
     return _between((to_closest_s - near_s) / max(far_s - near_s, 1e-3), 0.0, 1.0)
+
+
+def early(double to_closest_s, double near_s, double far_s):
+    """0 where the closest approach is within `near_s`, 1 from `far_s` on."""
+    return _early(to_closest_s, near_s, far_s)
 
 
 def too_near(
@@ -230,7 +254,7 @@ def too_near(
     cdef unsigned char[::1] near = result.view(np.uint8)
     cdef double share
     for n in range(count):
-        share = share_near + (share_far - share_near) * early(
+        share = share_near + (share_far - share_near) * _early(
             min(to_closest_s[n], entered_s[n] + near_s), near_s, far_s
         )
         near[n] = closest[n] < (1.0 + shell_m[n] / protected_m[n]) * share
@@ -374,14 +398,26 @@ cdef class _Squares:
     Over ground (H, T) and in height (Z, T).
     """
 
-    cdef double[:, ::1] horizontal, vertical, other_m
+    cdef Py_ssize_t times
+    cdef double* horizontal
+    cdef double* vertical
+    cdef double* other_m
 
     def __cinit__(self, _Ways ways, Py_ssize_t times):
-        self.horizontal, self.vertical = np.empty((ways.grounds, times)), np.empty((ways.heights, times))
-        self.other_m = np.empty((times, 2))
+        self.times = times
+        self.horizontal = <double*> PyMem_Malloc(
+            (ways.grounds + ways.heights + 2) * times * sizeof(double)
+        )
+        if self.horizontal == NULL:
+            raise MemoryError
+        self.vertical = self.horizontal + ways.grounds * times
+        self.other_m = self.vertical + ways.heights * times
+
+    def __dealloc__(self):
+        PyMem_Free(self.horizontal)
 
     cdef void measure(
-        self, _Ways ways, _Others others, Py_ssize_t n, double turn_radps, double sink_mps,
+        self, _Ways ways, Others others, Py_ssize_t n, double turn_radps, double sink_mps,
         Times times, Py_ssize_t count,
     ) noexcept:
         """From track `n` if it turns and sinks like that, at the first `count` times."""
@@ -389,19 +425,24 @@ cdef class _Squares:
         cdef double north, east, down_m, above_m
         cdef double per_horizontal2 = 1.0 / (others.horizontal_m[n] * others.horizontal_m[n])
         cdef double per_vertical2 = 1.0 / (others.vertical_m[n] * others.vertical_m[n])
+        cdef const double* ground_m
+        cdef const double* altitude_m
+        cdef double* square
         _fly_ahead(self.other_m, others, n, turn_radps, times)
         for h in range(ways.grounds):
+            ground_m, square = &ways.ground_m[h, 0, 0], self.horizontal + h * self.times
             for i in range(count):
-                north = ways.ground_m[h, i, 0] - self.other_m[i, 0]
-                east = ways.ground_m[h, i, 1] - self.other_m[i, 1]
-                self.horizontal[h, i] = (north * north + east * east) * per_horizontal2
+                north = ground_m[2 * i] - self.other_m[2 * i]
+                east = ground_m[2 * i + 1] - self.other_m[2 * i + 1]
+                square[i] = (north * north + east * east) * per_horizontal2
         for z in range(ways.heights):
+            altitude_m, square = &ways.altitude_m[z, 0], self.vertical + z * self.times
             for i in range(count):
                 down_m = others.position_m[n, 2] + sink_mps * times.times_s[i]
-                above_m = ways.altitude_m[z, i] + down_m
+                above_m = altitude_m[i] + down_m
                 if others.grounded[n] and above_m < 0.0:
                     above_m = 0.0
-                self.vertical[z, i] = above_m * above_m * per_vertical2
+                square[i] = above_m * above_m * per_vertical2
 
 
 def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shells):
@@ -409,10 +450,12 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
 
     Those are closest, exposure, nearness, and the time when the volume is entered, inf where it is not.
     """
-    cdef Py_ssize_t n, k, i, h, z
+    cdef Py_ssize_t n, k, i
+    cdef const double* horizontal
+    cdef const double* vertical
     _expect(1 <= count <= times.count)
     cdef _Ways ways = _Ways(paths, times.count)
-    cdef _Others others = _Others(tracks)
+    cdef Others others = tracks.others
     cdef _Squares squares = _Squares(ways, times.count)
     result = np.empty((4, ways.rows, others.count))
     cdef double[:, :, ::1] kept = result
@@ -421,18 +464,19 @@ def separation(paths, tracks, Times times not None, Py_ssize_t count, bint shell
         squares.measure(ways, others, n, others.turn_radps[n], others.velocity_mps[n, 2], times, count)
         volumes = others.horizontal_m[n] / max(others.shell_m[n], 1.0)
         for k in range(ways.rows):
-            h, z = ways.ground_of[k], ways.height_of[k]
-            least = _least_of_greater(&squares.horizontal[h, 0], &squares.vertical[z, 0], count)
+            horizontal = squares.horizontal + ways.ground_of[k] * times.count
+            vertical = squares.vertical + ways.height_of[k] * times.count
+            least = _least_of_greater(horizontal, vertical, count)
             depth = near = 0.0
             entered_s = INFINITY
             if least < 1.0:
                 i = 0
-                while max(squares.horizontal[h, i], squares.vertical[z, i]) >= 1.0:
+                while max(horizontal[i], vertical[i]) >= 1.0:
                     i += 1
                 entered_s = times.times_s[i]
             if least < 1.0 or shells:
                 for i in range(1, count):
-                    ratio = max(squares.horizontal[h, i], squares.vertical[z, i])
+                    ratio = max(horizontal[i], vertical[i])
                     if ratio < 1.0 or shells:
                         ratio = sqrt(ratio)
                         depth += times.shares[i - 1] * max(1.0 - ratio, 0.0)
@@ -456,7 +500,7 @@ def losses(
     cdef Py_ssize_t n, k
     _expect(1 <= count <= times.count and 1 <= soon <= times.count)
     cdef _Ways ways = _Ways(paths, times.count)
-    cdef _Others others = _Others(tracks)
+    cdef Others others = tracks.others
     cdef _Squares squares = _Squares(ways, times.count)
     cdef _Prices prices = _Prices(weights, lost)
     cdef const Py_ssize_t[::1] of = surprises.of
@@ -465,18 +509,18 @@ def losses(
     _expect(turn_radps.shape[0] == of.shape[0] and sink_mps.shape[0] == of.shape[0])
     _expect(likely.shape[0] == of.shape[0])
     result = np.empty((2, ways.rows))
-    cdef double[::1] cost = result[0], closest = result[1]
+    cdef double[:, ::1] price = result
     for k in range(ways.rows):
-        cost[k], closest[k] = 0.0, INFINITY
+        price[0, k], price[1, k] = 0.0, INFINITY
     for n in range(others.count):
         squares.measure(ways, others, n, others.turn_radps[n], others.velocity_mps[n, 2], times, count)
         for k in range(ways.rows):
-            closest[k] = min(closest[k], prices.add(cost, k, 1.0, ways, squares, times, count))
+            price[1, k] = min(price[1, k], prices.add(&price[0, k], k, 1.0, ways, squares, times, count))
     for n in range(of.shape[0]):
         _expect(0 <= of[n] < others.count)
         squares.measure(ways, others, of[n], turn_radps[n], sink_mps[n], times, soon)
         for k in range(ways.rows):
-            prices.add(cost, k, likely[n], ways, squares, times, soon)
+            prices.add(&price[0, k], k, likely[n], ways, squares, times, soon)
     return result
 
 
@@ -490,13 +534,13 @@ cdef class _Prices:
         self.depth, self.exposure, self.lost = weights.depth, weights.exposure, lost
 
     cdef inline double add(
-        self, double[::1] cost, Py_ssize_t k, double likely, _Ways ways, _Squares squares, Times times,
+        self, double* cost, Py_ssize_t k, double likely, _Ways ways, _Squares squares, Times times,
         Py_ssize_t count,
     ) noexcept:
-        """Add what row `k` costs by how near it comes to what was measured last; how near that is."""
+        """Add to `cost` what row `k` costs by how near it comes to what was measured last; how near that is."""
         cdef Py_ssize_t i
-        cdef const double* horizontal = &squares.horizontal[ways.ground_of[k], 0]
-        cdef const double* vertical = &squares.vertical[ways.height_of[k], 0]
+        cdef const double* horizontal = squares.horizontal + ways.ground_of[k] * times.count
+        cdef const double* vertical = squares.vertical + ways.height_of[k] * times.count
         cdef double ratio, price, within = 0.0, near = sqrt(_least_of_greater(horizontal, vertical, count))
         if near >= 1.0:
             return near
@@ -507,7 +551,7 @@ cdef class _Prices:
         price = self.margin * (1.0 - near) + self.exposure * within
         if near < self.lost:
             price += self.loss + self.depth * (self.lost - near)
-        cost[k] += likely * price
+        cost[0] += likely * price
         return near
 
 
@@ -536,7 +580,7 @@ def heights_to_pass(
 ):
     """The lowest height over, the highest under all tracks in conflict, (N,), and when all are passed."""
     cdef Py_ssize_t n
-    cdef _Others others = _Others(tracks)
+    cdef Others others = tracks.others
     cdef const unsigned char[::1] matters = conflict.view(np.uint8)
     _expect(own_rel_velocity_mps.shape[0] == others.count and own_rel_velocity_mps.shape[1] == 3)
     _expect(to_closest_s.shape[0] == others.count and matters.shape[0] == others.count)
@@ -570,14 +614,14 @@ def outcomes(
     cdef Py_ssize_t n, h
     _expect(1 <= then < times.count)
     cdef _Ways ways = _Ways(paths, times.count)
-    cdef _Others others = _Others(tracks)
+    cdef Others others = tracks.others
     _expect(mission_m.shape[0] == 2)
     result, of_depths = np.empty(ways.grounds), np.zeros(ways.grounds)
     cdef double[::1] price = result, deepest = of_depths
     cdef double[:, ::1] other_m = np.empty((times.count, 2))
     cdef double step_s, north_mps, east_mps, north_m, east_m, speed2, to_go_s, above_m, vertical, across_m
     for n in range(others.count):
-        _fly_ahead(other_m, others, n, others.turn_radps[n], times)
+        _fly_ahead(&other_m[0, 0], others, n, others.turn_radps[n], times)
         step_s = times.times_s[then] - times.times_s[then - 1]
         north_mps = (other_m[then, 0] - other_m[then - 1, 0]) / step_s - ours_north_mps
         east_mps = (other_m[then, 1] - other_m[then - 1, 1]) / step_s - ours_east_mps

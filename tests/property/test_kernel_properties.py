@@ -139,6 +139,22 @@ def plain_ratio(paths: Paths, tracks: Tracks) -> Array:
 
 
 @given(seeds)
+def test_rows_of_tracks_become_arrays(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    places, velocities = rng.normal(0.0, 1e4, (4, 3)), rng.normal(0.0, 60.0, (4, 3))
+    rest = rng.normal(0.0, 1.0, (4, 2))
+    rows = [
+        (three(one), three(other), two(others))
+        for one, other, others in zip(places, velocities, rest, strict=True)
+    ]
+    made = kernels.columns(rows)
+    assert [array.tolist() for array in made] == [places.tolist(), velocities.tolist(), rest.T.tolist()]
+    assert [array.shape for array in kernels.columns([])] == [(0, 3), (0, 3), (0, 0)]
+    with pytest.raises(ValueError, match="do not match"):
+        kernels.columns([*rows, (three(places[0]), three(velocities[0]), (1.0,))])
+
+
+@given(seeds)
 def test_tracks_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
     tracks = some_tracks(np.random.default_rng(seed))
     assert tracks.ground_m() == pytest.approx(plain_tracks_m(tracks), rel=1e-9, abs=1e-6)
