@@ -1,10 +1,10 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""The inner loops of flying ahead, compiled: most of a decision is spent in them.
+"""The inner loops of a decision, compiled: measuring tracks, the field, flying ahead and pricing.
 
-What they compute, and why, stands with their callers in `prediction` and `pricing`; here is only how. All is
-in double precision, without reordering or fusing of operations: the same inputs give the same bits. Arrays
-are C-contiguous, over rows or tracks first and the T times of the prediction last; `ValueError` where
-lengths do not match. Inputs are not changed.
+What they compute, and why, stands with their callers in `survey`, `cone`, `potential`, `prediction` and
+`pricing`; here is only how. All is in double precision, without reordering or fusing of operations: the same
+inputs give the same bits. Arrays run over rows or tracks first and the T times of the prediction last, and
+are C-contiguous unless declared otherwise; `ValueError` where lengths do not match. Inputs are not changed.
 """
 
 from cpython.mem cimport PyMem_Free, PyMem_Malloc

@@ -15,10 +15,12 @@ from companion.traffic.heights import Datums, compare
 from companion.traffic.target import Target
 
 _SPACING_S = 0.2
-# Our places of late are no further away than at so many times our present speed.
-_FASTER = 2.0
+# Whoever is further north or south of us than this (2 km) is not looked at more closely.
+_NEAR_DEG = 0.02
 # Own position comes in between two moments of the trail.
 _AHEAD_S = 0.5
+# It comes several times a second, once where the link is slow.
+_SILENT_S = 1.0
 
 
 class OwnMotion(NamedTuple):
@@ -104,22 +106,28 @@ class OwnEcho:
     def _gap(self, target: Target, datums: Datums) -> float | None:
         """How unlike us it is, in parts of the gate, inf beyond any; `None` when that cannot be said."""
         params, motion = self._params, target.motion
-        if motion is None or not self._trail:
+        if motion is None:
             return None
-        frame, furthest = LocalFrame(motion.lat_deg, motion.lon_deg), max(params.split_factor, 1.0)
-        if self._is_far(frame, furthest):
-            return math.inf
         then = [
             own
             for own in self._trail
             if -_AHEAD_S <= motion.place_s - own.time_s <= params.delay_s + _SPACING_S
         ]
-        height = compare(motion.heights, datums, motion.place_s)
-        if not then or height is None:
+        if not then:
             return None
-        vertical_m = params.vertical_m + height.uncertainty_m
+        if abs(motion.lat_deg - then[-1].lat_deg) > _NEAR_DEG:
+            return math.inf
+        height = compare(motion.heights, datums, motion.place_s)
+        if height is None:
+            return None
+        frame = LocalFrame(motion.lat_deg, motion.lon_deg)
+        vertical_m, furthest = params.vertical_m + height.uncertainty_m, max(params.split_factor, 1.0)
+        # Most of who is near is beyond the gate by latitude alone.
+        furthest_deg = furthest * params.radius_m / frame.metres_per_degree[0]
         smallest = math.inf
         for own in then:
+            if abs(own.lat_deg - motion.lat_deg) > furthest_deg:
+                continue
             north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
             apart = math.hypot(north_m, east_m) / params.radius_m
             if apart > furthest or apart >= smallest:
@@ -132,11 +140,5 @@ class OwnEcho:
                 abs(own.climb_mps - height.climb_mps) / params.climb_mps,
             )
             smallest = min(smallest, apart)
-        return smallest
-
-    def _is_far(self, frame: LocalFrame, furthest: float) -> bool:
-        """Whether none of our places of late can be within `furthest` gates of the frame's origin."""
-        own = self._trail[-1]
-        north_m, east_m = frame.to_north_east_m(own.lat_deg, own.lon_deg)
-        flown_m = _FASTER * math.hypot(own.north_mps, own.east_mps) * (self._params.delay_s + 1.0)
-        return math.hypot(north_m, east_m) > furthest * self._params.radius_m + flown_m
+        # Who is not where we were may be where we are, if that is not known.
+        return None if smallest > 1.0 and motion.place_s - then[-1].time_s > _SILENT_S else smallest

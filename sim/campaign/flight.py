@@ -25,8 +25,8 @@ from sim.encounters import Encounter, Heard, Observer, Surveillance
 Array = NDArray[np.floating]
 
 _STEP_S = 0.1
-_STEPS_PER_DECISION = 10
 _FACTS_EVERY = 5  # steps: an autopilot that is not heard for a second counts as silent
+_STEPS_PER_DECISION = 2 * _FACTS_EVERY
 _START_S = 1_700_000_000.0
 # Wind, airspeed and where the mission leads.
 _RARE_FACTS_S = 2

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
-from functools import lru_cache
 from pathlib import Path
 
 from companion.avoidance import Avoider
@@ -104,7 +103,13 @@ class Plan:
 
     def given(self) -> Given:
         """Read the models or files. `ConfigError` when it cannot."""
-        return _read(self.models)
+        paths = [Path(name) for name in self.models]
+        files = [path for path in paths if path.suffix.lower() in _FILES]
+        if not files:
+            return Given(models=tuple(read_model(path) for path in paths))
+        if len(files) < len(paths):
+            raise ConfigError("--model: either models, or files of encounters")
+        return Given(encounters=tuple(one for path in files for one in read_encounters(path)))
 
     def source(self, given: Given | None = None) -> Callable[[int], Encounter]:
         """From a number to its encounter; reads what it is not given. `ConfigError` when it cannot."""
@@ -169,14 +174,3 @@ class Plan:
             ),
         )
         return PeerAvoider(config.avoidance, peer)
-
-
-@lru_cache(maxsize=1)  # processes that are forked from this one need not read them again
-def _read(names: tuple[str, ...]) -> Given:
-    paths = [Path(name) for name in names]
-    files = [path for path in paths if path.suffix.lower() in _FILES]
-    if not files:
-        return Given(models=tuple(read_model(path) for path in paths))
-    if len(files) < len(paths):
-        raise ConfigError("--model: either models, or files of encounters")
-    return Given(encounters=tuple(one for path in files for one in read_encounters(path)))

@@ -67,6 +67,7 @@ def run_here(
         for task in tasks:
             keep(results, fly_task(task), tell)
         return
+    _source(plan)  # read once: processes are forked from this one and have it too
     with ProcessPoolExecutor(workers) as pool:
         flying: set[Future[list[Result]]] = set()
         try:

@@ -425,15 +425,9 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         tracks = some_tracks(rng)
     paths, more = fly_ahead(some_own(rng), some_commands(rng), Envelope()), np.zeros((len(tracks) + 1, 3))
     with pytest.raises(ValueError, match="do not match"):
-        separation(paths, replace(tracks, turn_radps=np.zeros(1)))
-    with pytest.raises(ValueError, match="do not match"):
         separation(paths._replace(ground_of=paths.ground_of + 1000), tracks)
     with pytest.raises(ValueError, match="do not match"):
         separation(paths._replace(height_of=paths.height_of - 1000), tracks)
-    with pytest.raises(ValueError, match="do not match"):
-        replace(tracks, velocity_mps=np.zeros((1, 3))).ground_m()
-    with pytest.raises(ValueError, match="do not match"):
-        replace(tracks, position_m=np.zeros((len(tracks), 1))).ground_m()
     with pytest.raises(ValueError, match="do not match"):
         kernels.Times(TIMES_S, np.zeros(3), STEPS_S)
     with pytest.raises(ValueError, match="do not match"):
@@ -452,8 +446,8 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         kernels.half_angles(np.zeros(3), np.zeros(2))
     with pytest.raises(ValueError, match="do not match"):
         kernels.repulsion(np.zeros((3, 2)), np.zeros(2))
-    for of, others in ([len(tracks)], 1), ([0], 2):
-        some = Surprises(np.array(of), np.zeros(1), np.zeros(others), np.zeros(1))
+    for of, turns, sinks, shares in ((len(tracks), 1, 1, 1), (0, 2, 1, 1), (0, 1, 2, 1), (0, 1, 1, 2)):
+        some = Surprises(np.array([of]), np.zeros(turns), np.zeros(sinks), np.zeros(shares))
         with pytest.raises(ValueError, match="do not match"):
             losses(paths, tracks, some, CostWeights(), 0.8, horizon_s=90.0, soon_s=40.0)
     with pytest.raises(ValueError, match="do not match"):
@@ -462,6 +456,25 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         kernels.reaches(np.zeros(3), np.zeros(3), np.zeros(2), 0.0, 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="do not match"):
         kernels.too_near(*[np.zeros(3)] * 4, np.zeros(2), 1.0, 1.0, 15.0, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("position_m", np.zeros((2, 2))),
+        ("velocity_mps", np.zeros((1, 3))),
+        ("turn_radps", np.zeros(1)),
+        ("protected_horizontal_m", np.zeros(3)),
+        ("protected_vertical_m", np.zeros(1)),
+        ("shell_m", np.zeros(3)),
+        ("grounded", np.zeros(1, dtype=bool)),
+    ],
+)
+def test_tracks_of_arrays_that_do_not_belong_together_are_never_made(name: str, wrong: Array) -> None:
+    two_rows, two_of = np.zeros((2, 3)), np.ones(2)
+    tracks = Tracks(("A", "B"), two_rows, two_rows, two_of, two_of, two_of > 1.0, two_of, two_of)
+    with pytest.raises(ValueError, match="do not match"):
+        replace(tracks, **{name: wrong})
 
 
 def add_nothing(cost: Array, commands: Commands) -> None:

@@ -268,6 +268,16 @@ def test_an_echo_that_leaves_us_is_somebody() -> None:
     assert seen[-6:] == [1] * 6
 
 
+@pytest.mark.parametrize("gap_s", [2, 12, 40])
+def test_an_echo_stays_ourselves_while_our_own_position_is_silent(gap_s: int) -> None:
+    tracker = Tracker()
+    for second in range(10, 90):
+        if not 20 <= second < 20 + gap_s:
+            fly_own(tracker, second - 1, second)
+        assert tracker.receive(report(ADSB, float(second)), second) is None
+        assert ids(tracker, second) == []
+
+
 def test_our_own_id_is_ourselves_wherever_it_is_reported() -> None:
     tracker = Tracker(TrafficParams(own_uas_id="a100"))
     assert tracker.receive(report(UTM, 0.0, (5000.0, 0.0, 0.0)), 0.0) is None
