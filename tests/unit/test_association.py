@@ -268,6 +268,14 @@ def test_an_echo_that_leaves_us_is_somebody() -> None:
     assert seen[-6:] == [1] * 6
 
 
+@pytest.mark.parametrize("off_m", [(24.0, 0.0, 0.0), (0.0, 24.0, 0.0), (0.0, -24.0, 0.0)])
+def test_an_echo_may_be_as_far_off_as_positions_err(off_m: Vec3) -> None:
+    tracker = Tracker()
+    for second in range(10, 20):
+        fly_own(tracker, second - 1, second)
+        assert tracker.receive(report(ADSB, float(second), off_m), second) is None
+
+
 @pytest.mark.parametrize("gap_s", [2, 12, 40])
 def test_an_echo_stays_ourselves_while_our_own_position_is_silent(gap_s: int) -> None:
     tracker = Tracker()

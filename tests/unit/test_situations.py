@@ -6,6 +6,8 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.outer import OuterMethod
+from companion.avoidance.params import Layers
 from companion.avoidance.prediction import HORIZON_S, Commands, Tracks
 from companion.avoidance.pricing import Situation, price
 from companion.avoidance.situations import conflict
@@ -85,3 +87,16 @@ def test_a_change_of_mind_costs_twice_as_much_while_there_is_time() -> None:
         price(one, Commands.of([other]), Tracks.none(), held).cost for one in (soon, soon._replace(early=1.0))
     ]
     assert costs[1] - costs[0] == pytest.approx([0.0, soon.weights.switch])
+
+
+@pytest.mark.parametrize(("method", "repels"), [(OuterMethod.FIELD, True), (OuterMethod.CONE, False)])
+def test_who_flies_beside_us_repels_in_the_plain_field_alone(method: OuterMethod, repels: bool) -> None:
+    """Within reach, but in no cone: then only who is in conflict repels."""
+    params = AvoidanceParams(outer_method=method, layers=Layers.OUTER)
+    beside = Track("B", 0.0, (0.0, 1200.0, -300.0), (22.0, 0.0, 0.0))
+    alone, both = (
+        Avoider(params).decide(0.0, OWN, tracks, GOAL).guidance for tracks in ([HEAD_ON], [HEAD_ON, beside])
+    )
+    assert alone is not None
+    assert both is not None
+    assert (both.course_rad != alone.course_rad) is repels
