@@ -139,22 +139,6 @@ def plain_ratio(paths: Paths, tracks: Tracks) -> Array:
 
 
 @given(seeds)
-def test_rows_of_tracks_become_arrays(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    places, velocities = rng.normal(0.0, 1e4, (4, 3)), rng.normal(0.0, 60.0, (4, 3))
-    rest = rng.normal(0.0, 1.0, (4, 2))
-    rows = [
-        (three(one), three(other), two(others))
-        for one, other, others in zip(places, velocities, rest, strict=True)
-    ]
-    made = kernels.columns(rows)
-    assert [array.tolist() for array in made] == [places.tolist(), velocities.tolist(), rest.T.tolist()]
-    assert [array.shape for array in kernels.columns([])] == [(0, 3), (0, 3), (0, 0)]
-    with pytest.raises(ValueError, match="do not match"):
-        kernels.columns([*rows, (three(places[0]), three(velocities[0]), (1.0,))])
-
-
-@given(seeds)
 def test_tracks_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
     tracks = some_tracks(np.random.default_rng(seed))
     assert tracks.ground_m() == pytest.approx(plain_tracks_m(tracks), rel=1e-9, abs=1e-6)
@@ -339,47 +323,6 @@ def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
 
 
 @given(seeds)
-def test_each_threat_pushes_across_our_velocity_to_the_right_of_the_course(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    count, course_rad = int(rng.integers(0, 5)), float(rng.uniform(-math.pi, math.pi))
-    velocity_mps, push = rng.normal(0.0, 40.0, (count, 3)), rng.uniform(0.0, 2.0, count)
-    onward, summed = np.array([math.cos(course_rad), math.sin(course_rad)]), np.zeros(2)
-    for (north_mps, east_mps, _), length in zip(velocity_mps, push, strict=True):
-        right = np.array([-east_mps, north_mps]) / math.hypot(north_mps, east_mps)
-        backwards = np.array([north_mps, east_mps]) @ onward < 0.0
-        summed += max(length, 0.5) * (-right if backwards else right)
-    across = kernels.pushes_across(velocity_mps, push, 0.5, course_rad)
-    assert across == pytest.approx(summed, rel=1e-9, abs=1e-9)
-
-
-@given(seeds)
-def test_layers_reach_as_far_as_their_radius_or_their_time(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    distance_m, protected_m = rng.uniform(0.0, 9000.0, 5), rng.uniform(50.0, 900.0, 5)
-    closing_mps = np.maximum(rng.normal(20.0, 40.0, 5), 0.0)
-    surface, outer, inner = kernels.reaches(distance_m, closing_mps, protected_m, 1500.0, 60.0, 300.0, 15.0)
-    assert surface == pytest.approx(distance_m - protected_m)
-    assert outer == pytest.approx(np.maximum(1500.0, 60.0 * closing_mps))
-    assert inner == pytest.approx(np.maximum(300.0, 15.0 * closing_mps))
-
-
-@given(seeds)
-def test_too_near_is_who_uses_up_the_share_of_his_volume_that_his_time_allows(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    closest, protected_m, shell_m = (
-        rng.uniform(0.0, 2.0, 9),
-        rng.uniform(50.0, 900.0, 9),
-        rng.uniform(0.0, 300.0, 9),
-    )
-    to_closest_s, entered_s = rng.normal(40.0, 40.0, 9), rng.uniform(0.0, 90.0, 9)
-    to_closest_s[0], entered_s[1] = math.inf, math.inf
-    early = np.clip((np.minimum(to_closest_s, entered_s + 15.0) - 15.0) / 45.0, 0.0, 1.0)
-    needed = (1.0 + shell_m / protected_m) * (0.9 + (0.6 - 0.9) * early)
-    near = kernels.too_near(closest, entered_s, to_closest_s, shell_m, protected_m, 0.9, 0.6, 15.0, 60.0)
-    assert near.tolist() == (closest < needed).tolist()
-
-
-@given(seeds)
 def test_heights_to_pass_are_beyond_every_threat_while_it_is_near(seed: int) -> None:
     rng = np.random.default_rng(seed)
     tracks = some_tracks(rng)
@@ -450,12 +393,6 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         some = Surprises(np.array([of]), np.zeros(turns), np.zeros(sinks), np.zeros(shares))
         with pytest.raises(ValueError, match="do not match"):
             losses(paths, tracks, some, CostWeights(), 0.8, horizon_s=90.0, soon_s=40.0)
-    with pytest.raises(ValueError, match="do not match"):
-        kernels.pushes_across(np.zeros((3, 1)), np.zeros(3), 0.0, 0.0)
-    with pytest.raises(ValueError, match="do not match"):
-        kernels.reaches(np.zeros(3), np.zeros(3), np.zeros(2), 0.0, 0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match="do not match"):
-        kernels.too_near(*[np.zeros(3)] * 4, np.zeros(2), 1.0, 1.0, 15.0, 60.0)
 
 
 @pytest.mark.parametrize(
