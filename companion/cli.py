@@ -18,6 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from companion import __version__
 from companion.address import host_and_port
+from companion.airspace.obstacles import Obstacle
 from companion.config import (
     Config,
     WebParams,
@@ -29,23 +30,22 @@ from companion.config import (
     reference,
     tuned,
 )
+from companion.control.state_machine import printed
 from companion.engine import Engine
 from companion.errors import CompanionError, ConfigError, LogError
-from companion.keeper import Keeper, LastingKeeper
 from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
-from companion.recorder import MB, Recorder
+from companion.recording.recorder import MB, Recorder
+from companion.recording.state_file import Keeper, LastingKeeper
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
-from companion.supervisor import printed
-from companion.traffic.obstacles import Obstacle
 from companion.watchdog import Watchdog
 from companion.web import Display
 from companion.web.settings import SHORTEST_TOKEN, Settings
 
 if TYPE_CHECKING:
-    from companion.web.cinema import Cinema
+    from companion.web.replay_server import Cinema
 
 app = typer.Typer(
     help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
@@ -258,7 +258,7 @@ def replay_command(
 
 def _cinema(engine: Engine, settings: Settings) -> "Cinema":
     """Where a replay is shown. A companion that starts in flight must not wait for a web server's imports."""
-    from companion.web.cinema import Cinema
+    from companion.web.replay_server import Cinema
 
     return Cinema(engine, settings)
 

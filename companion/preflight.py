@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from companion.autopilots import Adapter
 from companion.clock import Clock
 from companion.config import Config
+from companion.control.state_machine import Role
 from companion.engine import Engine
 from companion.errors import alone
 from companion.links import Link
 from companion.mavlink.dialect import mavlink
 from companion.runtime import Runtime
-from companion.supervisor import Role
 
 # The rates are those of whole windows of five seconds, after the autopilot was adopted and asked for them.
 DEFAULT_SECONDS = 12.0

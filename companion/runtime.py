@@ -12,20 +12,20 @@ from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
 
 from companion.clock import Clock, SteadyClock
+from companion.control.state_machine import Role, State
 from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
 from companion.errors import CompanionError, alone
-from companion.keeper import Keeper, LastingKeeper
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
-from companion.mavlink.order import Order
+from companion.mavlink.heartbeat_sequence import Order
 from companion.mavlink.translate import WANTED, frame_to_fact
-from companion.recorder import Recorder
-from companion.supervisor import Role, State
+from companion.recording.recorder import Recorder
+from companion.recording.state_file import Keeper, LastingKeeper
 from companion.watchdog import Watchdog
 from companion.web import Display, Onlookers
+from companion.web.live_snapshot import Health
 from companion.web.loop_times import LoopTimes
-from companion.web.moment import Health
 
 _log = logging.getLogger("companion")
 

@@ -15,7 +15,7 @@ from companion.engine import Engine, EngineConfig
 from companion.links import open_link
 from companion.mavlink.dialect import Encoder
 from companion.model import Snapshot
-from companion.recorder import Recorder
+from companion.recording.recorder import Recorder
 from companion.runtime import Runtime
 from companion.web import Display
 from companion.web.settings import Settings

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from companion.autopilots.fences import FenceSettings, ardupilot_fence, px4_fence
+from companion.airspace.autopilot_fences import FenceSettings, ardupilot_fence, px4_fence
 
 _DEG = math.pi / 180.0
 

@@ -6,30 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.avoidance.cone import TransitionDomain
-from companion.avoidance.control import Control
-from companion.avoidance.envelope import Pace
-from companion.avoidance.fence import Fence
-from companion.avoidance.formation import Answer, MemberState, group_of, is_sound, joint_response
-from companion.avoidance.geometry import any_of
-from companion.avoidance.inner import emergency
-from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
-from companion.avoidance.params import AvoidanceParams, Layers
-from companion.avoidance.prediction import (
-    HORIZON_S,
-    Commands,
-    OwnState,
-    Tracks,
-    fly_ahead,
-    separation,
-    turn_around_s,
-)
-from companion.avoidance.pricing import Priced, Situation, price
-from companion.avoidance.refusals import Refusals
-from companion.avoidance.rules import heading_rule_rad, speed_rule
-from companion.avoidance.situations import because, conflict, way_back
-from companion.avoidance.strategies import StrategyTable
-from companion.avoidance.survey import (
+from companion.avoidance.assess import (
     Survey,
     flown_mps,
     horizon_s,
@@ -43,6 +20,29 @@ from companion.avoidance.survey import (
     take,
     threats,
     tracks_at,
+)
+from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.control import Control
+from companion.avoidance.cost import Priced, Situation, price
+from companion.avoidance.cost_context import because, conflict, way_back
+from companion.avoidance.envelope import Pace
+from companion.avoidance.fence import Fence
+from companion.avoidance.geometry import any_of
+from companion.avoidance.group.formation import Answer, MemberState, group_of, is_sound, joint_response
+from companion.avoidance.inner import emergency
+from companion.avoidance.outer import OuterMethod, Threats, field_commands, resultant_command
+from companion.avoidance.params import AvoidanceParams, Layers
+from companion.avoidance.reactive_rules import heading_rule_rad, speed_rule
+from companion.avoidance.refusals import Refusals
+from companion.avoidance.strategies import StrategyTable
+from companion.avoidance.trajectory import (
+    HORIZON_S,
+    Commands,
+    OwnState,
+    Tracks,
+    fly_ahead,
+    separation,
+    turn_around_s,
 )
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from companion.avoidance.geometry import Array
-from companion.avoidance.prediction import Paths, times_until
+from companion.avoidance.trajectory import Paths, times_until
 from companion.model import Vec2
 
 # Between the times of the prediction flights are sampled this finely, or as finely as the margin is wide

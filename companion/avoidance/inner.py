@@ -1,8 +1,8 @@
 """Inner layer: the emergency (paper §3.2.3). The whole table is flown ahead; the cheapest row wins."""
 
-from companion.avoidance.prediction import Tracks
-from companion.avoidance.pricing import Priced, Situation, price
+from companion.avoidance.cost import Priced, Situation, price
 from companion.avoidance.strategies import StrategyTable
+from companion.avoidance.trajectory import Tracks
 from companion.model import Guidance
 
 

@@ -23,11 +23,11 @@ import numpy as np
 from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
+from companion.avoidance.cost import Situation
 from companion.avoidance.geometry import Array
 from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
-from companion.avoidance.prediction import Commands
-from companion.avoidance.pricing import Situation
 from companion.avoidance.strategies import Height, Speed, height_m, speed_mps
+from companion.avoidance.trajectory import Commands
 from companion.compiled import kernels
 from companion.model import Guidance
 from companion.units import wrap_pi

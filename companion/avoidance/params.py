@@ -8,11 +8,11 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from companion.avoidance.control import ALL_CONTROLS, Control
+from companion.avoidance.cost import CostWeights
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.formation import FormationParams
+from companion.avoidance.group.formation import FormationParams
+from companion.avoidance.maneuvers import SurpriseParams
 from companion.avoidance.outer import FieldParams, OuterMethod
-from companion.avoidance.pricing import CostWeights
-from companion.avoidance.surprises import SurpriseParams
 
 
 class Layers(StrEnum):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.control import Control
 from companion.avoidance.geometry import Array, wrap_pi
-from companion.avoidance.prediction import Commands
+from companion.avoidance.trajectory import Commands
 from companion.model import Guidance
 
 # What makes an autopilot refuse (a limit, a mode, a fence of its own) may have changed after so long.

@@ -14,11 +14,11 @@ from itertools import product
 import numpy as np
 
 from companion.avoidance.control import Control
+from companion.avoidance.cost import Situation
 from companion.avoidance.envelope import Pace
-from companion.avoidance.prediction import (
+from companion.avoidance.trajectory import (
     Commands,
 )
-from companion.avoidance.pricing import Situation
 
 
 class Course(StrEnum):

@@ -11,7 +11,7 @@ from pathlib import Path
 from companion.config.document import shown
 from companion.config.keys import file_key
 from companion.config.schema import Config
-from companion.engine.tunables import BY_NAME, values_changed, with_values
+from companion.gcs.parameters import BY_NAME, values_changed, with_values
 
 _MOST_BYTES = 1 << 16
 

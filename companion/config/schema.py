@@ -8,14 +8,14 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator
 
 from companion.address import host_and_port, parse_address
+from companion.airspace.fence_zones import FenceZone
+from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
 from companion.avoidance import AvoidanceParams
+from companion.control.state_machine import SupervisorParams
 from companion.engine import AircraftLimits, EngineConfig, EngineParams
 from companion.errors import LinkError
-from companion.geofence import FenceZone
-from companion.supervisor import SupervisorParams
 from companion.traffic import TrafficParams
-from companion.traffic.obstacles import Obstacle, ObstacleParams
 
 
 def _is_address(text: str) -> str:

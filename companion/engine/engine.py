@@ -9,26 +9,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
+from companion.airspace.altitude_limits import HeightLimits, limit_heights
+from companion.airspace.fence_zones import LocalFence
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider, Envelope
 from companion.avoidance.fence import Fence, Zone
-from companion.engine.aircraft import Aircraft
-from companion.engine.announcer import Announcer, Outlook
-from companion.engine.authority import Authority
-from companion.engine.briefing import Briefing
-from companion.engine.effects import Effect, Keep, Record, Save
-from companion.engine.heights import HeightLimits, limit_heights
-from companion.engine.held import Held
-from companion.engine.onboard import HEEDED, Onboard
-from companion.engine.operator import Operator
-from companion.engine.params import EngineConfig
-from companion.engine.rates import RateKeeper
-from companion.engine.readiness import Readiness
-from companion.engine.record import Circumstances
-from companion.engine.settings import Settings
-from companion.engine.surroundings import Surroundings
+from companion.control.handover import Authority
+from companion.control.readiness import Readiness
+from companion.control.state_machine import WATCHING, Role, State, Supervisor
+from companion.engine_config import EngineConfig
+from companion.gcs.notices import Briefing
+from companion.gcs.requests import Operator
+from companion.gcs.settings import Settings
+from companion.gcs.statustext import Announcer, Outlook
 from companion.geodesy import LocalFrame
-from companion.geofence import LocalFence
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AttitudeTarget,
@@ -45,8 +39,14 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import Decision, Goal, Layer, Ownship, Snapshot, Track
-from companion.supervisor import WATCHING, Role, State, Supervisor
+from companion.output.decision_record import Circumstances
+from companion.output.effects import Effect, Keep, Record, Save
+from companion.output.persisted_state import Held
+from companion.ownship.aircraft import Aircraft
+from companion.ownship.autopilot_queries import HEEDED, Onboard
+from companion.ownship.message_rates import RateKeeper
 from companion.traffic import Tracker
+from companion.traffic.picture import Surroundings
 
 # What an operator sends; looked for in every fact.
 _OPERATORS = (CommandRequest, ParameterRequest, ParameterSet)

@@ -7,9 +7,9 @@ decisions that were flown.
 
 from collections.abc import Callable, Sequence
 
-from companion.engine.effects import Effect
 from companion.engine.engine import Engine
 from companion.mavlink.facts import Fact
+from companion.output.effects import Effect
 
 TICK_US = 100_000
 # A suspended or starved machine does not make up for decisions that nobody can use any more. A log shows such

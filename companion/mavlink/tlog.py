@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from companion.errors import LogError
-from companion.mavlink.append_only import AppendOnlyFile
+from companion.mavlink.append_file import AppendOnlyFile
 from companion.mavlink.dialect import CRC_EXTRA
 from companion.mavlink.framing import (
     CHECKSUM_BYTES,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from mcap.writer import CompressionType, Writer
 
 from companion import __version__
-from companion.mavlink.append_only import AppendOnlyFile
+from companion.mavlink.append_file import AppendOnlyFile
 from companion.recording.schemas import TOPICS, Topic
 
 LIBRARY = f"companion {__version__}"

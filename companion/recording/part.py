@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from companion.mavlink.append_only import AppendOnlyFile
+from companion.mavlink.append_file import AppendOnlyFile
 from companion.mavlink.tlog import TlogWriter
 from companion.recording.mcap_file import McapFile, Note
 from companion.recording.names import PartName

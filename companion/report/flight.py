@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.control.state_machine import State
 from companion.geodesy import LocalFrame
 from companion.model import Layer
 from companion.replay import LogClock
-from companion.supervisor import State
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

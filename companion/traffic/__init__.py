@@ -1,7 +1,7 @@
 """Traffic: from reports of other aircraft to their tracks."""
 
-from companion.traffic.heights import Datum, HeightParams, OwnHeights
-from companion.traffic.own_echo import OwnMotion
+from companion.traffic.altitude_datums import Datum, HeightParams, OwnHeights
+from companion.traffic.ownship_echo import OwnMotion
 from companion.traffic.params import TrafficParams
 from companion.traffic.target import Dropped
 from companion.traffic.tracker import Tracker

@@ -11,8 +11,8 @@ from collections.abc import Set as AbstractSet
 
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficSource
+from companion.traffic.altitude_datums import Datums, compare
 from companion.traffic.gates import AssociationParams
-from companion.traffic.heights import Datums, compare
 from companion.traffic.target import Motion, Target
 
 # A report sets off the comparison with those whose source ranks before its own.

@@ -7,8 +7,8 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from companion.model import TrafficKind
+from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.gates import AssociationParams, EchoParams
-from companion.traffic.heights import HeightParams
 from companion.traffic.track_filter import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]

@@ -6,8 +6,8 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
-from companion.traffic.guarded import Guarded
-from companion.traffic.heights import Height
+from companion.traffic.altitude_datums import Height
+from companion.traffic.outlier_gate import Guarded
 from companion.traffic.params import TrafficParams
 from companion.traffic.repeats import RepeatMemory, content_of
 from companion.traffic.track_filter import HorizontalEstimate, HorizontalFix, VerticalEstimate, VerticalFix

@@ -7,10 +7,10 @@ from operator import attrgetter
 
 from companion.geodesy import LocalFrame
 from companion.model import Track, TrafficReport, adsb_key, uas_key
+from companion.traffic.altitude_datums import AS_REPORTED, Datums, Height, compare
 from companion.traffic.association import Association, leader
 from companion.traffic.forward_clock import ForwardClock
-from companion.traffic.heights import AS_REPORTED, Datums, Height, compare
-from companion.traffic.own_echo import OwnEcho, OwnMotion
+from companion.traffic.ownship_echo import OwnEcho, OwnMotion
 from companion.traffic.params import TrafficParams
 from companion.traffic.target import Dropped, Target
 

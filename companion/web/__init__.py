@@ -1,6 +1,6 @@
 """The live display in a browser, the state for programs, and metrics; in a process of its own."""
 
 from companion.web.display import Display
-from companion.web.onlookers import Onlookers
+from companion.web.observers import Onlookers
 
 __all__ = ["Display", "Onlookers"]

@@ -9,7 +9,7 @@ from typing import Any
 
 from companion.errors import CompanionError
 from companion.web.app import build
-from companion.web.moment import Moment
+from companion.web.live_snapshot import Moment
 from companion.web.pipe import unpacked
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings

@@ -27,8 +27,8 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from companion.supervisor import Role
-from companion.web.gate import Gate, has_token
+from companion.control.state_machine import Role
+from companion.web.access_control import Gate, has_token
 from companion.web.metrics import Metrics
 from companion.web.settings import Settings
 from companion.web.source import Live, Source, View

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from companion.links.backoff import Backoff
-from companion.web.moment import Moment
+from companion.web.live_snapshot import Moment
 from companion.web.pipe import packed
 from companion.web.settings import Settings
 

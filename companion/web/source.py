@@ -10,9 +10,9 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
-from companion.web.moment import Moment
+from companion.web.live_snapshot import Moment
+from companion.web.rolling_stats import Trends
 from companion.web.state import state_of
-from companion.web.trends import Trends
 
 # A state older than this is not what is going on now.
 _STALE_S = 2.0

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from companion.airspace.fence_zones import FenceZone
+from companion.avoidance.assess import mission_of, own_state
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
-from companion.avoidance.prediction import TIMES_S, Commands, fly_ahead
-from companion.avoidance.survey import mission_of, own_state
-from companion.engine.record import guidance_of, threat_text
+from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead
 from companion.geodesy import LocalFrame
-from companion.geofence import FenceZone
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
+from companion.output.decision_record import guidance_of, threat_text
 from companion.units import course_deg
-from companion.web.moment import Moment
-from companion.web.trends import Trends
+from companion.web.live_snapshot import Moment
+from companion.web.rolling_stats import Trends
 
 VERSION = 1
 _PREDICTED_S = np.arange(0.0, 61.0, 5.0)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.control.state_machine import State
 from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import PressureAltitude, Traffic
@@ -18,7 +19,6 @@ from companion.separation import (
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
-from companion.supervisor import State
 from sim.campaign.plane import AUTO, AUTOPILOT, FRAME, Limits, Plane
 from sim.encounters import Encounter, Heard, Observer, Surveillance
 

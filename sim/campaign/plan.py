@@ -6,10 +6,10 @@ from enum import StrEnum
 from pathlib import Path
 
 from companion.avoidance import Avoider
+from companion.control.state_machine import SupervisorParams
 from companion.engine import Engine, EngineConfig, EngineParams
-from companion.engine.effective import AircraftLimits
 from companion.errors import ConfigError
-from companion.supervisor import SupervisorParams
+from companion.ownship.performance_limits import AircraftLimits
 from sim.campaign.peer_avoider import PeerAvoider
 from sim.campaign.plane import Limits
 from sim.campaign.results import Result

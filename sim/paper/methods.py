@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 from companion.avoidance import AvoidanceParams, Envelope
 from companion.avoidance.control import Control
-from companion.avoidance.formation import FormationParams
+from companion.avoidance.group.formation import FormationParams
+from companion.avoidance.maneuvers import NO_SURPRISES
 from companion.avoidance.outer import FieldParams, OuterMethod
 from companion.avoidance.params import Layers
-from companion.avoidance.surprises import NO_SURPRISES
 from sim.paper.scene import Scene, Uav
 
 # Price of the inner sphere. On random fields 10000 to 10059 the clearance of two layers grew with it (0.77,

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from companion.errors import ConfigError
 from sim.peers.ardupilot import ArduPilot, ArduPilotParams
 from sim.peers.mvp import Mvp
-from sim.peers.nobody import Nobody
 from sim.peers.orca import Orca
 from sim.peers.peer import Decides, PeerLimits
+from sim.peers.unmitigated import Nobody
 
 PEERS: dict[str, Callable[[PeerLimits], Decides]] = {
     "none": Nobody,

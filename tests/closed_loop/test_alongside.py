@@ -6,7 +6,7 @@ import pytest
 
 from companion.avoidance import AvoidanceParams
 from companion.model import Layer, Vec3
-from tests.closed_loop.encounter import ALTITUDE_M, Outcome, fly
+from tests.support.encounter import ALTITUDE_M, Outcome, fly
 
 OWN_MPS = 22.0
 

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
+from companion.control.state_machine import State
 from companion.engine import Transmit
-from companion.supervisor import State
 from sim.vehicle import Mode
-from tests.closed_loop.watched import COMMANDS, SET_INTERVAL, Watched, asks_for_a_mode
+from tests.support.watched import COMMANDS, SET_INTERVAL, Watched, asks_for_a_mode
 
 
 def flying(loop: Watched) -> None:

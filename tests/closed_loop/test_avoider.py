@@ -8,7 +8,7 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
-from tests.closed_loop.encounter import ALTITUDE_M, Traffic, fly, straight
+from tests.support.encounter import ALTITUDE_M, Traffic, fly, straight
 
 SIDES_DEG = range(0, 360, 45)
 SPEEDS_MPS = (30.0, 60.0, 90.0)

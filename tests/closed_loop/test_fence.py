@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope, Fence, Zone
+from companion.avoidance.cost import CostWeights
 from companion.avoidance.params import Layers
-from companion.avoidance.pricing import CostWeights
 from companion.model import Goal, Guidance, Layer, Ownship, Track, Vec2
 from sim.dynamics import FixedWing
-from tests.closed_loop.encounter import ALTITUDE_M, Aircraft, fly, straight
+from tests.support.encounter import ALTITUDE_M, Aircraft, fly, straight
 
 FLAT = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
 

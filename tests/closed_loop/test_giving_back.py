@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
+from companion.control.state_machine import State, SupervisorParams
 from companion.engine import Engine, EngineConfig
 from companion.mavlink.dialect import mavlink
 from companion.separation import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
-from companion.supervisor import State, SupervisorParams
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, load_scenario
 from sim.traffic import Intruder, Manoeuvre

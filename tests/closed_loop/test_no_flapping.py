@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from companion.control.state_machine import State
 from companion.engine import Engine
 from companion.model import Vec2
 from companion.separation import WELL_CLEAR_HORIZONTAL_M
-from companion.supervisor import State
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
 from sim.traffic import AdsbReceiver, Intruder, Manoeuvre

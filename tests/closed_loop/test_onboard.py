@@ -5,12 +5,12 @@ import math
 
 import pytest
 
+from companion.control.state_machine import State
 from companion.engine import Effect, Engine, Transmit
 from companion.mavlink.dialect import Message, mavlink
-from companion.supervisor import State
 from sim.closed_loop import ClosedLoop
 from sim.scenario import load_scenario
-from tests.closed_loop.watched import Watched
+from tests.support.watched import Watched
 
 
 def learnt(**parameters: float) -> ClosedLoop:

@@ -2,13 +2,13 @@
 
 import pytest
 
+from companion.control.state_machine import Role, State, SupervisorParams
 from companion.engine import EngineConfig
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer
-from companion.supervisor import Role, State, SupervisorParams
 from sim.scenario import Autopilot
-from tests.closed_loop.takings import BOTH, HOLDS, MISSION_MODE, PX4, begun
-from tests.closed_loop.watched import DO_SET_MODE, Watched, alone
+from tests.support.takings import BOTH, HOLDS, MISSION_MODE, PX4, begun
+from tests.support.watched import DO_SET_MODE, Watched, alone
 
 US = (1, 196)
 GIVEN_BACK_WITHIN_S = 3.0

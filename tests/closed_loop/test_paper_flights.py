@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
-from companion.avoidance.formation import Answer, MemberState, group_of, joint_response
-from companion.avoidance.survey import moved
+from companion.avoidance.assess import moved
+from companion.avoidance.group.formation import Answer, MemberState, group_of, joint_response
 from companion.model import Decision, Goal, Layer, Ownship, Track
 from companion.units import STANDARD_GRAVITY_MPS2
 from sim.paper.flight import LAYERS, Flight, UavFlight, fly

@@ -5,13 +5,13 @@ from itertools import pairwise
 
 import pytest
 
+from companion.control.state_machine import State
 from companion.engine import Transmit
 from companion.mavlink.dialect import mavlink
-from companion.supervisor import State
 from sim.closed_loop import Flight
 from sim.scenario import Autopilot, load_scenario
-from tests.closed_loop.takings import BOTH, MISSION_MODE
-from tests.closed_loop.watched import DO_SET_MODE, Watched
+from tests.support.takings import BOTH, MISSION_MODE
+from tests.support.watched import DO_SET_MODE, Watched
 
 SPEED, HEIGHT, HEADING = 43000, 43001, 43002
 DENIED, FAILED = 2, 4

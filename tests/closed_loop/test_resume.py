@@ -2,14 +2,14 @@
 
 import pytest
 
+from companion.control.state_machine import Role, State, SupervisorParams
 from companion.engine import EngineConfig, Transmit
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer
-from companion.supervisor import Role, State, SupervisorParams
 from sim.scenario import Autopilot
-from tests.closed_loop.takings import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, begun
 from tests.closed_loop.test_operator import by_command
-from tests.closed_loop.watched import Watched, alone
+from tests.support.takings import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, begun
+from tests.support.watched import Watched, alone
 
 US = (1, 196)
 CONTINUE = mavlink.MAV_CMD_DO_PAUSE_CONTINUE

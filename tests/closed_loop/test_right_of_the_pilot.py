@@ -2,10 +2,10 @@
 
 import pytest
 
+from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
-from companion.supervisor import State, SupervisorParams
 from sim.scenario import Autopilot
-from tests.closed_loop.takings import (
+from tests.support.takings import (
     ARDUPILOT,
     BOTH,
     COMMON,
@@ -22,7 +22,7 @@ from tests.closed_loop.takings import (
     begun,
     mode,
 )
-from tests.closed_loop.watched import Watched, alone
+from tests.support.watched import Watched, alone
 
 both = pytest.mark.parametrize("autopilot", BOTH)
 

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
+from companion.control.state_machine import Role, State
 from companion.engine import Effect, Engine, EngineConfig, Save, Transmit
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.tlog import TlogWriter
 from companion.model import Layer
 from companion.replay import replay
-from companion.supervisor import Role, State
 from sim.scenario import Autopilot
-from tests.closed_loop.takings import BOTH, begun
 from tests.closed_loop.test_operator import by_command
-from tests.closed_loop.watched import Watched, alone
+from tests.support.takings import BOTH, begun
+from tests.support.watched import Watched, alone
 
 US = (1, 196)
 both = pytest.mark.parametrize("autopilot", BOTH)

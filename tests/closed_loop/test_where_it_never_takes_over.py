@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
+from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
-from companion.supervisor import State, SupervisorParams
 from sim.scenario import Autopilot, Scenario, Start, load_scenario
 from sim.vehicle import MissionItem, waypoint_item
 from sim.vehicle.mission import NAV_LAND
-from tests.closed_loop.takings import BOTH
-from tests.closed_loop.watched import Watched, alone
+from tests.support.takings import BOTH
+from tests.support.watched import Watched, alone
 
 both = pytest.mark.parametrize("autopilot", BOTH)
 

@@ -13,8 +13,7 @@ from companion.mavlink.framing import decode
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED, frame_to_fact, to_fact
 from companion.model import AltitudeReference
-
-LOGS = Path(__file__).parents[2].parent / "shared" / "data" / "tlogs"
+from tests.support.paths import TLOGS as LOGS
 
 pytestmark = pytest.mark.skipif(
     not LOGS.is_dir(), reason=f"the real logs are not beside the checkout ({LOGS})"

@@ -8,8 +8,8 @@ import pytest
 from companion.engine import Engine
 from companion.model import Layer
 from companion.replay import LogClock, Replay, replay
+from tests.support.paths import TLOGS as LOGS
 
-LOGS = Path(__file__).parents[2].parent / "shared" / "data" / "tlogs"
 ARDUPLANE = LOGS / "arduplane_sitl_adsb_two_intruders.tlog"
 PX4 = LOGS / "px4_sih_fixed_wing_adsb_two_intruders.tlog"
 

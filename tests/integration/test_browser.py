@@ -11,12 +11,12 @@ import pytest
 from playwright.async_api import Page, async_playwright
 
 from companion.model import Layer, Track
-from companion.web.moment import Moment
+from companion.web.live_snapshot import Moment
+from companion.web.rolling_stats import Trends
 from companion.web.settings import Settings
 from companion.web.source import Live, Recorded
 from companion.web.state import state_of
-from companion.web.trends import Trends
-from tests.web_bench import TOKEN, Site, health, live, moment_after, site
+from tests.support.web_bench import TOKEN, Site, health, live, moment_after, site
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ALONE = (

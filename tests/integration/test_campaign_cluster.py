@@ -18,8 +18,8 @@ from rich.console import Console
 from sim.campaign.command import run
 from sim.campaign.plan import Plan
 from sim.campaign.results import Result, read_results
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 CAMPAIGN = (sys.executable, "-c", "from sim.cli import main; main()", "campaign", "--results", "r.ndjson")
 # For what is sure to happen, however busy the machine is.
 PATIENCE_S = 90.0

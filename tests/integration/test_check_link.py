@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 
 from companion.config import Config
+from companion.control.state_machine import SupervisorParams
 from companion.geodesy import GeoPoint
 from companion.links import open_link
 from companion.mavlink.dialect import Message, mavlink
 from companion.preflight import Preflight, look
-from companion.supervisor import SupervisorParams
 from sim.clock import ScaledClock
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
-from tests.virtual_time import in_virtual_time
+from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 

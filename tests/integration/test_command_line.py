@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-LOGS = Path(__file__).parents[2].parent / "shared" / "data" / "tlogs"
-CONFIGS = Path(__file__).parents[2] / "configs"
+from tests.support.paths import CONFIGS
+from tests.support.paths import TLOGS as LOGS
 
 
 def call(*words: str, module: str = "companion") -> subprocess.CompletedProcess[str]:

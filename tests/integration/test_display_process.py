@@ -16,7 +16,7 @@ from companion.web import Display
 from companion.web.settings import Settings
 from sim.demo import DemoOptions, DemoState, fly_demo
 from sim.scenario import load_scenario
-from tests.web_bench import TOKEN, Answer, Site
+from tests.support.web_bench import TOKEN, Answer, Site
 
 pytestmark = pytest.mark.wire
 

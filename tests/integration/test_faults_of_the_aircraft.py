@@ -3,14 +3,14 @@
 import pytest
 
 from companion.autopilots.commands import Outcome
+from companion.control.state_machine import State
 from companion.engine import EngineConfig
 from companion.mavlink.dialect import mavlink
 from companion.model import Layer
-from companion.supervisor import State
 from companion.traffic import TrafficParams
 from sim.scenario import Autopilot
-from tests.faulty_flight import CLIMBS, GUIDED, MEET_AT_S, MISSION, FaultyFlight, faulty_flight
-from tests.virtual_time import in_virtual_time
+from tests.support.faulty_flight import CLIMBS, GUIDED, MEET_AT_S, MISSION, FaultyFlight, faulty_flight
+from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 

@@ -4,14 +4,14 @@ import asyncio
 
 import pytest
 
+from companion.control.state_machine import State
 from companion.engine import EngineConfig, EngineParams
 from companion.links import open_link
-from companion.supervisor import State
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.server import VehicleServer
-from tests.faulty_flight import CLIMBS, GUIDED, MISSION, FaultyFlight, faulty_flight, world_of
-from tests.virtual_time import in_virtual_time
+from tests.support.faulty_flight import CLIMBS, GUIDED, MISSION, FaultyFlight, faulty_flight, world_of
+from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 

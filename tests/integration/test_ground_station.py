@@ -15,15 +15,15 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
+from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
-from companion.engine.operator import Operator
-from companion.engine.tunables import TUNABLES
-from companion.keeper import LastingKeeper
+from companion.gcs.parameters import TUNABLES
+from companion.gcs.requests import Operator
 from companion.links import open_link
 from companion.links.udp import UdpLink
 from companion.mavlink.dialect import mavlink
+from companion.recording.state_file import LastingKeeper
 from companion.runtime import Runtime
-from companion.supervisor import State
 from sim.clock import ScaledClock
 from sim.files import checked_from
 from sim.scenario import Scenario, build_world

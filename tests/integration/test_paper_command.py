@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from sim.paper import command, studies
-from tests.contract import MEASURES
+from tests.support.contract import MEASURES
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -7,10 +7,10 @@ import pytest
 
 from companion.config import load_config, load_obstacles
 from companion.config.keys import file_key
-from companion.engine.tunables import TUNABLES
-from companion.supervisor import Role
+from companion.control.state_machine import Role
+from companion.gcs.parameters import TUNABLES
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 
 NAMED = r"(?<![/\w])(?:configs|companion|sim)/[\w/.-]+\w"

@@ -17,7 +17,7 @@ RECORDS = """
 import asyncio, itertools, json, sys, time
 from pathlib import Path
 from companion.mavlink.dialect import Encoder, mavlink
-from companion.recorder import Recorder
+from companion.recording.recorder import Recorder
 
 async def main():
     recorder = Recorder(Path(sys.argv[1]), 1_700_000_000.0, max_file_bytes=400_000)

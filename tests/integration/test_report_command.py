@@ -8,7 +8,7 @@ import pytest
 
 from companion.recording import parts_in, read_mcap
 from tests.integration.test_command_line import LOGS, assert_one_line, call
-from tests.unit.test_flight_report import recording
+from tests.unit.report.test_flight_report import recording
 
 
 def report(log: Path, out: Path, *words: str) -> subprocess.CompletedProcess[str]:

@@ -16,8 +16,8 @@ from sim.clock import ScaledClock
 from sim.scenario import Autopilot
 from sim.server import VehicleServer
 from sim.vehicle import FakeVehicle
-from tests.faulty_flight import GUIDED, MISSION, START_S, faulty_flight, free_ports, world_of
-from tests.virtual_time import VirtualTimeLoop, in_virtual_time
+from tests.support.faulty_flight import GUIDED, MISSION, START_S, faulty_flight, free_ports, world_of
+from tests.support.virtual_time import VirtualTimeLoop, in_virtual_time
 
 pytestmark = pytest.mark.wire
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.errors import CompanionError
 from companion.links import MemoryLink, memory_pair, open_link
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode
-from companion.recorder import Recorder
+from companion.recording.recorder import Recorder
 from companion.runtime import Runtime
-from companion.supervisor import State
 from companion.watchdog import Watchdog
 
 

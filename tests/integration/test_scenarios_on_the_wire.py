@@ -13,8 +13,8 @@ from sim.metrics import score_of
 from sim.scenario import Autopilot, build_world, load_scenario, scenario_names
 from sim.server import VehicleServer
 from sim.vehicle import Truth
-from tests.faulty_flight import GUIDED, MISSION, START_S, Notes, free_ports
-from tests.virtual_time import in_virtual_time
+from tests.support.faulty_flight import GUIDED, MISSION, START_S, Notes, free_ports
+from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 

@@ -6,7 +6,6 @@ import json
 import re
 import socket
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import websockets
@@ -15,14 +14,15 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS
-from companion.web.moment import Moment
+from companion.web.live_snapshot import Moment
 from companion.web.settings import Settings
 from companion.web.source import Live
-from tests.web_bench import TOKEN, Answer, health, live, moment_after, site
+from tests.support.paths import CONFIGS
+from tests.support.web_bench import TOKEN, Answer, health, live, moment_after, site
 
 pytestmark = pytest.mark.wire
 
-ALERTS = Path(__file__).parents[2] / "configs" / "prometheus" / "alerts.yaml"
+ALERTS = CONFIGS / "prometheus" / "alerts.yaml"
 MOMENT = moment_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 

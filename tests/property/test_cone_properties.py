@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
 from companion.avoidance.geometry import Array
-from tests.property.avoidance_cases import (
+from tests.support.avoidance_cases import (
     places,
     velocities,
 )

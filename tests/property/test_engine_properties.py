@@ -5,12 +5,12 @@ from collections import Counter
 
 import pytest
 
+from companion.control.state_machine import FLYING, WATCHING, Role, State
 from companion.engine import Effect, Engine, EngineConfig, EngineParams, Transmit
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import ParameterSet
-from companion.supervisor import FLYING, WATCHING, Role, State
-from tests.property.junk_facts import GCS, T0, US, Junk
-from tests.property.moody_aeroplane import ARDUPILOT, PX4, QUESTIONS, Aeroplane
+from tests.support.junk_facts import GCS, T0, US, Junk
+from tests.support.moody_aeroplane import ARDUPILOT, PX4, QUESTIONS, Aeroplane
 
 GUIDING = {
     mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from companion.avoidance.geometry import Array
 from companion.avoidance.outer import FieldParams, Threats, resultant_rad
 from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
-from tests.property.avoidance_cases import (
+from tests.support.avoidance_cases import (
     places,
 )
 

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.prediction import Tracks
-from companion.avoidance.pricing import Priced, Situation
-from companion.avoidance.survey import Survey
+from companion.avoidance.assess import Survey
+from companion.avoidance.cost import Priced, Situation
+from companion.avoidance.trajectory import Tracks
 from companion.model import Layer, Ownship, Vec3
 from companion.units import wrap_pi
-from tests.property.avoidance_cases import (
+from tests.support.avoidance_cases import (
     ALL_STRATEGIES,
     Case,
     cases,

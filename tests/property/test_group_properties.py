@@ -11,11 +11,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import Avoider, Envelope
-from companion.avoidance.formation import RESPONSES, FormationParams, MemberState, group_of, joint_response
-from companion.avoidance.prediction import Commands, OwnState, fly_ahead
+from companion.avoidance.group.formation import (
+    RESPONSES,
+    FormationParams,
+    MemberState,
+    group_of,
+    joint_response,
+)
+from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Decision, Goal, Guidance, Member, Ownship, Track, Vec3
 from companion.units import wrap_pi
-from tests.property.avoidance_cases import (
+from tests.support.avoidance_cases import (
     PARAMS,
     TIMES_S,
     degrees,

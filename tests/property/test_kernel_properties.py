@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance.cone import approach_angle_rad
+from companion.avoidance.cost import CostWeights
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, relative_motion
-from companion.avoidance.prediction import (
+from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
     Commands,
@@ -27,7 +28,6 @@ from companion.avoidance.prediction import (
     outcomes,
     separation,
 )
-from companion.avoidance.pricing import CostWeights
 from companion.compiled import kernels
 from companion.model import Guidance, Vec2, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2

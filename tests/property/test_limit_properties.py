@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.control import ALL_CONTROLS, Control
-from companion.avoidance.prediction import Commands, OwnState, fly_ahead
-from companion.avoidance.pricing import CostWeights, Situation
-from companion.avoidance.rules import Pace
+from companion.avoidance.cost import CostWeights, Situation
+from companion.avoidance.reactive_rules import Pace
 from companion.avoidance.strategies import StrategyTable
+from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
-from tests.property.avoidance_cases import (
+from tests.support.avoidance_cases import (
     ALL_STRATEGIES,
     ENVELOPE,
     PARAMS,

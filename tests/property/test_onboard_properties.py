@@ -6,11 +6,11 @@ from hypothesis import strategies as st
 from companion.autopilots import ArduPlane
 from companion.avoidance import Envelope
 from companion.engine import AircraftLimits
-from companion.engine.announcer import Announcer
-from companion.engine.effects import Transmit
-from companion.engine.onboard import Onboard
+from companion.gcs.statustext import Announcer
 from companion.mavlink.dialect import mavlink
-from tests.responder import AUTOPILOT, FENCE, MISSION, US, Item, Line, Responder, as_fact
+from companion.output.effects import Transmit
+from companion.ownship.autopilot_queries import Onboard
+from tests.support.responder import AUTOPILOT, FENCE, MISSION, US, Item, Line, Responder, as_fact
 
 settings.register_profile("onboard", derandomize=True, deadline=None, max_examples=25)
 

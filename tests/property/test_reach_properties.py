@@ -6,9 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.cone import TransitionDomain, half_angle_rad
-from companion.avoidance.prediction import HORIZON_S
-from companion.avoidance.survey import (
+from companion.avoidance.assess import (
     Survey,
     mission_mps,
     mission_of,
@@ -17,6 +15,8 @@ from companion.avoidance.survey import (
     take,
     tracks_at,
 )
+from companion.avoidance.cone import TransitionDomain, half_angle_rad
+from companion.avoidance.trajectory import HORIZON_S
 from companion.model import Goal, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()

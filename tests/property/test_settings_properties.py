@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from companion.engine import Engine, EngineConfig, Save, Transmit
-from companion.engine.tunables import BY_NAME, TUNABLES, as_sent, values_changed, with_values
+from companion.gcs.parameters import BY_NAME, TUNABLES, as_sent, values_changed, with_values
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.translate import frame_to_fact

@@ -8,8 +8,8 @@ import pytest
 
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import FrameSplitter, decode
-from tests.unit import arduplane_bench, px4_bench
-from tests.unit.vehicle_bench import Bench
+from tests.support import arduplane_bench, px4_bench
+from tests.support.vehicle_bench import Bench
 
 KINDS = [
     kind

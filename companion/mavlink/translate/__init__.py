@@ -15,7 +15,7 @@ from typing import Any
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, Sender
 from companion.mavlink.framing import Frame
-from companion.mavlink.translate import adsb, air, answers, control, heights, missions, systems, target, utm
+from companion.mavlink.translate import adsb, air, altitudes, answers, control, missions, systems, target, utm
 from companion.mavlink.translate.wire import Translation
 
 
@@ -53,7 +53,7 @@ def _sender(system_id: int, component_id: int) -> Sender:
 _TRANSLATIONS: dict[int, Translation] = {
     **systems.TRANSLATIONS,
     **air.TRANSLATIONS,
-    **heights.TRANSLATIONS,
+    **altitudes.TRANSLATIONS,
     **target.TRANSLATIONS,
     **missions.TRANSLATIONS,
     **answers.TRANSLATIONS,

@@ -1,0 +1,1 @@
+"""Where the aircraft may fly: fences, obstacles and height limits."""

@@ -1,0 +1,1 @@
+"""Joint avoidance for the members of a formation."""

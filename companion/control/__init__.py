@@ -1,0 +1,1 @@
+"""Who has the aircraft: the state machine, pilot overrides, take-over, release and rejoin."""

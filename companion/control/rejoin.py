@@ -1,0 +1,66 @@
+"""Modes that hold a circle or a course, not a mission: where they belong, and the way back there."""
+
+import math
+from dataclasses import dataclass
+
+from companion.autopilots.adapter import Adapter, Before
+from companion.geodesy import GeoPoint, LocalFrame
+from companion.model import Guidance
+from companion.ownship.aircraft import Aircraft
+from companion.units import wrap_pi, wrap_two_pi
+
+# Entered at its centre, a circle is where it was; at usual speeds a tick and the mode change take this long.
+_LEAD_S = 1.5
+_NEAR_M = 30.0
+_ON_COURSE_RAD = math.radians(5.0)
+_ON_HEIGHT_M = 10.0
+# Against a wind that is too strong it is never reached.
+_LONGEST_S = 300.0
+
+
+@dataclass(slots=True)
+class WayBack:
+    """The way to a centre (`place`), or onto a course at a height."""
+
+    before: Before
+    place: GeoPoint | None
+    began_s: float | None = None
+
+    @classmethod
+    def to(cls, before: Before, adapter: Adapter) -> "WayBack | None":
+        """The way that the former mode needs; `None` when the autopilot finds it by itself."""
+        mode = adapter.mode_name(before.mode)
+        if mode in adapter.places and before.target is not None:
+            return cls(before, before.target)
+        return cls(before, None) if mode in adapter.courses else None
+
+    def guidance(self, aircraft: Aircraft) -> Guidance:
+        """What to fly."""
+        course_rad = self.before.course_rad
+        if self.place is not None:
+            north_m, east_m = self._to_go_m(aircraft)
+            course_rad = math.atan2(east_m, north_m)
+        return Guidance(wrap_two_pi(course_rad), self.before.airspeed_mps, self.before.altitude_m)
+
+    def is_done(self, aircraft: Aircraft, now_s: float) -> bool:
+        """Whether the former mode can be entered here, or has to be."""
+        if self.began_s is None or now_s < self.began_s:
+            self.began_s = now_s
+        position = aircraft.position
+        if position is None or now_s - self.began_s > _LONGEST_S:
+            return True
+        north_mps, east_mps, _ = position.velocity_mps
+        if self.place is not None:
+            near_m = _NEAR_M + _LEAD_S * math.hypot(north_mps, east_mps)
+            is_there = math.hypot(*self._to_go_m(aircraft)) <= near_m
+        else:
+            off_rad = wrap_pi(math.atan2(east_mps, north_mps) - self.before.course_rad)
+            is_there = abs(off_rad) <= _ON_COURSE_RAD
+        # These modes stay at the height at which they are entered.
+        return is_there and abs(position.altitude_m - self.before.altitude_m) <= _ON_HEIGHT_M
+
+    def _to_go_m(self, aircraft: Aircraft) -> tuple[float, float]:
+        place = aircraft.place()
+        if place is None or self.place is None:
+            return 0.0, 0.0
+        return LocalFrame(place.lat_deg, place.lon_deg).to_ned_m(self.place)[:2]

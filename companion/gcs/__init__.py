@@ -1,0 +1,1 @@
+"""What the operator and the ground station request, and what they are told."""

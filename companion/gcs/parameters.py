@@ -1,0 +1,181 @@
+"""The settings that can be tuned in flight: one table, from names on the wire to fields of the configuration.
+
+Ranges are those that can be flown with, within what a configuration file may say. Rules between fields are
+those of the configuration itself: what it refuses, nobody can set.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, get_args
+
+import numpy as np
+
+from companion.avoidance.control import ALL_CONTROLS, Control
+from companion.control.state_machine import Role
+from companion.engine_config import EngineConfig, TextUnits
+
+# Beyond this no setting means anything, and the 32 bits of the wire end somewhere.
+_LARGEST = 1e9
+_CONTROL_BITS = {Control.HEADING: 1, Control.SPEED: 2, Control.HEIGHT: 4}
+
+
+@dataclass(frozen=True, slots=True)
+class _Coding:
+    """How a field becomes a number on the wire and back; `ValueError` for a number that means nothing."""
+
+    number: Callable[[Any], float]
+    field: Callable[[float], Any]
+
+
+def _choice(names: tuple[str, ...]) -> _Coding:
+    return _Coding(lambda name: float(names.index(name)), lambda value: names[_whole(value)])
+
+
+def _whole(value: float) -> int:
+    if value != math.floor(value):
+        raise ValueError("a whole number")
+    return int(value)
+
+
+def _controls(value: float) -> frozenset[Control]:
+    bits = _whole(value)
+    if not bits & _CONTROL_BITS[Control.HEADING]:
+        raise ValueError("1 (course) must be among them")  # the outer layer steers by course
+    return frozenset(control for control in ALL_CONTROLS if bits & _CONTROL_BITS[control])
+
+
+_PLAIN = _Coding(float, float)
+_DEGREES = _Coding(math.degrees, math.radians)
+_ZERO_IS_NONE = _Coding(lambda value: 0.0 if value is None else value, lambda value: value or None)
+_ROLE = _choice(tuple(role.name.lower() for role in Role))
+_TEXT_UNITS = _choice(get_args(TextUnits))
+_CONTROLS = _Coding(lambda controls: float(sum(_CONTROL_BITS[c] for c in controls)), _controls)
+
+
+@dataclass(frozen=True, slots=True)
+class Tunable:
+    """One setting. `field` is its place in the configuration, the range is in `unit`, as on the wire."""
+
+    name: str
+    field: str
+    unit: str
+    lowest: float
+    highest: float
+    words: str
+    coding: _Coding = _PLAIN
+
+    def value(self, config: EngineConfig) -> float:
+        """What the wire shows of it, as exact as 32 bits are."""
+        return as_sent(self.coding.number(self._field_of(config)))
+
+    def put(self, config: EngineConfig, value: float | None, configured: EngineConfig) -> EngineConfig:
+        """The same configuration with this value; `ValueError` says what is allowed instead.
+
+        Back to what is `configured` is always allowed, also where a file may say more than the wire.
+        """
+        if value is None or not abs(value) < _LARGEST:
+            raise ValueError("a number")
+        value = as_sent(value)
+        if value == self.value(configured):
+            return self._exchanged(config, self._field_of(configured))
+        if not self.lowest <= value <= self.highest:
+            raise ValueError(f"{self.lowest:g} to {self.highest:g} {self.unit}".rstrip())
+        return self._exchanged(config, self.coding.field(value))
+
+    def shown(self, value: float) -> str:
+        """A value with its unit."""
+        return f"{value:g} {self.unit}".rstrip()
+
+    def _exchanged(self, config: EngineConfig, value: Any) -> EngineConfig:
+        changed: EngineConfig = _exchanged(config, self.field.split("."), value)
+        return changed
+
+    def _field_of(self, config: EngineConfig) -> Any:
+        place: Any = config
+        for part in self.field.split("."):
+            place = getattr(place, part)
+        return place
+
+
+def as_sent(value: float) -> float:
+    """The shortest number that is the same in the 32 bits of the wire: 609.6, not 609.5999755859375."""
+    return float(str(np.float32(min(max(value, -_LARGEST), _LARGEST))))
+
+
+def _exchanged(section: Any, path: list[str], value: Any) -> Any:
+    """The section with one field exchanged, made anew so that its rules are checked."""
+    first, *rest = path
+    return replace(section, **{first: _exchanged(getattr(section, first), rest, value) if rest else value})
+
+
+# The order is that of the indices on the wire: new ones come last.
+TUNABLES: tuple[Tunable, ...] = (
+    Tunable("CA_ROLE", "supervisor.role", "", 0, 2, "0 off, 1 advise, 2 fly", _ROLE),
+    Tunable("CA_WC_HORIZ", "avoidance.well_clear_horizontal_m", "m", 50, 5000, "well clear, sideways"),
+    Tunable("CA_WC_VERT", "avoidance.well_clear_vertical_m", "m", 15, 1000, "well clear, in height"),
+    Tunable("CA_MARGIN_H", "avoidance.horizontal_margin", "share", 0, 2, "to spare beside well clear"),
+    Tunable("CA_MARGIN_V", "avoidance.vertical_margin", "share", 0, 2, "to spare above and below well clear"),
+    Tunable("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", 20, 2000, "obstacles, sideways"),
+    Tunable("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", 10, 500, "obstacles, in height"),
+    Tunable("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", 300, 20_000, "reach of the outer layer"),
+    Tunable("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the further one counts"),
+    Tunable("CA_INNER_DIST", "avoidance.inner_radius_m", "m", 50, 5000, "reach of the inner layer"),
+    Tunable("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the further one counts"),
+    Tunable(
+        "CA_DOMAIN", "avoidance.delta_beta_rad", "deg", 0, 180, "width of the transition domain", _DEGREES
+    ),
+    Tunable("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "missed by less, and soon: begin"),
+    Tunable("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "missed by less, later on: begin"),
+    Tunable("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "so much more room to give back"),
+    Tunable("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "clear for so long to give back"),
+    Tunable("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "no further up or down"),
+    Tunable("CA_HEIGHT_MIN", "supervisor.min_height_m", "m", 10, 1000, "lowest height above home"),
+    Tunable(
+        "CA_HEIGHT_MAX", "engine.max_height_m", "m", 0, 10_000, "highest height above home; 0: none",
+        _ZERO_IS_NONE,
+    ),
+    Tunable("CA_SETTLE", "supervisor.settle_s", "s", 0, 120, "all well for so long, to take over anew"),
+    Tunable(
+        "CA_CONTROLS", "avoidance.controls", "", 1, 7, "1 course + 2 speed + 4 height", _CONTROLS
+    ),
+    Tunable("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "price of a climb, old PX4"),
+    Tunable("CA_UNITS", "engine.text_units", "", 0, 1, "of texts: 0 metric, 1 aviation", _TEXT_UNITS),
+)  # fmt: skip
+BY_NAME: Mapping[str, Tunable] = {tunable.name: tunable for tunable in TUNABLES}
+INDEX: Mapping[str, int] = {tunable.name: index for index, tunable in enumerate(TUNABLES)}
+
+
+def values_changed(config: EngineConfig, configured: EngineConfig) -> dict[str, float]:
+    """What is set otherwise than configured, by name."""
+    shown = ((tunable.name, tunable.value(config), tunable.value(configured)) for tunable in TUNABLES)
+    return {name: value for name, value, before in shown if value != before}
+
+
+def with_values(configured: EngineConfig, values: Mapping[str, Any]) -> tuple[EngineConfig, list[str]]:
+    """A configuration with these values by name, and what of them was refused, each in a few words."""
+    config, waiting, reasons = configured, dict(values), dict.fromkeys(values, "")
+    while True:
+        # One may be possible only after another: both layers further out.
+        done = []
+        for name, value in waiting.items():
+            try:
+                config = _with_value(config, name, value, configured)
+                done.append(name)
+            except ValueError as error:
+                reasons[name] = str(error)
+        if not done:
+            return config, [f"{name}: {reasons[name]}" for name in waiting]
+        waiting = {name: value for name, value in waiting.items() if name not in done}
+
+
+def _with_value(config: EngineConfig, name: str, value: Any, configured: EngineConfig) -> EngineConfig:
+    tunable = BY_NAME.get(name)
+    if tunable is None:
+        raise ValueError("unknown")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
+        raise ValueError("must be a number")
+    try:
+        return tunable.put(config, value, configured)
+    except ValueError as error:
+        raise ValueError(f"{value:g} refused: {error}") from error

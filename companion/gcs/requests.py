@@ -1,0 +1,150 @@
+"""What the operator may ask of us over MAVLink: settings, as parameters, our role, and the mission back."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+
+from companion.control.state_machine import Role
+from companion.gcs.parameters import BY_NAME, INDEX, TUNABLES, Tunable
+from companion.gcs.settings import Settings
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import CommandRequest, Fact, ParameterRequest, ParameterSet, Sender
+
+ROLE = "CA_ROLE"
+_ALL_COMPONENTS = 0
+# Slow links carry the list beside everything else: no more of it than this in one tick.
+_LISTED_AT_ONCE = 10
+_LIST_INTERVAL_S = 0.1
+
+
+class Operator:
+    """Holds the role, and answers who asks. `address` is ours.
+
+    Parameters are those of `TUNABLES`. Commands, addressed to our component and no other, are
+    MAV_CMD_DO_SET_MODE with the role as its custom mode, which HEARTBEAT.custom_mode shows, and
+    MAV_CMD_DO_PAUSE_CONTINUE with 1: the mission is to be resumed now, conflict or not. Asked again, they
+    are done again and answered alike, so that a lost answer does no harm.
+    """
+
+    def __init__(self, settings: Settings, address: Callable[[], Sender]) -> None:
+        self.settings = settings
+        self.role = Role[settings.supervisor.role.upper()]
+        self.at_most = Role.FLY  # whatever anybody asks for
+        self.may_resume: Callable[[], bool] = lambda: False
+        self.refusals: list[str] = []  # to be told
+        self.changes: list[str] = []
+        self._configured = self.role
+        self._address = address
+        self._resumes = False
+        self._listing: deque[Tunable] = deque()
+        self._listed_s = -math.inf
+
+    @property
+    def changed_to(self) -> Role | None:
+        """The role, if it is no more the one that was configured."""
+        return None if self.role is self._configured else self.role
+
+    def receive(self, fact: Fact) -> list[Message]:
+        """Do what is asked; the answers to send. What is not for us is not answered."""
+        match fact:
+            case CommandRequest() if fact.target == self._address():
+                return [self._command(fact)]
+            case ParameterSet() if fact.target == self._address() and fact.name in BY_NAME:
+                tunable = BY_NAME[fact.name]
+                self._put(tunable, fact.value)
+                return [self._value(tunable)]
+            case ParameterRequest(name=None, index=None) if self._is_ours(fact.target):
+                self._listing = deque(TUNABLES)
+            case ParameterRequest() if fact.target == self._address():
+                # A read that is meant for every component is the autopilot's.
+                return [self._value(tunable) for tunable in _meant(fact)]
+            case _:
+                pass
+        return []
+
+    def listed(self, now_s: float) -> list[Message]:
+        """What is due of a list that was asked for."""
+        if not self._listing or 0.0 <= now_s - self._listed_s < _LIST_INTERVAL_S - 1e-3:
+            return []
+        self._listed_s = now_s
+        due = min(_LISTED_AT_ONCE, len(self._listing))
+        return [self._value(self._listing.popleft()) for _ in range(due)]
+
+    def take_resume(self) -> bool:
+        """Whether the mission is to be resumed now; once for each time that it was asked."""
+        resumes, self._resumes = self._resumes, False
+        return resumes
+
+    def _command(self, fact: CommandRequest) -> Message:
+        match fact.command:
+            case mavlink.MAV_CMD_DO_SET_MODE:
+                result = _accepted(self._set_mode(*fact.params[:2]))
+            case mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
+                result = _accepted(self._resume(fact.params[0]))
+            case _:
+                result = mavlink.MAV_RESULT_UNSUPPORTED
+        return mavlink.MAVLink_command_ack_message(
+            fact.command, result, 0, 0, fact.sender.system_id, fact.sender.component_id
+        )
+
+    def _set_mode(self, base: float | None, role: float | None) -> bool:
+        """A role for this run: what is to outlast it is set as a parameter."""
+        custom = base is not None and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        if not custom or role not in list(Role) or role > self.at_most:
+            return False
+        self.role = Role(int(role))
+        return True
+
+    def _resume(self, continues: float | None) -> bool:
+        if continues != 1.0 or not self.may_resume():
+            return False  # pausing is not for us: whoever wants that takes the aircraft
+        self._resumes = True
+        return True
+
+    def _put(self, tunable: Tunable, value: float | None) -> None:
+        before = self._shown(tunable)
+        try:
+            if tunable.name == ROLE and value in list(Role) and value > self.at_most:
+                raise ValueError(f"at most {self.at_most:d}")
+            self.settings.put(tunable, value)
+        except ValueError as error:
+            got = "no number" if value is None else f"{value:g}"
+            self.refusals.append(f"{tunable.name} {got} refused: {error}")
+            return
+        if tunable.name == ROLE:
+            self.role = Role[self.settings.supervisor.role.upper()]
+        after = self._shown(tunable)
+        if after != before:
+            self.changes.append(f"{tunable.name} {tunable.shown(after)}, was {before:g}")
+
+    def _shown(self, tunable: Tunable) -> float:
+        return float(self.role) if tunable.name == ROLE else tunable.value(self.settings.config)
+
+    def _value(self, tunable: Tunable) -> Message:
+        return mavlink.MAVLink_param_value_message(
+            tunable.name.encode("ascii"),
+            self._shown(tunable),
+            mavlink.MAV_PARAM_TYPE_REAL32,
+            len(TUNABLES),
+            INDEX[tunable.name],
+        )
+
+    def _is_ours(self, target: Sender) -> bool:
+        own = self._address()
+        return target.system_id in (0, own.system_id) and target.component_id in (
+            _ALL_COMPONENTS,
+            own.component_id,
+        )
+
+
+def _meant(fact: ParameterRequest) -> list[Tunable]:
+    """The one that is to be read, if there is such a one."""
+    if fact.name is not None:
+        return [BY_NAME[fact.name]] if fact.name in BY_NAME else []
+    assert fact.index is not None
+    return [TUNABLES[fact.index]] if fact.index < len(TUNABLES) else []
+
+
+def _accepted(done: bool) -> int:
+    result: int = mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_DENIED
+    return result

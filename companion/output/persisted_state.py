@@ -1,0 +1,66 @@
+"""What must survive a crash of the companion: that it had the aircraft, and what it was told to do."""
+
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from companion.autopilots.adapter import Before
+from companion.control.state_machine import Role
+from companion.geodesy import GeoPoint
+
+# Longer ago than this, whoever is responsible has decided otherwise.
+LONGEST_S = 20.0
+
+
+@dataclass(frozen=True)
+class Held:
+    """State at `time_s` [s, Unix]. `before` is what the aircraft was taken from, `None` when we had it not.
+
+    `role` is set when the operator changed it in flight. `left_behind` is the mode that the autopilot falls
+    into by itself some time after we fell silent. `borrowed` are parameters to put back, by name.
+    """
+
+    time_s: float
+    system_id: int
+    before: Before | None = None
+    role: Role | None = None
+    left_behind: int | None = None
+    borrowed: dict[str, float] = field(default_factory=dict)
+
+    def to_text(self) -> str:
+        """One line of JSON."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_text(cls, text: str) -> "Held | None":
+        """What a former run left; `None` when it is nothing that can be used."""
+        try:
+            raw = json.loads(text)
+            role, left_behind = raw["role"], raw["left_behind"]
+            return cls(
+                float(raw["time_s"]),
+                int(raw["system_id"]),
+                None if raw["before"] is None else _before(raw["before"]),
+                None if role is None else Role(role),
+                None if left_behind is None else int(left_behind),
+                {str(name): float(value) for name, value in raw["borrowed"].items()},
+            )
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
+            return None
+
+    def is_fresh(self, now_s: float) -> bool:
+        """Whether it still says something of who has the aircraft."""
+        return 0.0 <= now_s - self.time_s <= LONGEST_S
+
+
+def _before(raw: Any) -> Before:
+    """The inverse of `asdict`; raises what `Held.from_text` expects."""
+    sequence, target = raw["sequence"], raw["target"]
+    return Before(
+        int(raw["mode"]),
+        None if sequence is None else int(sequence),
+        None if target is None else GeoPoint(*(float(value) for value in target)),
+        float(raw["course_rad"]),
+        float(raw["altitude_m"]),
+        float(raw["airspeed_mps"]),
+    )

@@ -1,0 +1,1 @@
+"""What is known of our own aircraft, and how fresh it is."""

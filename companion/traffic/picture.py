@@ -1,0 +1,65 @@
+"""What is around us: traffic from every source, its heights made comparable with ours, and obstacles."""
+
+from companion.airspace.obstacles import Obstacle, ObstacleMap, ObstacleParams
+from companion.autopilots.adapter import Adapter
+from companion.geodesy import LocalFrame
+from companion.mavlink.facts import (
+    Fact,
+    GeoidSeparation,
+    OwnPosition,
+    OwnTransponder,
+    Parameter,
+    PressureAltitude,
+    Traffic,
+)
+from companion.model import Track
+from companion.traffic import OwnHeights, OwnMotion, Tracker, TrafficParams
+from companion.traffic.mavlink_traffic import Neighbours
+
+
+class Surroundings:
+    """Facts in, tracks out. Its clock is the engine's."""
+
+    def __init__(
+        self, traffic: TrafficParams, obstacles: tuple[Obstacle, ...], obstacle_params: ObstacleParams
+    ) -> None:
+        self.tracker = Tracker(traffic)
+        self._heights = OwnHeights(traffic.heights)
+        self._neighbours = Neighbours()
+        self._obstacles = ObstacleMap(obstacles, obstacle_params)
+
+    def observe_own(self, fact: Fact, now_s: float) -> None:
+        """What our own autopilot says of itself, as far as it helps with others."""
+        match fact:
+            case OwnPosition():
+                self._observe_position(fact, now_s)
+            case PressureAltitude():
+                self._heights.learn_pressure(fact.altitude_m, now_s)
+            case GeoidSeparation():
+                self._heights.learn_separation(fact.separation_m)
+            case Parameter() if fact.name == Adapter.own_icao_parameter and fact.value >= 1.0:
+                self.tracker.learn_own(int(fact.value))
+            case OwnTransponder():
+                self.tracker.learn_own(fact.icao)
+            case _:
+                pass
+
+    def hear(self, fact: Fact, now_s: float) -> str | None:
+        """What somebody reports, of others or of himself; the id of the track that is renewed by it."""
+        report = fact.report if isinstance(fact, Traffic) else self._neighbours.observe(fact, now_s)
+        if report is None:
+            return None
+        self.tracker.datums = self._heights.datums(now_s)
+        return self.tracker.receive(report, now_s)
+
+    def tracks(self, now_s: float, frame: LocalFrame, home_altitude_m: float | None) -> tuple[Track, ...]:
+        """Everything to keep clear of, in the local frame, as of now."""
+        self.tracker.datums = self._heights.datums(now_s)
+        return self.tracker.tracks(now_s, frame) + self._obstacles.tracks(now_s, frame, home_altitude_m)
+
+    def _observe_position(self, fact: OwnPosition, now_s: float) -> None:
+        self._heights.learn_altitude(fact.altitude_m)
+        north_mps, east_mps, down_mps = fact.velocity_mps
+        self.tracker.note_own(
+            OwnMotion(now_s, fact.lat_deg, fact.lon_deg, fact.altitude_m, north_mps, east_mps, -down_mps)
+        )

@@ -1,0 +1,64 @@
+"""What only several moments together tell: rates, silences, the slowest ticks."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from companion.web.live_snapshot import Health
+
+_TICKS = 600  # a minute of ticks
+
+
+class Trends:
+    """Is shown the health of every moment, and says what it comes to. Rates are over the last `over_s`."""
+
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic, over_s: float = 5.0) -> None:
+        self._clock_s = clock_s
+        self._over_s = over_s
+        self._health: deque[tuple[float, Health]] = deque()
+        self._ticks_s: deque[float] = deque(maxlen=_TICKS)
+        self._heard_s: dict[str, float] = {}
+
+    def show(self, health: Health) -> None:
+        """Take note of the next moment."""
+        now_s = self._clock_s()
+        before = {} if not self._health else {link.address: link for link in self._health[-1][1].links}
+        for link in health.links:
+            known = before.get(link.address)
+            if link.frames > (0 if known is None else known.frames):
+                self._heard_s[link.address] = now_s
+        self._health.append((now_s, health))
+        while now_s - self._health[0][0] > self._over_s:
+            self._health.popleft()
+        self._ticks_s.append(health.tick_s)
+
+    def tick_ms_p99(self) -> float | None:
+        """How long ticks took, 99 % of them, in the last minute [ms]."""
+        if not self._ticks_s:
+            return None
+        ordered = sorted(self._ticks_s)
+        return round(1e3 * ordered[int(0.99 * (len(ordered) - 1))], 2)
+
+    def links(self) -> list[dict[str, Any]]:
+        """How each link does."""
+        if not self._health:
+            return []
+        (first_s, first), (last_s, last) = self._health[0], self._health[-1]
+        before = {link.address: link for link in first.links}
+        span_s, told = max(last_s - first_s, 0.1), []
+        for link in last.links:
+            old = before.get(link.address, link)
+            frames, lost = link.frames - old.frames, link.lost - old.lost
+            heard_s = self._heard_s.get(link.address)
+            silent_s = None if heard_s is None else max(last_s - heard_s, 0.0)
+            told.append(
+                {
+                    "address": link.address,
+                    "connected": silent_s is not None and silent_s < self._over_s,
+                    "frames_per_s": round(frames / span_s, 1),
+                    "lost_share": round(lost / (frames + lost), 4) if frames + lost > 0 else 0.0,
+                    "silent_s": None if silent_s is None else round(silent_s, 1),
+                }
+            )
+        return told

@@ -1,0 +1,267 @@
+"""A flight over real UDP on loopback with something wrong: vehicle, receiver, faulty relay and companion.
+
+All share the time of a `VirtualTimeLoop`.
+"""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from companion.avoidance import AvoidanceParams
+from companion.avoidance.cost import CostWeights
+from companion.clock import Clock
+from companion.control.state_machine import State
+from companion.engine import Engine, EngineConfig
+from companion.links import open_link
+from companion.links.udp import UdpInLink
+from companion.mavlink.dialect import Message
+from companion.mavlink.framing import FrameSplitter, decode
+from companion.model import Vec3
+from companion.recording.recorder import Recorder
+from companion.runtime import Runtime
+from sim.clock import ScaledClock
+from sim.faults import Faults
+from sim.files import checked_from
+from sim.metrics import FlightScore
+from sim.relay import Relay
+from sim.scenario import Autopilot, Scenario, World, build_world
+from sim.server import VehicleServer
+from sim.traffic import AdsbReceiver
+from sim.vehicle import FakeVehicle, Truth
+
+START_S = 1_700_000_000.0
+GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
+MISSION = {"ardupilot": "AUTO", "px4": "MISSION"}
+HOLD = 5  # COM_OBL_RC_ACT, as recommended
+# Also a PX4 that loses itself in climbs climbs, where that is the cheapest way.
+CLIMBS = EngineConfig(avoidance=AvoidanceParams(weights=CostWeights(spared_height=0.0)))
+_ASKING = frozenset({511, 512})  # for rates and single messages: commands that command nothing
+
+# So far ahead that a turn is enough: who loses himself in climbs does not climb unless he is asked to.
+MEET_AT_S = 70.0
+HEAD_ON: dict[str, Any] = {
+    "description": "One aircraft head-on at our height.",
+    "duration_s": 300,
+    "home": {"lat_deg": -35.36, "lon_deg": 149.16, "altitude_m": 584.0},
+    "mission": {"takeoff_height_m": 50, "waypoints": [{"north_m": 20000, "east_m": 0, "height_m": 300}]},
+    "start": {"where": "air", "height_m": 300},
+    "intruders": [
+        {"icao": "A00001", "callsign": "HEAD1", "meet_at_s": MEET_AT_S, "from_deg": 0, "speed_mps": 60}
+    ],
+}
+
+
+class Notes(Recorder):
+    """Remembers instead of writing: every message that the companion sent, with its time."""
+
+    def __init__(self) -> None:
+        self.sent_messages: list[tuple[float, Message]] = []
+
+    @property
+    def problem(self) -> None:
+        return None
+
+    def received(self, time_us: int, raw: bytes) -> None:
+        """Not of interest."""
+
+    def sent(self, time_us: int, raw: bytes) -> None:
+        (frame,) = FrameSplitter().feed(raw)
+        message = decode(frame)
+        assert message is not None
+        self.sent_messages.append((time_us / 1e6, message))
+
+    def decision(self, time_us: int, line: str) -> None:
+        """Not of interest."""
+
+    def state(self, time_us: int, line: str) -> None:
+        """Not of interest."""
+
+    def text(self, time_us: int, severity: int, text: str) -> None:
+        """Not of interest."""
+
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def commands(self, since_s: float = 0.0) -> list[Message]:
+        """What was commanded: mode, setpoints, guidance, parameters; not what was merely asked for."""
+        return [
+            message
+            for sent_s, message in self.sent_messages
+            if sent_s >= since_s
+            and message.get_type().startswith(("COMMAND_LONG", "COMMAND_INT", "SET_", "PARAM_SET"))
+            and getattr(message, "command", None) not in _ASKING
+        ]
+
+    def texts(self) -> list[str]:
+        """What the operator was told, chunks put together."""
+        told: list[str] = []
+        for _, message in self.sent_messages:
+            if message.get_type() == "STATUSTEXT":
+                text = message.text if isinstance(message.text, str) else message.text.decode()
+                if message.id and message.chunk_seq:
+                    told[-1] += text
+                else:
+                    told.append(text)
+        return told
+
+
+class DeafReceiver(AdsbReceiver):
+    """An ADS-B receiver that hears nothing while it is `deaf`."""
+
+    deaf = False
+
+    def reports(self, now_s: float, where_m: Vec3 | None = None) -> list[Message]:
+        heard = super().reports(now_s, where_m)
+        return [] if self.deaf else heard
+
+
+@dataclass
+class FaultyFlight:
+    """What a test sees of the flight, and what it may break."""
+
+    autopilot: Autopilot
+    world: World
+    receiver: DeafReceiver
+    clock: ScaledClock
+    relay: Relay
+    runtime: Runtime
+    notes: Notes
+    modes: list[str] = field(default_factory=list)  # each once, in the order of their change
+    was_uncontrolled: bool = False
+    engagements: int = 0
+
+    def __post_init__(self) -> None:
+        self._score = FlightScore(self.world.intruders, (), self.world.start_s)
+
+    @property
+    def vehicle(self) -> FakeVehicle:
+        return self.world.vehicle
+
+    @property
+    def engine(self) -> Engine:
+        return self.runtime.engine
+
+    @property
+    def state(self) -> State:
+        return self.engine.supervisor.state
+
+    @property
+    def now_s(self) -> float:
+        return self.clock.now_s()
+
+    @property
+    def guided(self) -> bool:
+        """Whether the aircraft itself is in the mode that obeys the companion."""
+        return self.vehicle.truth.companion_flies
+
+    @property
+    def nmac(self) -> bool:
+        return any(encounter.nmac for encounter in self._score.encounters.values())
+
+    @property
+    def lowc(self) -> bool:
+        return any(encounter.lowc for encounter in self._score.encounters.values())
+
+    def observe(self, truth: Truth) -> None:
+        if not self.modes or self.modes[-1] != truth.mode:
+            self.modes.append(truth.mode)
+            self.engagements += truth.companion_flies
+        self.was_uncontrolled |= truth.uncontrolled
+        self._score.update(truth.time_s, truth.position_m)
+
+    async def until(self, so: Callable[[], bool], limit_s: float = 60.0) -> None:
+        """Fly on until something is so; the test fails when that takes too long."""
+        async with asyncio.timeout(limit_s):
+            while not so():  # noqa: ASYNC110 - a simulated vehicle sets no events
+                await asyncio.sleep(0.05)
+
+    async def engaged(self) -> None:
+        """Fly on until the companion flies, and has for a moment."""
+        await self.until(lambda: self.guided and self.engine.supervisor.flying)
+        await asyncio.sleep(3.0)
+        assert self.engine.supervisor.flying
+
+    async def resumed(self, limit_s: float = 120.0) -> None:
+        """Fly on until the mission is flown again, and for some more time."""
+        await self.until(lambda: self.vehicle.truth.on_mission, limit_s)
+        await asyncio.sleep(6.0)
+        assert self.vehicle.truth.on_mission
+        assert not self.engine.supervisor.flying
+
+    async def fly(self, seconds: float) -> None:
+        await asyncio.sleep(seconds)
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports of loopback that nobody uses at the moment."""
+    with contextlib.ExitStack() as open_sockets:
+        sockets = [open_sockets.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(count)]
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return [each.getsockname()[1] for each in sockets]
+
+
+def world_of(
+    autopilot: Autopilot, *, below_m: float = 0.0, lost_stream: int = HOLD, start_s: float = START_S
+) -> tuple[World, DeafReceiver]:
+    """The aircraft on its mission, and one that comes head-on, so much below: then it climbs away."""
+    (intruder,) = HEAD_ON["intruders"]
+    scenario = HEAD_ON | {"intruders": [intruder | {"miss_height_m": -below_m}]}
+    world = build_world(checked_from(scenario, Scenario, "test"), start_s, autopilot=autopilot)
+    if autopilot == "px4":
+        world.vehicle.parameters.record("COM_OBL_RC_ACT", lost_stream)
+    receiver = DeafReceiver(world.intruders, world.frame, start_s)
+    return replace(world, receiver=receiver), receiver
+
+
+@contextlib.asynccontextmanager
+async def faulty_flight(
+    autopilot: Autopilot,
+    *,
+    forth: Faults | None = None,
+    back: Faults | None = None,
+    engine: EngineConfig | None = None,
+    lost_stream: int = HOLD,
+    below_m: float = 0.0,
+    clock: Clock | None = None,
+) -> AsyncIterator[FaultyFlight]:
+    """Fly while the block runs; at its end the companion is told to stop, and must have given back.
+
+    `forth` are the faults on the way from the vehicle to the companion. `clock` is the companion's own.
+    """
+    loop = asyncio.get_running_loop()
+    world, receiver = world_of(autopilot, below_m=below_m, lost_stream=lost_stream)
+    shared = ScaledClock(1.0, start_s=START_S, monotonic_s=loop.time)
+    near, far = free_ports(2)
+    relay = Relay(f"udpin:127.0.0.1:{far}", f"udpout:127.0.0.1:{near}", forth=forth, back=back)
+    config = engine or EngineConfig()
+    link = UdpInLink(f"udpin:127.0.0.1:{near}", "127.0.0.1", near, loop.time)
+    notes = Notes()
+    runtime = Runtime(Engine(config), [link], recorder=notes, clock=clock or shared)
+    flight = FaultyFlight(autopilot, world, receiver, shared, relay, runtime, notes)
+    server = VehicleServer(
+        world.vehicle,
+        [open_link(f"udpout:127.0.0.1:{far}")],
+        shared,
+        receiver=receiver,
+        observe=flight.observe,
+    )
+    await relay.open()
+    running = asyncio.create_task(runtime.run())
+    flying = asyncio.create_task(server.run())
+    try:
+        yield flight
+        runtime.stop()
+        await running
+        assert not flight.was_uncontrolled
+    finally:
+        running.cancel()
+        server.close()
+        await asyncio.gather(running, flying, return_exceptions=True)
+        relay.close()

@@ -1,0 +1,96 @@
+"""The display's application on a port of loopback, and the few ways in which tests ask it."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from companion.engine import Engine
+from companion.web.app import build
+from companion.web.live_snapshot import Health, Moment, moment_of
+from companion.web.loop_times import LoopTimes
+from companion.web.serving import listen, serve
+from companion.web.settings import Settings
+from companion.web.source import Live, Source
+from sim.closed_loop import ClosedLoop
+from sim.scenario import load_scenario
+
+TOKEN = "a-token-of-tests"
+
+
+@dataclass
+class Answer:
+    """What came back over HTTP."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+
+@dataclass
+class Site:
+    """A server that runs, and what it was asked for."""
+
+    port: int
+    roles: list[str]
+
+    async def ask(
+        self, path: str, *, method: str = "GET", headers: Mapping[str, str] | None = None, body: bytes = b""
+    ) -> Answer:
+        """One request, by another implementation of HTTP."""
+        return await asyncio.to_thread(self._ask, path, method, dict(headers or {}), body)
+
+    def _ask(self, path: str, method: str, headers: dict[str, str], body: bytes) -> Answer:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10.0)
+        with contextlib.closing(connection):
+            connection.request(method, path, body=body or None, headers=headers)
+            answer = connection.getresponse()
+            return Answer(answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read())
+
+    @property
+    def stream(self) -> str:
+        """The address of the WebSocket."""
+        return f"ws://127.0.0.1:{self.port}/ws"
+
+
+@contextlib.asynccontextmanager
+async def site(source: Source, settings: Settings | None = None, port: int = 0) -> AsyncIterator[Site]:
+    """The application over a source, until the block ends."""
+    settings = replace(settings or Settings(), port=port)
+    opened = listen(settings)
+    roles: list[str] = []
+    running = asyncio.create_task(serve(build(source, settings, roles.append), opened))
+    try:
+        yield Site(opened.getsockname()[1], roles)
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+def health(**changes: Any) -> Health:
+    """A service that does well."""
+    return replace(Health.of(12.0, LoopTimes(), ()), **changes)
+
+
+def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> Moment:
+    """What there is to be seen so long after a scenario began."""
+    engine = Engine()
+    loop = ClosedLoop(load_scenario(scenario), engine)
+    loop.run(seconds)
+    now_s = loop.start_us / 1e6 + seconds
+    return replace(moment_of(engine, now_s, health()), **changes)
+
+
+def live(moment: Moment | None = None) -> Live:
+    """A flight of which one moment is known."""
+    source = Live()
+    if moment is not None:
+        source.show(moment)
+    return source

@@ -1,0 +1,64 @@
+"""Tracks whose height is not quite known need more room above and below, and nothing else changes."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from companion.avoidance import AvoidanceParams, Avoider
+from companion.avoidance.assess import matters, tracks_at
+from companion.model import Goal, Layer, Ownship, Track, TrafficKind
+
+PARAMS = AvoidanceParams()
+GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)
+OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0, (0.0, 0.0))
+OVER = Track("A", 0.0, (3000.0, 0.0, -420.0), (-60.0, 0.0, 0.0))  # 120 m above
+
+
+@pytest.mark.parametrize("kind", [TrafficKind.AIRCRAFT, TrafficKind.OBSTACLE])
+@pytest.mark.parametrize("protected_m", [None, 40.0])
+def test_it_is_added_to_the_protected_height(kind: TrafficKind, protected_m: float | None) -> None:
+    sure = replace(OVER, kind=kind, protected_vertical_m=protected_m)
+    unsure = replace(sure, vertical_uncertainty_m=60.0)
+    known, unknown = (tracks_at(0.0, [track], PARAMS, GOAL) for track in (sure, unsure))
+    more_m = unknown.protected_vertical_m - known.protected_vertical_m
+    assert more_m == pytest.approx(60.0 * (1.0 + PARAMS.vertical_margin))
+    assert unknown.protected_horizontal_m == known.protected_horizontal_m
+
+
+def test_who_passes_overhead_needs_more_room() -> None:
+    assert Avoider(PARAMS).decide(0.0, OWN, [OVER], GOAL).layer is Layer.CLEAR
+    unsure = replace(OVER, vertical_uncertainty_m=80.0)
+    decision = Avoider(PARAMS).decide(0.0, OWN, [unsure], GOAL)
+    assert decision.layer is not Layer.CLEAR
+    assert decision.guidance is not None
+
+
+def test_reports_stay_true_distances() -> None:
+    near = replace(OVER, position_m=(3000.0, 0.0, -330.0))
+    sure = Avoider(PARAMS).decide(0.0, OWN, [near], GOAL).threats[0]
+    unsure = Avoider(PARAMS).decide(0.0, OWN, [replace(near, vertical_uncertainty_m=80.0)], GOAL).threats[0]
+    assert unsure == sure
+    assert sure.miss_vertical_m == pytest.approx(30.0)
+
+
+def test_passing_over_or_under_keeps_the_bare_volume_with_all_of_it_against_us() -> None:
+    level = replace(OVER, position_m=(4500.0, 0.0, -300.0), vertical_uncertainty_m=50.0)
+    guidance = Avoider(PARAMS).decide(0.0, OWN, [level], GOAL).guidance
+    assert guidance is not None
+    if guidance.course_rad == 0.0:
+        assert abs(guidance.altitude_m - 300.0) >= PARAMS.well_clear_vertical_m + 50.0
+
+
+@pytest.mark.parametrize("uncertain_m", [math.inf, 1e5])
+def test_a_height_that_is_not_known_at_all_leaves_only_the_sides(uncertain_m: float) -> None:
+    decision = Avoider(PARAMS).decide(0.0, OWN, [replace(OVER, vertical_uncertainty_m=uncertain_m)], GOAL)
+    assert decision.guidance is not None
+    assert abs(math.remainder(decision.guidance.course_rad, math.tau)) > math.radians(5.0)
+
+
+def test_nonsense_is_no_uncertainty() -> None:
+    assert not matters(replace(OVER, vertical_uncertainty_m=math.nan))
+    negative = replace(OVER, vertical_uncertainty_m=-500.0)
+    one, other = (tracks_at(0.0, [track], PARAMS, GOAL) for track in (OVER, negative))
+    assert one.protected_vertical_m == other.protected_vertical_m

@@ -1,0 +1,519 @@
+"""Configuration files: what loads, and the one line that every mistake gets."""
+
+import dataclasses
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from companion.address import NetworkAddress, NetworkKind, SerialAddress, parse_address
+from companion.airspace.fence_zones import FenceZone
+from companion.config import Config, RecordingParams, describe, load_config
+from companion.config.document import Leaf, parse_document
+from companion.engine import AircraftLimits, EngineConfig
+from companion.errors import ConfigError, LinkError
+from companion.links import open_link
+from tests.support.paths import CONFIGS
+
+LINKS = "links: ['udpin:0.0.0.0:14550']\n"
+
+
+def load(tmp_path: Path, text: str | bytes) -> Config:
+    path = tmp_path / "c.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return load_config(path)
+
+
+def refusal(tmp_path: Path, text: str | bytes) -> str:
+    """The message of a refused file, with its folder taken away."""
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, text)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"{tmp_path}/c.yaml:")
+    return message.removeprefix(f"{tmp_path}/")
+
+
+# --- what loads --------------------------------------------------------------------------------------
+
+
+def test_links_alone_are_enough(tmp_path: Path) -> None:
+    config = load(tmp_path, LINKS)
+    assert config == Config(links=("udpin:0.0.0.0:14550",))
+    assert config.recording == RecordingParams(enabled=True, directory=Path("recordings"))
+    assert config.autopilot == "auto"
+    assert config.for_engine() == EngineConfig()
+
+
+def test_values_reach_their_fields(tmp_path: Path) -> None:
+    config = load(
+        tmp_path,
+        """
+links: ["udpin:0.0.0.0:14550", "udpout:[::1]:14551"]
+autopilot: px4
+recording: {enabled: false, directory: /tmp/flights 1}
+engine: {system_id: 7, component_id: 195}
+supervisor:
+  take_over_from: [MISSION]
+traffic:
+  stale_s: 30
+  own_icao: [0x4B1234, 10]
+  estimate: {position_sigma_m: 1e1}
+avoidance:
+  outer_time_s: 45
+  envelope:
+    max_bank_deg: 45
+    max_turn_rate_degps: 12.5
+    min_altitude_m: null
+    max_altitude_m: 600
+""",
+    )
+    assert config.links == ("udpin:0.0.0.0:14550", "udpout:[::1]:14551")
+    assert config.autopilot == "px4"
+    assert config.recording == RecordingParams(enabled=False, directory=Path("/tmp/flights 1"))
+    assert (config.engine.system_id, config.engine.component_id) == (7, 195)
+    assert config.supervisor.take_over_from == ("MISSION",)
+    assert config.traffic.stale_s == 30.0
+    assert isinstance(config.traffic.stale_s, float)
+    assert config.traffic.own_icao == frozenset({0x4B1234, 10})
+    assert config.traffic.estimate.position_sigma_m == 10.0
+    assert config.avoidance.outer_time_s == 45.0
+    envelope = config.avoidance.envelope
+    assert envelope.max_bank_rad == math.radians(45)
+    assert envelope.max_turn_rate_radps == math.radians(12.5)
+    assert (envelope.min_altitude_m, envelope.max_altitude_m) == (None, 600.0)
+    assert config.for_engine().avoidance is config.avoidance
+
+
+def test_a_section_of_comments_only_has_its_defaults(tmp_path: Path) -> None:
+    assert load(tmp_path, LINKS + "avoidance:\n  # outer_time_s: 40\n") == load(tmp_path, LINKS)
+
+
+def test_a_byte_order_mark_is_harmless(tmp_path: Path) -> None:
+    assert load(tmp_path, b"\xef\xbb\xbf" + LINKS.encode()) == load(tmp_path, LINKS)
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.name)
+def test_the_examples_load_by_path_or_text_and_describe_what_they_hold(path: Path, tmp_path: Path) -> None:
+    config = load_config(str(path))
+    assert config == load_config(path)
+    assert load(tmp_path, describe(config)) == config
+
+
+def test_there_are_examples() -> None:
+    assert {"arduplane.yaml", "px4.yaml", "sitl.yaml"} <= {path.name for path in CONFIGS.glob("*.yaml")}
+
+
+# --- wrong values ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("avoidance:\n  outer_time_s: -3", "3: avoidance.outer_time_s: must be at least 0 (got -3)"),
+        ("avoidance:\n  outer_time_s: fast", "3: avoidance.outer_time_s: must be a number (got fast)"),
+        ("avoidance:\n  outer_time_s: '60'", "3: avoidance.outer_time_s: must be a number (got 60)"),
+        ("avoidance:\n  outer_time_s: true", "3: avoidance.outer_time_s: must be a number (got true)"),
+        ("avoidance:\n  outer_time_s:", "3: avoidance.outer_time_s: must be a number (got nothing)"),
+        ("avoidance:\n  outer_time_s: [60]", "3: avoidance.outer_time_s: must be a number"),
+        ("avoidance:\n  outer_time_s: {a: 1}", "3: avoidance.outer_time_s: must not be a mapping"),
+        ("avoidance:\n  outer_time_s: .nan", "3: avoidance.outer_time_s: must be a finite number (got .nan)"),
+        (
+            "avoidance:\n  outer_time_s: -.inf",
+            "3: avoidance.outer_time_s: must be a finite number (got -.inf)",
+        ),
+        (
+            "avoidance:\n  outer_time_s: 1e999",
+            "3: avoidance.outer_time_s: must be a finite number (got 1e999)",
+        ),
+        ("avoidance:\n  priced_tracks: 1.5", "3: avoidance.priced_tracks: must be a whole number (got 1.5)"),
+        ("avoidance:\n  priced_tracks: 2.0", "3: avoidance.priced_tracks: must be a whole number (got 2.0)"),
+        ("avoidance: 3", "2: avoidance: must be a mapping (got 3)"),
+        ("avoidance: [3]", "2: avoidance: must be a mapping"),
+        (
+            "avoidance:\n  envelope:\n    max_bank_deg: 85",
+            "4: avoidance.envelope.max_bank_deg: must be less than 80 (got 85)",
+        ),
+        (
+            "avoidance:\n  delta_beta_deg: 181",
+            "3: avoidance.delta_beta_deg: must be at most 180 (got 181)",
+        ),
+        (
+            "avoidance:\n  envelope: {min_airspeed_mps: 20, max_airspeed_mps: 10}",
+            "3: avoidance.envelope: min_airspeed_mps must not exceed max_airspeed_mps",
+        ),
+        ("traffic: {max_tracks: 0}", "2: traffic.max_tracks: must be at least 1 (got 0)"),
+        (
+            "traffic: {repeat_window_s: 25}",
+            "2: traffic: repeat_window_s must be less than stale_s, or hovering traffic disappears",
+        ),
+        ("traffic:\n  own_icao:\n  - 1\n  - x", "5: traffic.own_icao[1]: must be a whole number (got x)"),
+        ("traffic: {own_icao: 3}", "2: traffic.own_icao: must be a list (got 3)"),
+        ("autopilot: apm", "2: autopilot: must be 'auto', 'ardupilot' or 'px4' (got apm)"),
+        ("recording: {enabled: yes}", "2: recording.enabled: must be true or false (got yes)"),
+        ("recording: {enabled: 1}", "2: recording.enabled: must be true or false (got 1)"),
+        ("recording: {directory: 3}", "2: recording.directory: must be text (got 3)"),
+        ("supervisor: {take_over_from: []}", "2: supervisor.take_over_from: must be a list of at least 1"),
+        ("supervisor: {take_over_from: [1]}", "2: supervisor.take_over_from[0]: must be text (got 1)"),
+        (
+            "engine:\n  position_fresh_s: 3\n  position_stale_s: 2",
+            "2: engine: position_fresh_s must not exceed position_stale_s",
+        ),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_line_and_what_is_allowed(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    assert refusal(tmp_path, LINKS + text) == f"c.yaml:{message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("supervisor: {take_over_from: [AUTO, MANUAL]}", "MANUAL is never taken over from"),
+        ("supervisor: {take_over_from: [OFFBOARD]}", "OFFBOARD is never taken over from"),
+        ("supervisor: {take_over_from: [TAKEOFF]}", "TAKEOFF is never taken over from"),
+        ("autopilot: px4\nsupervisor: {take_over_from: [AUTO]}", "px4 has none of these modes"),
+        ("autopilot: ardupilot\nsupervisor: {take_over_from: [HOLD]}", "ardupilot has none of these modes"),
+        (
+            "engine: {max_height_m: 30}\nsupervisor: {min_height_m: 30}",
+            "engine.max_height_m must be above supervisor.min_height_m",
+        ),
+    ],
+)
+def test_what_contradicts_itself_does_not_start(tmp_path: Path, text: str, words: str) -> None:
+    assert words in refusal(tmp_path, LINKS + text)
+
+
+@pytest.mark.parametrize("system_id", ["0", "255", "robot"])
+def test_alternatives_of_one_value_make_one_message(tmp_path: Path, system_id: str) -> None:
+    message = refusal(tmp_path, f"{LINKS}engine:\n  system_id: {system_id}")
+    assert re.fullmatch(
+        rf"c\.yaml:3: engine\.system_id: must be 'auto' or (at least 1|at most 254|a whole number) "
+        rf"\(got {system_id}\)",
+        message,
+    )
+
+
+def test_of_several_mistakes_the_first_in_the_file_is_named(tmp_path: Path) -> None:
+    text = "avoidance:\n  inner_time_s: -1\n  outer_time_s: -3\nautopilot: apm\n"
+    assert refusal(tmp_path, text + LINKS).startswith("c.yaml:2: avoidance.inner_time_s: ")
+
+
+def test_a_long_value_is_cut_short(tmp_path: Path) -> None:
+    message = refusal(tmp_path, LINKS + "autopilot: " + "x" * 500)
+    assert message.endswith("(got " + "x" * 60 + "...)")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("autopilot: px4", "1: links: is required"),
+        ("links: []", "1: links: must be a list of at least 1"),
+        ("links: 'udpin:0.0.0.0:1'", "1: links: must be a list (got udpin:0.0.0.0:1)"),
+        ("links:\n- 14550", "2: links[0]: must be text (got 14550)"),
+        ("links:\n- udpin:a:1\n- udpin:a:1", "1: links: the same address twice"),
+        (
+            "links:\n- udpin:a:1\n- upd:a:2",
+            "3: links[1]: 'upd:a:2' is no link address: "
+            "use udpin|udpout|tcpin|tcpout:HOST:PORT or serial:/dev/NAME:BAUD",
+        ),
+        ("links: ['udpout:a:0']", "1: links[0]: udpout:a:0: 0 is no port to send to"),
+    ],
+)
+def test_a_wrong_link_is_named(tmp_path: Path, text: str, message: str) -> None:
+    assert refusal(tmp_path, text) == f"c.yaml:{message}"
+
+
+# --- wrong keys --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("avoidence: {}", "2: avoidence: is unknown, did you mean avoidance?"),
+        (
+            "avoidance:\n  outer_times: 3",
+            "3: avoidance.outer_times: is unknown, did you mean outer_time_s?",
+        ),
+        (
+            "avoidance:\n  delta_beta_rad: 0.1",
+            "3: avoidance.delta_beta_rad: is unknown, did you mean delta_beta_deg?",
+        ),
+        (
+            "recording: {zzz: 1}",
+            "2: recording.zzz: is unknown, allowed are directory, enabled, max_file_mb, max_total_mb",
+        ),
+        ("autopilot: px4\nautopilot: px4", "3: autopilot: is here twice, first on line 2"),
+        (
+            "avoidance:\n  outer_time_s: 3\n  outer_time_s: 4",
+            "4: outer_time_s: is here twice, first on line 3",
+        ),
+        ("3: 4", "2: a key must be text"),
+        ("[a]: 4", "2: a key must be text"),
+        ("null: 4", "2: a key must be text"),
+        ("<<: {autopilot: px4}", "2: <<: is unknown, allowed are "),
+    ],
+)
+def test_a_wrong_key_is_named(tmp_path: Path, text: str, message: str) -> None:
+    assert refusal(tmp_path, LINKS + text).startswith(f"c.yaml:{message}")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('"a\\nb\\e[31m": 1', "2: a b?[31m: is unknown, "),
+        ("x" * 500 + ": 1", "2: " + "x" * 60 + "...: is unknown, "),
+        ("? " + "x" * 5000 + "\n: 1\n? " + "x" * 5000 + "\n: 1", "4: " + "x" * 60 + "...: is here twice, "),
+        ("a: !" + "x" * 5000 + " {}", "2: tags (!" + "x" * 59 + "...) are not supported"),
+        ('autopilot: "a\\nb"', "2: autopilot: must be 'auto', 'ardupilot' or 'px4' (got a b)"),
+    ],
+    ids=["control characters", "long key", "long key twice", "long tag", "two lines"],
+)
+def test_what_a_message_quotes_is_short_and_printable(tmp_path: Path, text: str, message: str) -> None:
+    assert refusal(tmp_path, LINKS + text).startswith(f"c.yaml:{message}")
+
+
+def test_a_long_address_is_quoted_in_part(tmp_path: Path) -> None:
+    assert len(refusal(tmp_path, f"links: ['{'x' * 5000}']")) < 250
+
+
+# --- files that are no configuration -----------------------------------------------------------------
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"^.*/none\.yaml: cannot be read: No such file or directory$"):
+        load_config(tmp_path / "none.yaml")
+    with pytest.raises(ConfigError, match=r": cannot be read: Is a directory$"):
+        load_config(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "# only a comment\n", "---\n", "~", "null\n"])
+def test_an_empty_file_is_refused(tmp_path: Path, text: str) -> None:
+    assert refusal(tmp_path, text) == "c.yaml: is empty"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("- links", "1: must be a mapping of keys to values"),
+        ("\nlinks", "2: must be a mapping of keys to values"),
+        (LINKS + "a: [1, 2", "2: not valid YAML: expected ',' or ']', but got '<stream end>'"),
+        (LINKS + "\ta: 1", "2: not valid YAML: found character '\\t' that cannot start any token"),
+        (LINKS + "---\n" + LINKS, "2: not valid YAML: but found another document"),
+        (LINKS + "a: \x00", "2: not valid YAML: special characters are not allowed"),
+        (LINKS.encode() + b"a: \xff\xfe", "2: is not UTF-8 text"),
+        (LINKS + "a: !!python/object:os.system 1", "2: tags (tag:yaml.org,2002:python/object:os.system)"),
+        (LINKS + "a: !mine {}", "2: tags (!mine) are not supported"),
+        (LINKS + "a: !!set {b}", "2: tags (tag:yaml.org,2002:set) are not supported"),
+        (LINKS + "a: !!int b", "2: tags (tag:yaml.org,2002:int) are not supported"),
+        (LINKS + "a: &b 1\nc: *b", "2: anchors (&) and aliases (*) are not supported"),
+        (LINKS + "a: *b", "2: anchors (&) and aliases (*) are not supported"),
+        (LINKS + "a: " + "9" * 5000, "2: a number of 5000 characters"),
+        (LINKS + "a: " + "[" * 100_000, "2: is nested too deeply"),
+        (LINKS + "a: " + "{b: " * 50, "2: is nested too deeply"),
+        (LINKS + "a: [" + "1, " * 20_000 + "1]", "2: has too many values, this is no configuration"),
+        ("#" * (1 << 20) + "\n" + LINKS, " is larger than 1 MiB, this is no configuration"),
+    ],
+    ids=lambda value: str(value)[:40].encode("ascii", "replace").decode() if isinstance(value, str) else "",
+)
+def test_a_file_that_is_no_configuration_is_refused(tmp_path: Path, text: str | bytes, message: str) -> None:
+    assert refusal(tmp_path, text).startswith(f"c.yaml:{message}")
+
+
+def test_a_bomb_of_aliases_is_refused_at_its_fuse(tmp_path: Path) -> None:
+    bomb = "a: &a [x, x, x, x, x, x, x, x, x]\n"
+    for before, here in zip("abcdefgh", "bcdefghi", strict=True):
+        bomb += f"{here}: &{here} [" + ", ".join([f"*{before}"] * 9) + "]\n"
+    assert refusal(tmp_path, bomb) == "c.yaml:1: anchors (&) and aliases (*) are not supported"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e3", 1000.0),
+        (".5", 0.5),
+        ("-2.", -2.0),
+        ("+7", 7),
+        ("010", 10),
+        ("0x1F", 31),
+        ("0o17", 15),
+        ("True", True),
+        ("no", "no"),
+        ("on", "on"),
+        ("12:30", "12:30"),
+        ("2024-01-01", "2024-01-01"),
+        ("1_000", "1_000"),
+        ("'3'", "3"),
+        ("", None),
+        ("''", ""),
+        ("!!float 3", 3.0),
+        ("!!str 3", "3"),
+    ],
+)
+def test_scalars_mean_what_they_look_like(text: str, value: object) -> None:
+    _, leaf = parse_document(f"a: {text}", "t").entries["a"]
+    assert isinstance(leaf, Leaf)
+    assert leaf.value == value
+    assert type(leaf.value) is type(value)
+
+
+# --- the effective configuration ---------------------------------------------------------------------
+
+
+def test_a_description_is_complete_in_degrees_and_loads_to_the_same(tmp_path: Path) -> None:
+    written = (
+        "links: ['udpin:0.0.0.0:14550', 'udpout:[::1]:14551']\n"
+        "recording: {directory: 'a folder: \"mine\"'}\n"
+        "traffic: {own_icao: [0x4B1234, 10], stale_s: 33.3}\n"
+        "avoidance: {delta_beta_deg: 7.3, envelope: {max_bank_deg: 41.7, max_altitude_m: 512.5}}\n"
+    )
+    config = load(tmp_path, written)
+    text = describe(config)
+    assert "\n  own_icao: [0x00000A, 0x4B1234]\n" in text
+    assert "\n  delta_beta_deg: 7.3\n" in text
+    assert "\n    max_bank_deg: 41.7\n" in text
+    assert "\n    min_altitude_m: null\n" in text
+    assert "\n  enabled: true\n" in text
+    assert not re.search(r"_rad(ps)?:", text)
+    assert load(tmp_path, text) == config
+
+
+FENCES = """aircraft: {max_bank_deg: 35, max_climb_mps: 2.5, loiter_radius_m: -80}
+fences:
+  - inclusion: true
+    vertices_deg: [[47, 8], [47, 8.1], [47.1, 8.05]]
+  - {inclusion: false, centre_deg: [47.05, 8.05], radius_m: 300, min_height_m: 0, max_height_m: 150}
+"""
+
+
+def test_limits_and_fences_are_read_and_described(tmp_path: Path) -> None:
+    config = load(tmp_path, LINKS + FENCES)
+    assert config.aircraft == AircraftLimits(
+        max_bank_rad=math.radians(35), max_climb_mps=2.5, loiter_radius_m=-80.0
+    )
+    assert config.fences == (
+        FenceZone(True, vertices_deg=((47.0, 8.0), (47.0, 8.1), (47.1, 8.05))),
+        FenceZone(False, centre_deg=(47.05, 8.05), radius_m=300.0, min_height_m=0.0, max_height_m=150.0),
+    )
+    assert load(tmp_path, describe(config)) == config
+    engine = config.for_engine()
+    assert (engine.aircraft, engine.fences) == (config.aircraft, config.fences)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("aircraft: {max_bank_deg: 85}", "2: aircraft.max_bank_deg: must be less than 80 (got 85)"),
+        (
+            "aircraft: {min_airspeed_mps: 20, max_airspeed_mps: 10}",
+            "2: aircraft: min_airspeed_mps must not exceed max_airspeed_mps",
+        ),
+        (
+            "fences:\n  - inclusion: true\n    radius_m: 20",
+            "3: fences[0]: must have either vertices_deg, or centre_deg and radius_m",
+        ),
+        ("fences:\n  - radius_m: 20", "3: fences[0].inclusion: is required"),
+        (
+            "fences: [{inclusion: true, centre: 3}]",
+            "2: fences[0].centre: is unknown, did you mean centre_deg?",
+        ),
+    ],
+)
+def test_wrong_limits_and_fences_are_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        load(tmp_path, LINKS + text)
+    assert str(error.value).endswith(message)
+
+
+def test_a_description_names_every_field() -> None:
+    config = Config(links=("udpin:0.0.0.0:14550",))
+    keys = re.findall(r"^ *(\w+):", describe(config), flags=re.MULTILINE)
+
+    def count(section: object) -> int:
+        assert dataclasses.is_dataclass(section)
+        values = [getattr(section, field.name) for field in dataclasses.fields(section)]
+        return len(values) + sum(count(value) for value in values if dataclasses.is_dataclass(value))
+
+    assert len(keys) == count(config)
+
+
+@pytest.mark.parametrize("text", ["true", "Null", "no", "a b", "1", "", "-", "x: y", "#", 'q"', "é", "a\nb"])
+def test_any_text_survives_description(tmp_path: Path, text: str) -> None:
+    config = Config(links=("udpin:h:1",), recording=RecordingParams(directory=Path(text)))
+    assert load(tmp_path, describe(config)) == config
+    json.dumps(describe(config))
+
+
+# --- addresses ---------------------------------------------------------------------------------------
+
+
+def test_addresses_are_understood() -> None:
+    udp_in, tcp_out = NetworkKind.UDP_IN, NetworkKind.TCP_OUT
+    assert parse_address("udpin:0.0.0.0:14550") == NetworkAddress(udp_in, "0.0.0.0", 14550)
+    assert parse_address("udpout:plane.local:1") == NetworkAddress(NetworkKind.UDP_OUT, "plane.local", 1)
+    assert parse_address("udpin:[::1]:0?listen") == NetworkAddress(udp_in, "::1", 0, listen_only=True)
+    assert parse_address("tcpout:plane.local:5760") == NetworkAddress(tcp_out, "plane.local", 5760)
+    assert parse_address("serial:/dev/ttyACM0") == SerialAddress("/dev/ttyACM0", 57_600)
+    assert parse_address("serial:/dev/ttyUSB0:921600?listen") == SerialAddress(
+        "/dev/ttyUSB0", 921_600, listen_only=True
+    )
+    by_path = "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0"
+    assert parse_address(f"serial:{by_path}") == SerialAddress(by_path, 57_600)
+    assert parse_address(f"serial:{by_path}:115200") == SerialAddress(by_path, 115_200)
+
+
+@pytest.mark.parametrize(
+    "links",
+    [
+        "[udpin:h:1, 'udpin:h:1?listen']",
+        "[serial:/dev/ttyACM0, serial:/dev/ttyACM0:115200]",
+    ],
+)
+def test_one_place_cannot_be_two_links(tmp_path: Path, links: str) -> None:
+    assert refusal(tmp_path, f"links: {links}\n") == "c.yaml:1: links: the same address twice"
+
+
+ADDRESSES = [
+    "udpin:0.0.0.0:14550",
+    "udpin:[fe80::1%eth0]:14550",
+    "udpin:h:0",
+    "udpout:h:0",
+    "udpout:h:65535",
+    "udpout:h:65536",
+    "udpout:h:123456",
+    "udpout:h:-1",
+    "udpout::1",
+    "udpout:h",
+    "udpout:::1:5",
+    "UDPIN:h:1",
+    "udpin:h:1 ",
+    "tcp:h:1",
+    "tcpin:h:0",
+    "tcpout:h:0",
+    "udpin:h:1?listen",
+    "udpout:h:1?listen",
+    "udpin:h:1?listen?listen",
+    "udpin:h:1?talk",
+    "serial:/dev/ttyACM0",
+    "serial:/dev/ttyACM0:9600?listen",
+    "serial:ttyACM0",
+    "serial:/dev/ttyACM0:300",
+    "serial:/dev/tty ACM0",
+    "",
+]
+
+
+@pytest.mark.parametrize("text", ADDRESSES)
+def test_the_configuration_accepts_what_the_links_can_open(text: str) -> None:
+    def refused_by(what: object) -> bool:
+        assert callable(what)
+        try:
+            what(text)
+        except LinkError:
+            return True
+        return False
+
+    assert refused_by(parse_address) == refused_by(open_link)

@@ -1,0 +1,74 @@
+"""Asking for a mode: on evidence, with patience, never against what the heartbeat shows."""
+
+from companion.control.mode_request import ModeRequest, Progress
+
+AUTO, GUIDED, FBWA = 10, 15, 5
+
+
+def sent(request: ModeRequest, mode: int, heartbeats_s: list[float], until_s: float) -> list[float]:
+    """When it is sent, decided every tenth of a second."""
+    times = []
+    for tenth in range(round(until_s * 10) + 1):
+        now_s = tenth / 10
+        heartbeat_s = max((at for at in heartbeats_s if at <= now_s), default=-1.0)
+        if request.due(mode, heartbeat_s, now_s):
+            times.append(now_s)
+    return times
+
+
+def test_sent_again_while_heartbeats_show_the_old_mode() -> None:
+    request = ModeRequest(AUTO, GUIDED, 0.0)
+    assert sent(request, AUTO, [n / 5 for n in range(20)], 2.0) == [0.0, 1.0, 2.0]
+
+
+def test_without_heartbeats_only_a_few_times() -> None:
+    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 1, "never to take it over"
+    assert len(sent(ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3), GUIDED, [0.0], 60.0)) == 4
+
+
+def test_accepted_means_wait_and_see() -> None:
+    request = ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3)
+    assert request.due(GUIDED, 0.0, 0.0)
+    request.accepted(0.2)
+    assert sent(request, GUIDED, [n / 5 for n in range(16)], 3.1) == []
+
+
+def test_never_against_a_third_mode() -> None:
+    assert sent(ModeRequest(GUIDED, AUTO, 0.0), FBWA, [0.0, 0.2, 0.4], 10.0) == []
+
+
+def test_progress_by_heartbeats_since_the_request() -> None:
+    request = ModeRequest(AUTO, GUIDED, 10.0)
+    assert request.progress(FBWA, 9.9) is Progress.WAITING, "older than the request"
+    assert request.progress(AUTO, 10.1) is Progress.WAITING
+    assert request.progress(GUIDED, 10.2) is Progress.CONFIRMED
+    assert request.progress(FBWA, 10.2) is Progress.OVERRULED
+
+
+def test_the_wanted_mode_seen_too_soon_does_not_count() -> None:
+    request = ModeRequest(GUIDED, AUTO, 10.0, settle_s=1.0)
+    assert request.progress(AUTO, 10.5) is Progress.WAITING
+    assert request.progress(AUTO, 11.1) is Progress.CONFIRMED
+
+
+def test_a_postponed_request_is_made_again_with_the_next_heartbeat() -> None:
+    request = ModeRequest(10, 15, 0.0)
+    assert request.due(10, 0.0, 0.0)
+    request.postponed(0.1)
+    assert not request.due(10, 0.3, 0.3)
+    assert not request.due(10, 0.0, 0.6), "no heartbeat since the last try"
+    assert request.due(10, 0.3, 0.6)
+    assert (request.refusals, request.postponements) == (0, 1)
+
+
+def test_refusals_make_it_patient() -> None:
+    request = ModeRequest(GUIDED, AUTO, 0.0)
+    heartbeats = [n / 5 for n in range(500)]
+    times = []
+    for tenth in range(300):
+        now_s = tenth / 10
+        if request.due(GUIDED, max(at for at in heartbeats if at <= now_s), now_s):
+            times.append(now_s)
+            request.refused(now_s)
+    assert times[:3] == [0.0, 1.0, 3.0]
+    assert len(times) <= 9

@@ -1,0 +1,282 @@
+"""Whose the aircraft is: nothing is sent against him, and nothing is left with nobody flying it."""
+
+import pytest
+
+from companion.control.state_machine import State, SupervisorParams
+from companion.mavlink.dialect import Message
+from companion.mavlink.facts import FenceStatus, MissionProgress, NavigationTarget
+from companion.output.persisted_state import Held
+from tests.support.pilots_seat import (
+    AUTO,
+    AUTOPILOT,
+    FBWA,
+    GUIDED,
+    LOITER,
+    MISSION,
+    OFFBOARD,
+    PX4,
+    REPOSITION,
+    SELECT_ITEM,
+    SET_MODE,
+    T0,
+    Seat,
+)
+
+FLYING = (State.OUTER, State.INNER)
+
+
+def commands(messages: list[Message]) -> list[int]:
+    return [message.command for message in messages if hasattr(message, "command")]
+
+
+def modes(messages: list[Message]) -> list[int]:
+    """The modes asked for."""
+    return [round(m.param2) for m in messages if getattr(m, "command", None) == SET_MODE]
+
+
+def test_a_pilot_who_flies_by_the_guided_mode_himself_is_left_alone() -> None:
+    seat = Seat()
+    seat.until(*FLYING)
+    seat.mode = LOITER
+    seat.fly(3.0)
+    assert seat.state is State.HANDS_OFF
+    seat.mode = GUIDED  # "fly to here"
+    assert seat.fly(20.0) == []
+    assert seat.mode == GUIDED
+
+
+def test_another_target_given_in_the_guided_mode_is_kept_to() -> None:
+    seat = Seat(rules=SupervisorParams(take_over_from=("AUTO", "GUIDED")))
+    seat.mode = GUIDED
+    seat.tell(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
+    while seat.state not in FLYING:
+        seat.tell(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
+        seat.fly(0.5)
+    seat.fly(1.0)
+    seat.tell(NavigationTarget(AUTOPILOT, -35.0, 149.1, 884.0))
+    seat.fly(0.1)
+    assert seat.state is State.HANDS_OFF
+    assert seat.fly(8.0) == []
+
+
+def test_left_in_the_guided_mode_with_nobody_flying_it_it_is_given_back() -> None:
+    seat = Seat()
+    seat.until(*FLYING)
+    seat.status = 5
+    seat.fly(0.5)
+    assert seat.state is State.HANDS_OFF
+    seat.status = 4
+    seat.fly(4.0)
+    assert seat.mode == GUIDED
+    assert modes(seat.fly(4.0))[0] == AUTO
+
+
+def test_what_was_never_asked_for_needs_no_giving_back() -> None:
+    seat = Seat(PX4)
+    seat.until(State.ENGAGING)
+    seat.set_role(1)
+    sent = seat.fly(3.0)
+    assert SET_MODE not in commands(seat.sent), "the stream had only begun"
+    assert commands(sent) == []
+    assert seat.state in (State.MONITOR, State.STANDBY)
+
+
+def test_a_refusal_of_the_first_request_says_nothing_of_the_second() -> None:
+    seat = Seat()
+    seat.obeys = lambda _message: False
+    seat.until(State.ENGAGING)
+    seat.fly(1.3)
+    assert commands(seat.sent).count(SET_MODE) == 2
+    seat.answer(SET_MODE, 4)
+    seat.fly(0.2)
+    assert seat.state is State.STANDBY
+    seat.obeys = lambda _message: True
+    seat.mode = GUIDED  # the second one was on its way
+    assert modes(seat.fly(1.0)) == [AUTO]
+
+
+def test_a_request_that_overtakes_nothing_and_comes_very_late_is_undone() -> None:
+    seat = Seat()
+    seat.obeys = lambda _message: False
+    seat.until(State.ENGAGING)
+    seat.set_role(1)
+    seat.fly(2.0)
+    assert seat.state in (State.MONITOR, State.STANDBY)
+    seat.obeys = lambda _message: True
+    seat.mode = GUIDED  # a repeated datagram
+    seat.fly(3.0)
+    assert seat.mode == AUTO
+
+
+def given_back(seat: Seat) -> None:
+    """Past the intruder, on the mission again."""
+    seat.meet_s = T0 + 15.0
+    seat.fly(0.5)
+    seat.tell(MissionProgress(AUTOPILOT, 4))
+    seat.until(*FLYING)
+    seat.until(State.MONITOR, limit_s=120.0)
+    assert seat.mode == AUTO
+
+
+def test_the_mission_item_is_not_asked_for_when_the_pilot_has_the_aircraft() -> None:
+    seat = Seat()
+    given_back(seat)
+    seat.tell(MissionProgress(AUTOPILOT, 1))
+    assert SELECT_ITEM in commands(seat.fly(0.2))
+    seat.mode = FBWA
+    seat.fly(0.3)
+    assert seat.fly(5.0) == []
+
+
+def test_an_item_that_the_pilot_chose_is_his() -> None:
+    seat = Seat()
+    given_back(seat)
+    seat.mode = LOITER
+    seat.fly(1.0)
+    seat.tell(MissionProgress(AUTOPILOT, 1))
+    seat.mode = AUTO
+    assert SELECT_ITEM not in commands(seat.fly(5.0))
+
+
+def test_without_heartbeats_the_aircraft_is_not_flown_on() -> None:
+    seat = Seat()
+    seat.until(*FLYING)
+    seat.heartbeats = False
+    seat.fly(7.0)
+    assert not seat.engine.supervisor.flying
+    seat.heartbeats, seat.mode = True, FBWA
+    seat.fly(1.0)
+    assert seat.fly(5.0) == []
+
+
+def test_no_stream_goes_out_to_an_autopilot_that_is_not_heard() -> None:
+    seat = Seat(PX4)
+    seat.until(*FLYING)
+    seat.heartbeats = seat.positions = False
+    seat.obeys = lambda _message: False
+    seat.fly(12.0)
+    sent = seat.fly(5.0)
+    assert [message for message in sent if message.get_type() != "PARAM_SET"] == [], "it would enter anew"
+
+
+def test_the_pilots_mode_ends_a_stop_whatever_else_is_wrong() -> None:
+    seat = Seat()
+    seat.until(*FLYING)
+    seat.obeys = lambda _message: False
+    seat.stop()
+    seat.status = 5
+    seat.fly(0.5)
+    assert seat.state is State.STOPPING
+    seat.mode = FBWA
+    seat.fly(0.5)
+    assert seat.engine.finished
+    assert seat.fly(5.0) == []
+
+
+def test_nothing_is_put_right_on_the_ground() -> None:
+    seat = Seat()
+    seat.until(*FLYING)
+    seat.armed = False
+    seat.fly(0.5)
+    assert seat.state is State.HANDS_OFF
+    assert seat.fly(20.0) == []
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_fence_that_is_off_is_breached_no_more(heard: bool) -> None:
+    seat = Seat()
+    seat.tell(FenceStatus(AUTOPILOT, True))
+    for _ in range(20):
+        if heard:
+            seat.tell(FenceStatus(AUTOPILOT, True))
+        seat.fly(1.0)
+    assert (seat.state is State.STANDBY) is heard
+
+
+# --- PX4
+
+
+def test_a_poisoned_controller_is_not_given_back() -> None:
+    seat = Seat(PX4)
+    seat.until(*FLYING)
+    seat.fly(3.0)
+    seat.finite, seat.intruder = False, False
+    seat.meet_s -= 1e4
+    seat.fly(40.0)
+    assert seat.mode == OFFBOARD
+    seat.finite = True
+    seat.fly(6.0)
+    assert seat.mode == MISSION
+
+
+def test_one_bad_attitude_setpoint_and_then_silence_is_no_poison() -> None:
+    seat = Seat(PX4)
+    seat.until(*FLYING)
+    adapter = seat.engine.aircraft.adapter
+    assert adapter is not None
+    seat.finite = False
+    seat.fly(0.1)
+    assert not adapter.poisoned(seat.now_s)
+    assert not adapter.poisoned(seat.now_s + 5.0)
+
+
+def test_the_speed_is_put_back_before_the_service_ends() -> None:
+    seat = Seat(PX4)
+    seat.until(*FLYING)
+    adapter = seat.engine.aircraft.adapter
+    assert adapter is not None
+    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    seat.obeys = lambda message: message.get_type() != "PARAM_SET"
+    seat.stop()
+    seat.fly(3.0)
+    assert seat.mode == MISSION
+    assert not seat.engine.finished
+    seat.obeys = lambda _message: True
+    seat.fly(2.0)
+    assert seat.trim_mps == 15.0
+    assert seat.engine.finished
+
+
+def test_the_stream_after_a_late_entry_begins_with_velocity_alone() -> None:
+    seat = Seat(PX4)
+    seat.obeys = lambda _message: False
+    seat.until(State.ENGAGING)
+    seat.until(State.STANDBY)
+    seat.mode = OFFBOARD
+    setpoints = [m for m in seat.fly(0.4) if m.get_type().startswith("SET_POSITION")]
+    assert setpoints[0].type_mask == 3527
+
+
+def test_the_target_of_the_guided_mode_is_given_again_when_it_got_lost() -> None:
+    seat = Seat(rules=SupervisorParams(take_over_from=("AUTO", "GUIDED")))
+    seat.mode = GUIDED
+    while seat.state not in FLYING:
+        seat.tell(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
+        seat.fly(0.5)
+    seat.set_role(1)
+    assert commands(seat.fly(6.0)).count(REPOSITION) >= 2
+    assert seat.state in (State.MONITOR, State.STANDBY)
+
+
+def test_a_speed_borrowed_from_another_aircraft_is_not_put_into_this_one() -> None:
+    for system_id, expected in ((1, [15.0]), (2, [])):
+        seat = Seat(PX4)
+        seat.intruder = False
+        held = Held(T0 - 3600.0, system_id, borrowed={"FW_AIRSPD_TRIM": 15.0})
+        seat.engine.recover(held.to_text(), T0, 0.0)
+        sent = seat.fly(3.0)
+        assert [message.param_value for message in sent] == expected
+
+
+def test_an_emergency_gives_back_the_speed_too() -> None:
+    seat = Seat(PX4)
+    seat.until(*FLYING)
+    seat.fly(1.0)
+    adapter = seat.engine.aircraft.adapter
+    assert adapter is not None
+    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    sent = [m for tick in range(14) for m in seat.engine.emergency_release(seat.now_s + tick / 10)]
+    assert MISSION >> 16 & 0xFF in modes(sent)
+    assert next(m.param_value for m in sent if m.get_type() == "PARAM_SET") == 15.0
+    setpoints = [m for m in sent if m.get_type().startswith("SET_POSITION")]
+    assert {m.alt for m in setpoints} == {884.0}, "level"

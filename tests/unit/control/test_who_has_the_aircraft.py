@@ -1,0 +1,146 @@
+"""Everything that ends ours at once, and everything that keeps it from beginning."""
+
+from collections.abc import Callable
+
+import pytest
+
+from companion.control.state_machine import State
+from companion.mavlink.facts import Fact, FenceStatus, LandedState, MissionProgress, Parameter, RcChannels
+from tests.support.pilots_seat import ARDUPILOT, AUTOPILOT, FBWA, PX4, Seat
+
+FLYING = (State.OUTER, State.INNER)
+CENTRED, ROLLED = RcChannels(AUTOPILOT, (1500,) * 4), RcChannels(AUTOPILOT, (1700, 1500, 1500, 1500))
+LANDING, ON_GROUND, TAKING_OFF = (LandedState(AUTOPILOT, state) for state in (4, 1, 3))
+BREACHED = FenceStatus(AUTOPILOT, True)
+
+
+def says(*facts: Fact) -> Callable[[Seat], None]:
+    return lambda seat: seat.says.extend(facts)
+
+
+def becomes(name: str, value: object) -> Callable[[Seat], None]:
+    return lambda seat: setattr(seat, name, value)
+
+
+CLAIMS = {
+    "sticks moved": says(ROLLED),
+    "failsafe": becomes("status", 5),
+    "flight termination": becomes("status", 8),
+    "landing": says(LANDING),
+    "on the ground": says(ON_GROUND),
+    "fence breached": says(BREACHED),
+    "disarmed": becomes("armed", False),
+    "mode changed": becomes("mode", FBWA),
+}
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+@pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
+def test_whose_it_is_has_it_at_once_and_keeps_it(claim: Callable[[Seat], None], autopilot: int) -> None:
+    seat = Seat(autopilot)
+    seat.says = [CENTRED]
+    seat.until(*FLYING)
+    claim(seat)
+    seat.fly(0.2)  # heard with the next heartbeat
+    assert seat.state is State.HANDS_OFF
+    assert seat.fly(4.5) == []
+
+
+@pytest.mark.parametrize("state", [State.ENGAGING, State.RELEASING])
+def test_sticks_count_on_the_way_in_and_out_too(state: State) -> None:
+    seat = Seat(PX4)
+    seat.says = [CENTRED]
+    seat.until(State.ENGAGING)
+    if state is State.RELEASING:
+        seat.until(*FLYING)
+        seat.obeys = lambda _message: False
+        seat.set_role(1)
+        seat.fly(0.1)
+    assert seat.state is state
+    seat.says = [ROLLED]
+    seat.fly(0.1)
+    assert seat.state is State.HANDS_OFF
+
+
+def test_sticks_are_compared_with_where_they_are_at_each_take_over() -> None:
+    seat = Seat()
+    seat.says = [ROLLED]
+    seat.fly(0.5)
+    seat.says = [CENTRED]
+    seat.fly(0.5)
+    seat.until(*FLYING)
+    seat.set_role(1)
+    seat.until(State.STANDBY)
+    seat.says = [ROLLED]  # trimmed otherwise, in between
+    seat.fly(1.0)
+    seat.set_role(2)
+    seat.until(*FLYING)
+    seat.fly(1.0)
+    assert seat.state in FLYING
+
+
+HINDRANCES = {
+    "failsafe": becomes("status", 6),
+    "fence": says(BREACHED),
+    "on the ground": says(ON_GROUND),
+    "taking off": says(TAKING_OFF),
+    "landing": says(LANDING),
+    "low": becomes("height_m", 29.0),
+    "disarmed": becomes("armed", False),
+    "another mode": becomes("mode", FBWA),
+    "no fixed wing": becomes("vehicle_type", 2),
+    "no position": becomes("positions", False),
+    "another avoider": says(
+        Parameter(AUTOPILOT, "AVD_ENABLE", 1.0), Parameter(AUTOPILOT, "AVD_F_ACTION", 2.0)
+    ),
+    "told to advise": lambda seat: seat.set_role(1),
+}
+
+
+@pytest.mark.parametrize("hindrance", HINDRANCES.values(), ids=HINDRANCES)
+def test_what_is_no_aircraft_to_take_over_is_sent_nothing(hindrance: Callable[[Seat], None]) -> None:
+    seat = Seat()
+    hindrance(seat)
+    seat.says.append(MissionProgress(AUTOPILOT, 3))
+    assert seat.fly(6.0) == []
+    assert seat.state is State.STANDBY
+
+
+def test_an_aircraft_without_hindrance_is_taken_over() -> None:
+    seat = Seat()
+    seat.until(*FLYING, limit_s=6.0)
+
+
+def test_a_position_that_grows_old_begins_nothing() -> None:
+    seat = Seat()
+    seat.intruder = False
+    seat.fly(2.0)
+    seat.positions = False
+    seat.fly(0.6)
+    seat.intruder = True
+    seat.fly(1.2)
+    assert seat.state is State.STANDBY
+    assert seat.sent == []
+
+
+def test_a_mode_that_was_heard_too_long_ago_begins_nothing() -> None:
+    seat = Seat(PX4)
+    seat.intruder = False
+    seat.fly(2.0)
+    seat.heartbeats = False
+    seat.fly(1.6)
+    seat.intruder = True
+    seat.fly(1.5)
+    assert seat.state is not State.ENGAGING
+    assert seat.sent == []
+
+
+def test_a_settled_aircraft_is_taken_up_again_after_the_time_that_is_configured() -> None:
+    seat = Seat()
+    seat.until(*FLYING)
+    seat.mode = FBWA
+    seat.fly(1.0)
+    seat.mode, before_s = 10, seat.now_s
+    seat.meet_s = seat.now_s + 500.0  # clear for now
+    seat.until(State.MONITOR)
+    assert 5.0 <= seat.now_s - before_s <= 9.5

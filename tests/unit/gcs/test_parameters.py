@@ -1,0 +1,173 @@
+"""The table of settings: every row within its range, and nothing that a configuration file would refuse."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from companion.avoidance import AvoidanceParams
+from companion.avoidance.control import Control
+from companion.control.state_machine import SupervisorParams
+from companion.engine import EngineConfig, EngineParams
+from companion.gcs.parameters import BY_NAME, TUNABLES, Tunable, values_changed, with_values
+from companion.gcs.settings import Settings
+
+DEFAULT = EngineConfig()
+# What has to be set first, for the far end of a range to agree with the other settings.
+MAKES_ROOM: dict[str, dict[str, float]] = {
+    "CA_INNER_DIST": {"CA_OUTER_DIST": 20_000.0},
+    "CA_OUTER_DIST": {"CA_INNER_DIST": 50.0},
+    "CA_OUTER_TIME": {"CA_INNER_TIME": 5.0},
+}
+every = pytest.mark.parametrize("tunable", TUNABLES, ids=lambda tunable: tunable.name)
+
+
+def loads(config: EngineConfig) -> bool:
+    """Whether the loader of configuration files would take it."""
+    adapter: TypeAdapter[Any] = TypeAdapter(EngineConfig)
+    try:
+        adapter.validate_json(adapter.dump_json(config), strict=True)
+    except ValidationError:
+        return False
+    return True
+
+
+def test_what_the_loader_refuses_is_told_from_what_it_takes() -> None:
+    assert loads(DEFAULT)
+    assert not loads(replace(DEFAULT, avoidance=AvoidanceParams(outer_time_s=90.0)))
+
+
+@every
+def test_a_name_fits_the_wire_and_tells_whose_it_is(tunable: Tunable) -> None:
+    assert tunable.name.startswith("CA_")
+    assert len(tunable.name) <= 16
+    assert tunable.name.isascii()
+    assert len(tunable.words) <= 40
+
+
+def test_no_name_and_no_field_is_there_twice() -> None:
+    assert len(BY_NAME) == len(TUNABLES) == len({tunable.field for tunable in TUNABLES})
+
+
+@every
+def test_what_is_flown_by_default_can_be_set(tunable: Tunable) -> None:
+    value = tunable.value(DEFAULT)
+    assert tunable.lowest <= value <= tunable.highest
+    assert tunable.put(DEFAULT, value, DEFAULT) == DEFAULT
+
+
+@every
+@pytest.mark.parametrize("bound", ["lowest", "highest"])
+def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(tunable: Tunable, bound: str) -> None:
+    before, refused = with_values(DEFAULT, MAKES_ROOM.get(tunable.name, {}))
+    assert not refused
+    value = getattr(tunable, bound)
+    config = tunable.put(before, value, DEFAULT)
+    assert tunable.value(config) == value
+    assert loads(config)
+    assert values_changed(config, before).keys() <= {tunable.name}
+
+
+@every
+def test_beyond_its_bounds_it_is_refused(tunable: Tunable) -> None:
+    for value in (
+        tunable.lowest - max(1e-3, abs(tunable.lowest) * 1e-5),
+        tunable.highest + max(1e-3, tunable.highest * 1e-5),
+        -3.4e38,
+        3.4e38,
+        1e300,
+        math.inf,
+        math.nan,
+        None,
+    ):
+        with pytest.raises(ValueError, match=r"\w"):
+            tunable.put(DEFAULT, value, DEFAULT)
+
+
+@pytest.mark.parametrize("name", ["CA_ROLE", "CA_UNITS", "CA_CONTROLS"])
+def test_a_choice_is_a_whole_number(name: str) -> None:
+    with pytest.raises(ValueError, match="whole"):
+        BY_NAME[name].put(DEFAULT, 0.5 if name == "CA_UNITS" else 1.5, DEFAULT)
+
+
+def test_the_course_is_always_among_the_controls() -> None:
+    controls = BY_NAME["CA_CONTROLS"]
+    assert controls.put(DEFAULT, 5.0, DEFAULT).avoidance.controls == {Control.HEADING, Control.HEIGHT}
+    for bits in (2.0, 4.0, 6.0):
+        with pytest.raises(ValueError, match="course"):
+            controls.put(DEFAULT, bits, DEFAULT)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("CA_INNER_DIST", 2000.0), ("CA_OUTER_DIST", 299.0), ("CA_INNER_TIME", 60.5), ("CA_OUTER_TIME", 15.0)],
+)
+def test_what_contradicts_another_setting_is_refused(name: str, value: float) -> None:
+    with pytest.raises(ValueError, match=r"\w"):
+        BY_NAME[name].put(DEFAULT, value, DEFAULT)
+
+
+def test_the_ceiling_stays_above_the_floor() -> None:
+    ceiling, floor = BY_NAME["CA_HEIGHT_MAX"], BY_NAME["CA_HEIGHT_MIN"]
+    config = ceiling.put(DEFAULT, 120.0, DEFAULT)
+    assert config.engine.max_height_m == 120.0
+    with pytest.raises(ValueError, match="above"):
+        floor.put(config, 120.0, DEFAULT)
+    with pytest.raises(ValueError, match="above"):
+        ceiling.put(config, 30.0, DEFAULT)
+    assert ceiling.put(config, 0.0, DEFAULT) == DEFAULT
+
+
+def test_what_a_file_may_say_more_than_the_wire_can_be_set_back() -> None:
+    configured = EngineConfig(supervisor=SupervisorParams(min_height_m=1.0 / 3.0))
+    floor = BY_NAME["CA_HEIGHT_MIN"]
+    tuned = floor.put(configured, 50.0, configured)
+    with pytest.raises(ValueError, match="10 to 1000 m"):
+        floor.put(tuned, 0.4, configured)
+    again = floor.put(tuned, floor.value(configured), configured)
+    assert again == configured
+    assert values_changed(again, configured) == {}
+
+
+def test_a_number_is_what_was_meant_not_what_32_bits_make_of_it() -> None:
+    sent = 0.20000000298023224  # 0.2 as it comes from the wire
+    assert BY_NAME["CA_MARGIN_H"].put(DEFAULT, sent, DEFAULT).avoidance.horizontal_margin == 0.2
+    assert BY_NAME["CA_BEGIN_FAR"].put(DEFAULT, sent, DEFAULT).avoidance.begin_far == 0.2
+    assert BY_NAME["CA_WC_HORIZ"].put(DEFAULT, 609.5999755859375, DEFAULT) == DEFAULT
+
+
+def test_values_that_agree_only_together_are_all_taken_in_any_order() -> None:
+    values = {"CA_INNER_DIST": 4000.0, "CA_OUTER_DIST": 5000.0, "CA_INNER_TIME": 9.0, "CA_OUTER_TIME": 10.0}
+    for names in (list(values), list(reversed(values))):
+        config, refused = with_values(DEFAULT, {name: values[name] for name in names})
+        assert refused == []
+        assert values_changed(config, DEFAULT) == values
+
+
+def test_of_what_was_saved_the_usable_is_used_and_the_rest_named() -> None:
+    saved = {
+        "CA_OUTER_TIME": 45, "CA_DOMAIN": 500, "CA_OLD": 1.0, "CA_ROLE": "off", "CA_UNITS": True,
+        "CA_SETTLE": 10**400, "CA_INNER_DIST": 2000.0,
+    }  # fmt: skip
+    config, refused = with_values(DEFAULT, saved)
+    assert values_changed(config, DEFAULT) == {"CA_OUTER_TIME": 45.0}
+    assert refused == [
+        "CA_DOMAIN: 500 refused: 0 to 180 deg",
+        "CA_OLD: unknown",
+        "CA_ROLE: must be a number",
+        "CA_UNITS: must be a number",
+        "CA_SETTLE: must be a number",
+        "CA_INNER_DIST: 2000 refused: the inner layer must not reach further than the outer layer",
+    ]
+
+
+def test_settings_hold_what_differs_from_the_configuration() -> None:
+    configured = EngineConfig(engine=EngineParams(max_height_m=400.0))
+    settings = Settings(configured, {"CA_HEIGHT_MAX": 0.0, "CA_OUTER_TIME": 60.0})
+    assert settings.engine.max_height_m is None
+    assert settings.changed == {"CA_HEIGHT_MAX": 0.0}
+    settings.put(BY_NAME["CA_HEIGHT_MAX"], 400.0)
+    assert settings.changed == {}
+    assert settings.config == configured

@@ -1,0 +1,304 @@
+"""One aircraft heard in several ways is one track; two aircraft stay two; we are none."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from companion.geodesy import LocalFrame
+from companion.model import (
+    AltitudeReference,
+    Track,
+    TrafficKind,
+    TrafficReport,
+    TrafficSource,
+    Vec3,
+    adsb_key,
+)
+from companion.traffic import Datum, Dropped, OwnMotion, Tracker, TrafficParams
+from companion.traffic.altitude_datums import AS_REPORTED
+
+FRAME = LocalFrame(47.4, 8.5)
+FAST: Vec3 = (45.0, 20.0, 0.0)
+KEYS = {TrafficSource.ADSB: "4B1234", TrafficSource.UTM: "UTM-A1", TrafficSource.SYSTEM: "SYS-7"}
+REFERENCES = {
+    TrafficSource.ADSB: AltitudeReference.BAROMETRIC,
+    TrafficSource.UTM: AltitudeReference.GEOMETRIC,
+    TrafficSource.SYSTEM: AltitudeReference.SEA_LEVEL,
+}
+ADSB, UTM, SYSTEM = TrafficSource
+
+
+def report(
+    source: TrafficSource,
+    time_s: float,
+    off_m: Vec3 = (0.0, 0.0, 0.0),
+    *,
+    velocity_mps: Vec3 = FAST,
+    key: str | None = None,
+) -> TrafficReport:
+    """What one source says at a time of an aircraft that flies straight, `off_m` beside its path."""
+    north_m, east_m, down_m = (v * time_s + o for v, o in zip(velocity_mps, off_m, strict=True))
+    place = FRAME.to_geo(north_m, east_m, down_m - 500.0)
+    key = key or KEYS[source]
+    return TrafficReport(
+        source, key, time_s, place.lat_deg, place.lon_deg, place.altitude_m, REFERENCES[source],
+        course_rad=math.atan2(velocity_mps[1], velocity_mps[0]) % (2.0 * math.pi),
+        ground_speed_mps=math.hypot(*velocity_mps[:2]), climb_mps=-velocity_mps[2],
+        icao=int(key, 16) if source is ADSB else None,
+    )  # fmt: skip
+
+
+def ids(tracker: Tracker, now_s: float) -> list[str]:
+    return [track.track_id for track in tracker.tracks(now_s, FRAME)]
+
+
+def only(tracker: Tracker, now_s: float) -> Track:
+    (track,) = tracker.tracks(now_s, FRAME)
+    return track
+
+
+@pytest.mark.parametrize("pair", [(ADSB, UTM), (ADSB, SYSTEM), (UTM, SYSTEM)], ids=str)
+def test_two_ways_to_hear_one_aircraft_become_one_track_after_some_reports(
+    pair: tuple[TrafficSource, TrafficSource],
+) -> None:
+    tracker, counts = Tracker(), []
+    for second in range(12):
+        for source in pair:
+            off_m = (10.0, 15.0, 12.0) if source is UTM else (0.0, 0.0, 0.0)
+            assert tracker.receive(report(source, float(second), off_m), second)
+        counts.append(len(ids(tracker, second)))
+    assert counts == [2] * 4 + [1] * 8
+    track = only(tracker, 12.0)
+    assert track.track_id == ("SYS-7" if ADSB not in pair else "4B1234")
+    assert track.icao == (0x4B1234 if pair[0] is ADSB else None)
+    assert tracker.without_position(12.0) == 0
+
+
+def test_three_ways_become_one_and_a_report_names_the_common_track() -> None:
+    tracker = Tracker()
+    for second in range(12):
+        renewed = [tracker.receive(report(source, float(second)), second) for source in TrafficSource]
+    assert renewed == ["4B1234"] * 3
+    assert ids(tracker, 12.0) == ["4B1234"]
+
+
+@pytest.mark.parametrize(
+    ("off_m", "velocity_mps"),
+    [
+        ((0.0, 150.0, 0.0), FAST),  # abreast
+        ((0.0, 0.0, -120.0), FAST),  # above
+        ((0.0, 0.0, 0.0), (-45.0, 20.0, 0.0)),  # crossing, at the same place once
+        ((-150.0, -66.0, 0.0), FAST),  # behind
+        ((0.0, 30.0, 0.0), (45.0, 20.0, -5.0)),  # climbing through
+    ],
+)
+def test_two_aircraft_heard_in_different_ways_stay_two(off_m: Vec3, velocity_mps: Vec3) -> None:
+    tracker = Tracker()
+    for second in range(-20, 20):
+        tracker.receive(report(ADSB, float(second)), second)
+        tracker.receive(report(UTM, float(second), off_m, velocity_mps=velocity_mps), second)
+        assert len(ids(tracker, second)) == 2
+
+
+def test_two_of_one_source_are_never_one() -> None:
+    tracker = Tracker()
+    for second in range(30):
+        for source, keys in (
+            (ADSB, ("4B1234", "4B1235")),
+            (UTM, ("UTM-A1", "UTM-A2")),
+            (SYSTEM, ("SYS-7", "SYS-8")),
+        ):
+            for key in keys:
+                tracker.receive(report(source, float(second), key=key), second)
+    # Each source hears two, so two there are.
+    assert ids(tracker, 30.0) == ["4B1234", "4B1235"]
+
+
+def test_in_a_formation_each_is_merged_with_itself() -> None:
+    tracker = Tracker()
+    for second in range(20):
+        for off_m, address, name in (
+            ((0.0, 0.0, 0.0), "4B0001", "UTM-A1"),
+            ((0.0, 150.0, 0.0), "4B0002", "UTM-A2"),
+        ):
+            tracker.receive(report(ADSB, float(second), off_m, key=address), second)
+            tracker.receive(report(UTM, float(second), (off_m[0] + 25.0, off_m[1], 0.0), key=name), second)
+    assert ids(tracker, 20.0) == ["4B0001", "4B0002"]
+    assert tracker.receive(report(UTM, 21.0, (25.0, 150.0, 0.0), key="UTM-A2"), 21.0) == "4B0002"
+
+
+def test_what_was_one_splits_only_when_clearly_apart_for_some_reports() -> None:
+    tracker = Tracker()
+    for second in range(10):
+        tracker.receive(report(ADSB, float(second)), second)
+        tracker.receive(report(UTM, float(second)), second)
+    assert len(ids(tracker, 9.0)) == 1
+    # 100 m aside is too far to merge, and not far enough to split.
+    for second in range(10, 30):
+        tracker.receive(report(ADSB, float(second)), second)
+        tracker.receive(report(UTM, float(second), (0.0, 5.0 * min(second - 9, 20), 0.0)), second)
+        assert len(ids(tracker, second)) == 1
+    counts = []
+    for second in range(30, 60):
+        tracker.receive(report(ADSB, float(second)), second)
+        tracker.receive(report(UTM, float(second), (0.0, 100.0 + 5.0 * (second - 29), 0.0)), second)
+        counts.append(len(ids(tracker, second)))
+    assert counts[0] == 1
+    assert counts[-1] == 2
+    assert counts == sorted(counts), "no to and fro"
+
+
+def test_a_single_wrong_report_neither_merges_nor_splits() -> None:
+    tracker = Tracker()
+    for second in range(30):
+        tracker.receive(report(ADSB, float(second)), second)
+        off_m = (0.0, 400.0, 0.0) if second == 15 else (0.0, 0.0, 0.0)
+        tracker.receive(report(UTM, float(second), off_m), second)
+        if second >= 5:
+            assert len(ids(tracker, second)) == 1
+
+
+def test_the_fresher_leads_and_then_the_more_accurate() -> None:
+    tracker = Tracker()
+    for second in range(10):
+        tracker.receive(report(ADSB, float(second)), second)
+        tracker.receive(replace(report(UTM, float(second), (20.0, 0.0, 0.0)), position_sigma_m=2.0), second)
+    truth_north_m = FAST[0] * 9.0
+    assert only(tracker, 9.0).position_m[0] == pytest.approx(truth_north_m + 20.0, abs=0.5), "more accurate"
+    for second in range(10, 20):
+        tracker.receive(report(ADSB, float(second)), second)
+    track = only(tracker, 19.0)
+    assert track.position_m[0] == pytest.approx(FAST[0] * 19.0, abs=0.5), "fresher"
+    assert (track.track_id, track.age_s) == ("4B1234", 0.0)
+
+
+def test_when_one_way_falls_silent_the_other_goes_on() -> None:
+    tracker = Tracker()
+    for second in range(10):
+        tracker.receive(report(ADSB, float(second)), second)
+        tracker.receive(report(UTM, float(second)), second)
+    for second in range(10, 40):
+        tracker.receive(report(UTM, float(second)), second)
+        (track,) = tracker.tracks(second, FRAME)
+        assert track.track_id == ("4B1234" if second < 30 else "UTM-A1")
+        assert track.age_s == 0.0
+    tracker.receive(replace(report(UTM, 40.0), airborne=False), 40.0)
+    assert ids(tracker, 40.0) == []
+
+
+def test_the_common_track_has_the_height_that_compares_best() -> None:
+    tracker = Tracker()
+    tracker.datums = {**AS_REPORTED, AltitudeReference.BAROMETRIC: Datum(0.0, 60.0)}
+    for second in range(10):
+        # Barometers are 66 m off; the gate allows for it, as it is known not to be known.
+        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second)
+        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second)
+    track = only(tracker, 9.0)
+    assert track.position_m[2] == pytest.approx(-500.0)
+    assert track.vertical_uncertainty_m == 4.0
+    tracker.datums = {**AS_REPORTED, AltitudeReference.GEOMETRIC: Datum(0.0, 50.0)}
+    assert only(tracker, 9.0).position_m[2] == pytest.approx(-434.0)
+
+
+def test_who_stands_on_the_ground_is_no_traffic() -> None:
+    tracker = Tracker()
+    tracker.receive(report(UTM, 0.0), 0.0)
+    assert ids(tracker, 0.0) == ["UTM-A1"]
+    assert tracker.receive(replace(report(UTM, 1.0), airborne=False), 1.0) is None
+    assert ids(tracker, 1.0) == []
+    assert tracker.dropped == {Dropped.ON_GROUND: 1}
+
+
+# --- ourselves -----------------------------------------------------------------------------------
+
+
+def fly_own(tracker: Tracker, from_s: int, until_s: int) -> None:
+    """Our own position at 10 Hz, along the path of `report`, at whole seconds `until_s` included."""
+    for tick in range(from_s * 10, until_s * 10 + 1):
+        note_own(tracker, tick / 10.0)
+
+
+def note_own(tracker: Tracker, time_s: float) -> None:
+    place = FRAME.to_geo(FAST[0] * time_s, FAST[1] * time_s, -500.0)
+    tracker.note_own(OwnMotion(time_s, place.lat_deg, place.lon_deg, 500.0, FAST[0], FAST[1], 0.0))
+
+
+@pytest.mark.parametrize("source", TrafficSource)
+@pytest.mark.parametrize("late_s", [0, 1, 2, 3])
+def test_what_was_where_we_were_is_ourselves_at_once_and_stays_so(source: TrafficSource, late_s: int) -> None:
+    tracker = Tracker()
+    fly_own(tracker, 0, 9)
+    for second in range(10, 40):
+        fly_own(tracker, second - 1, second)
+        late = replace(report(source, float(second - late_s), (4.0, -6.0, 5.0)), time_s=float(second))
+        assert tracker.receive(late, second) is None
+        assert ids(tracker, second) == []
+    assert tracker.dropped == {Dropped.OWN: 30}
+    assert tracker.without_position(40.0) == 0
+
+
+def test_who_comes_to_us_is_not_ourselves_even_as_near_as_that() -> None:
+    tracker = Tracker()
+    for second in range(30):
+        fly_own(tracker, second - 1, second)
+        nearer = report(ADSB, float(second), (0.0, 20.0 * (15 - second), 0.0), velocity_mps=FAST)
+        assert tracker.receive(replace(nearer, course_rad=0.0, ground_speed_mps=45.0), second)
+        assert len(ids(tracker, second)) == 1
+
+
+def test_who_was_first_heard_elsewhere_is_ourselves_only_after_several_reports() -> None:
+    tracker, heard = Tracker(), []
+    for second in range(20):
+        fly_own(tracker, second - 1, second)
+        off_m = (0.0, max(60.0 - 10.0 * second, 0.0), 0.0)
+        heard.append(tracker.receive(report(UTM, float(second), off_m), second) is not None)
+    assert all(heard[:8])
+    assert not any(heard[14:])
+
+
+def test_an_echo_that_leaves_us_is_somebody() -> None:
+    tracker, seen = Tracker(), []
+    for second in range(10, 40):
+        fly_own(tracker, second - 1, second)
+        off_m = (0.0, 12.0 * max(second - 20, 0), 0.0)
+        tracker.receive(report(UTM, float(second), off_m), second)
+        seen.append(len(ids(tracker, second)))
+    assert seen[:10] == [0] * 10
+    assert seen[-6:] == [1] * 6
+
+
+@pytest.mark.parametrize("off_m", [(24.0, 0.0, 0.0), (0.0, 24.0, 0.0), (0.0, -24.0, 0.0)])
+def test_an_echo_may_be_as_far_off_as_positions_err(off_m: Vec3) -> None:
+    tracker = Tracker()
+    for second in range(10, 20):
+        fly_own(tracker, second - 1, second)
+        assert tracker.receive(report(ADSB, float(second), off_m), second) is None
+
+
+@pytest.mark.parametrize("gap_s", [2, 12, 40])
+def test_an_echo_stays_ourselves_while_our_own_position_is_silent(gap_s: int) -> None:
+    tracker = Tracker()
+    for second in range(10, 90):
+        if not 20 <= second < 20 + gap_s:
+            fly_own(tracker, second - 1, second)
+        assert tracker.receive(report(ADSB, float(second)), second) is None
+        assert ids(tracker, second) == []
+
+
+def test_our_own_id_is_ourselves_wherever_it_is_reported() -> None:
+    tracker = Tracker(TrafficParams(own_uas_id="a100"))
+    assert tracker.receive(report(UTM, 0.0, (5000.0, 0.0, 0.0)), 0.0) is None
+    assert tracker.dropped == {Dropped.OWN: 1}
+    with pytest.raises(ValueError, match="own_uas_id must be up to 18 bytes in hexadecimal"):
+        TrafficParams(own_uas_id="A1Z")
+
+
+def test_obstacles_and_cars_are_merged_with_nobody() -> None:
+    tracker = Tracker()
+    still = (0.0, 0.0, 0.0)
+    for second in range(0, 60, 8):
+        for source in (ADSB, SYSTEM):
+            kind = TrafficKind.OBSTACLE if source is ADSB else TrafficKind.UAV
+            tracker.receive(replace(report(source, float(second), velocity_mps=still), kind=kind), second)
+    assert ids(tracker, 56.0) == [adsb_key(0x4B1234), "SYS-7"]
