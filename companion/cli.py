@@ -37,7 +37,7 @@ from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
 from companion.recording.recorder import MB, Recorder
-from companion.recording.state_file import Keeper, LastingKeeper
+from companion.recording.state_file import DurableStateFile, StateFile
 from companion.replay import Replay, replay
 from companion.runtime import Runtime
 from companion.watchdog import Watchdog
@@ -45,7 +45,7 @@ from companion.web import Display
 from companion.web.settings import SHORTEST_TOKEN, Settings
 
 if TYPE_CHECKING:
-    from companion.web.replay_server import Cinema
+    from companion.web.replay_server import ReplayServer
 
 app = typer.Typer(
     help="Collision-avoidance companion for fixed-wing MAVLink autopilots.",
@@ -119,8 +119,8 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
         recorder=recorder,
         not_recorded=not_recorded,
         watchdog=Watchdog(os.environ),
-        keeper=Keeper(config.state_file),
-        settings=LastingKeeper(config.settings_file),
+        keeper=StateFile(config.state_file),
+        settings=DurableStateFile(config.settings_file),
         display=display,
     )
     await runtime.run(on_signals=True)
@@ -256,11 +256,11 @@ def replay_command(
             asyncio.run(cinema.show())
 
 
-def _cinema(engine: Engine, settings: Settings) -> "Cinema":
+def _cinema(engine: Engine, settings: Settings) -> "ReplayServer":
     """Where a replay is shown. A companion that starts in flight must not wait for a web server's imports."""
-    from companion.web.replay_server import Cinema
+    from companion.web.replay_server import ReplayServer
 
-    return Cinema(engine, settings)
+    return ReplayServer(engine, settings)
 
 
 def _replay_settings(log: Path, config: Config | None, listen_at: str | None) -> Settings:

@@ -9,10 +9,9 @@ from companion.airspace.fence_zones import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.avoidance import AvoidanceParams
 from companion.control.state_machine import SupervisorParams
+from companion.model import TextUnits
 from companion.ownship.performance_limits import AircraftLimits
 from companion.traffic import TrafficParams
-
-TextUnits = Literal["metric", "aviation"]
 
 
 @dataclass(frozen=True)

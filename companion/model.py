@@ -2,10 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
+from enum import IntEnum, StrEnum
+from typing import Literal
+
+from companion.geodesy import GeoPoint
 
 Vec2 = tuple[float, float]
 Vec3 = tuple[float, float, float]
+# The units of texts for the operator: metres and m/s, or feet and knots.
+TextUnits = Literal["metric", "aviation"]
+
+
+class Role(IntEnum):
+    """What the operator lets us do. The numbers are those of the MAVLink parameter and command."""
+
+    OFF = 0  # nothing is computed
+    ADVISE = 1  # everything is computed, announced and recorded, nothing commanded
+    FLY = 2
 
 
 class Layer(StrEnum):
@@ -185,6 +198,21 @@ class Decision:
     guidance: Guidance | None = None
     threats: Sequence[Threat] = ()
     because: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PriorFlightState:
+    """What the aircraft was doing when it was taken over, and goes back to.
+
+    `target` is where it was flying to or circling; course and altitude are those it flew.
+    """
+
+    mode: int
+    sequence: int | None = None
+    target: GeoPoint | None = None
+    course_rad: float = 0.0
+    altitude_m: float = 0.0
+    airspeed_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from companion.autopilots import Adapter
 from companion.clock import Clock
 from companion.config import Config
-from companion.control.state_machine import Role
 from companion.engine import Engine
 from companion.errors import alone
 from companion.links import Link
 from companion.mavlink.dialect import mavlink
+from companion.model import Role
 from companion.runtime import Runtime
 
 # The rates are those of whole windows of five seconds, after the autopilot was adopted and asked for them.
@@ -89,13 +89,13 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
         position = f"{aircraft.position.height_above_home_m:.0f} m above home, {age_s:.1f} s old"
     yield Finding("position", position, aircraft.position is not None and age_s < 1.0)
     yield from _rates(engine.rates_hz, adapter)
-    mission = engine.onboard.mission
+    mission = engine.queries.mission
     yield Finding("mission", "not read" if mission is None else f"{len(mission.items)} items")
-    for taken in engine.onboard.limits.taken:
+    for taken in engine.queries.limits.taken:
         yield Finding("limit", str(taken))
-    for doubt in (*engine.onboard.limits.doubts, *adapter.advice(engine.onboard.parameters)):
+    for doubt in (*engine.queries.limits.doubts, *adapter.advice(engine.queries.parameters)):
         yield Finding("set otherwise", doubt, good=False)
-    other = adapter.other_avoider(engine.onboard.parameters)
+    other = adapter.other_avoider(engine.queries.parameters)
     yield Finding("second avoider", other or "none acts", other is None)
     offset_s = aircraft.clock_offset_s
     words = "unknown" if offset_s is None else f"{offset_s:+.1f} s from ours"

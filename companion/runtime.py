@@ -12,18 +12,19 @@ from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
 
 from companion.clock import Clock, SteadyClock
-from companion.control.state_machine import Role, State
+from companion.control.state_machine import State
 from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
 from companion.errors import CompanionError, alone
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
-from companion.mavlink.heartbeat_sequence import Order
+from companion.mavlink.heartbeat_sequence import HeartbeatSequence
 from companion.mavlink.translate import WANTED, frame_to_fact
+from companion.model import Role
 from companion.recording.recorder import Recorder
-from companion.recording.state_file import Keeper, LastingKeeper
+from companion.recording.state_file import DurableStateFile, StateFile
 from companion.watchdog import Watchdog
-from companion.web import Display, Onlookers
+from companion.web import Display, Observers
 from companion.web.live_snapshot import Health
 from companion.web.loop_times import LoopTimes
 
@@ -52,10 +53,10 @@ class Runtime:
         recorder: Recorder | None = None,
         clock: Clock | None = None,
         watchdog: Watchdog | None = None,
-        keeper: Keeper | None = None,
+        keeper: StateFile | None = None,
         display: Display | None = None,
         not_recorded: str | None = None,
-        settings: LastingKeeper | None = None,
+        settings: DurableStateFile | None = None,
     ) -> None:
         self.engine = engine
         self.links = list(links)
@@ -71,12 +72,12 @@ class Runtime:
         self._not_recorded = not_recorded  # why, from the beginning
         if display is not None:
             display.on_role = self._ask_for_role
-        self._onlookers = Onlookers(display, recorder)
+        self._onlookers = Observers(display, recorder)
         self._times = LoopTimes()
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._orders: dict[str, Order] = {}  # by link: each counts for itself
+        self._orders: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
@@ -198,7 +199,7 @@ class Runtime:
         )
         raw = self._encoder.encode(message, us.system_id, _BROWSER)
         frames = FrameSplitter().feed_datagram(raw)
-        self._guarded(lambda: self._take_in(frames, Order()))
+        self._guarded(lambda: self._take_in(frames, HeartbeatSequence()))
 
     def _ask_back(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
@@ -232,9 +233,11 @@ class Runtime:
 
     def _on_frames(self, frames: list[Frame], link: Link) -> None:
         if self._failure is None:
-            self._guarded(lambda: self._take_in(frames, self._orders.setdefault(link.address, Order())))
+            self._guarded(
+                lambda: self._take_in(frames, self._orders.setdefault(link.address, HeartbeatSequence()))
+            )
 
-    def _take_in(self, frames: list[Frame], order: Order) -> None:
+    def _take_in(self, frames: list[Frame], order: HeartbeatSequence) -> None:
         now_us = self.clock.now_us()
         self._arrived_s = time.perf_counter()
         for frame in frames:

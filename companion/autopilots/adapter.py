@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from companion.autopilots.commands import CommandDesk
+from companion.autopilots.commands import CommandRetrier
 from companion.autopilots.limits import ParameterTable
 from companion.avoidance.control import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender
-from companion.model import Guidance, Vec3
+from companion.model import Guidance, PriorFlightState, Vec3
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class GuidanceCommand:
     """Guidance with what a setpoint needs beside it: where we are, how fast over ground, how far to bank."""
 
     guidance: Guidance
@@ -23,21 +23,6 @@ class Flown:
     velocity_mps: Vec3
     airspeed_mps: float
     max_bank_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class Before:
-    """What the aircraft was doing when it was taken over, and goes back to.
-
-    `target` is where it was flying to or circling; course and altitude are those it flew.
-    """
-
-    mode: int
-    sequence: int | None = None
-    target: GeoPoint | None = None
-    course_rad: float = 0.0
-    altitude_m: float = 0.0
-    airspeed_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +46,6 @@ class Adapter(ABC):
     mode_commands: ClassVar[frozenset[int]] = frozenset(
         {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_REPOSITION}
     )
-    # The parameter that holds our own transponder's address: what it transmits comes back as traffic.
-    own_icao_parameter: ClassVar[str] = "ADSB_ICAO_ID"
     # For so long `entering` is streamed before the guided mode is asked for, `leaving` before another one is.
     entry_s: ClassVar[float] = 0.0
     exit_s: ClassVar[float] = 0.0
@@ -74,7 +57,7 @@ class Adapter(ABC):
 
     def __init__(self, target: Sender) -> None:
         self.target = target
-        self.desk = CommandDesk()
+        self.desk = CommandRetrier()
 
     @staticmethod
     @abstractmethod
@@ -113,23 +96,23 @@ class Adapter(ABC):
     def set_mode(self, custom_mode: int) -> Message:
         """The request for a mode; its command is one of `mode_commands`."""
 
-    def give_back(self, before: Before) -> list[Message]:
+    def give_back(self, before: PriorFlightState) -> list[Message]:
         """The request for the former mode, with its target where the autopilot would not keep it."""
         return [self.set_mode(before.mode)]
 
-    def entering(self, flown: Flown, now_s: float) -> list[Message]:  # noqa: ARG002
+    def entering(self, flown: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
         """What is streamed while the guided mode is being entered: called at every tick."""
         return []
 
     @abstractmethod
-    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
+    def command(self, flown: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
         """Fly this: called at every tick while flying; `urgent` when the decision was made just now."""
 
-    def poisoned(self, now_s: float) -> bool:  # noqa: ARG002
+    def setpoint_invalid(self, now_s: float) -> bool:  # noqa: ARG002
         """Whether the autopilot's controller has lost itself, and only the pilot's sticks fly."""
         return False
 
-    def leaving(self, flown: Flown, now_s: float) -> list[Message]:  # noqa: ARG002
+    def leaving(self, flown: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
         """What is streamed while the guided mode is being left: called at every tick until it is."""
         return []
 

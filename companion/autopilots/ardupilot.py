@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from companion.autopilots.adapter import Adapter, Before, Flown, RefusedValue
+from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.limits import ARDUPLANE, ParameterTable
 from companion.avoidance.control import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender
+from companion.model import PriorFlightState
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
 
 MODES = {
@@ -147,7 +148,7 @@ class ArduPlane(Adapter):
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
         )
 
-    def give_back(self, before: Before) -> list[Message]:
+    def give_back(self, before: PriorFlightState) -> list[Message]:
         """Who was in GUIDED before goes on to where he was going; all other modes are entered by name."""
         if before.mode == GUIDED and before.target is not None:
             return [self.reposition(before.target)]
@@ -187,7 +188,7 @@ class ArduPlane(Adapter):
         given_up, self._given_up = self._given_up, []
         return given_up
 
-    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
+    def command(self, flown: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
         """Heading, speed and height commands where they changed, and the position target stream."""
         wanted = flown.guidance
         heading = (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, wanted.course_rad)
@@ -233,7 +234,7 @@ class ArduPlane(Adapter):
         # A thousandth less, as ticks fall on tenths that have no exact binary number.
         return urgent or now_s - times_s[-1] >= _SETPOINT_INTERVAL_S - 1e-3
 
-    def _change_heading(self, flown: Flown) -> Message:
+    def _change_heading(self, flown: GuidanceCommand) -> Message:
         lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(flown.max_bank_rad)
         course_over_ground = 0
         return self.command_int(
@@ -243,7 +244,7 @@ class ArduPlane(Adapter):
             lateral_mps2,
         )
 
-    def _change_speed(self, flown: Flown) -> Message:
+    def _change_speed(self, flown: GuidanceCommand) -> Message:
         wanted_mps = flown.guidance.airspeed_mps
         if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps):
             wanted_mps = _towards(flown.airspeed_mps, wanted_mps, _SPEED_INSIDE_MPS)
@@ -252,7 +253,7 @@ class ArduPlane(Adapter):
             mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, wanted_mps, as_fast_as_possible
         )
 
-    def _change_height(self, flown: Flown) -> Message:
+    def _change_height(self, flown: GuidanceCommand) -> Message:
         wanted_m = flown.guidance.altitude_m
         if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
             wanted_m = _towards(flown.position.altitude_m, wanted_m, _HEIGHT_ASIDE_M)
@@ -262,7 +263,7 @@ class ArduPlane(Adapter):
         refused = self._refused.get(command)
         return refused is not None and refused.value == value
 
-    def _position_target(self, flown: Flown, now_s: float) -> Message:
+    def _position_target(self, flown: GuidanceCommand, now_s: float) -> Message:
         """A point ahead on the commanded course, the velocity along it, yaw and height."""
         guidance, position = flown.guidance, flown.position
         north, east = math.cos(guidance.course_rad), math.sin(guidance.course_rad)

@@ -46,7 +46,7 @@ class _Pending:
     next_s: float
 
 
-class CommandDesk:
+class CommandRetrier:
     """Keeps one command of each kind (MAV_CMD number) under way; a newer one replaces the older.
 
     It inherits the tries of the older one: a command that is renewed all the time would never be found

@@ -12,10 +12,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from companion.autopilots.adapter import Adapter, Before, Flown
+from companion.autopilots.adapter import Adapter, GuidanceCommand
 from companion.autopilots.limits import PX4, ParameterTable
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, Fact, Parameter, Sender
+from companion.model import PriorFlightState
 
 _MAIN_MODES = {
     1: "MANUAL",
@@ -133,18 +134,18 @@ class Px4FixedWing(Adapter):
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main, sub
         )
 
-    def give_back(self, before: Before) -> list[Message]:
+    def give_back(self, before: PriorFlightState) -> list[Message]:
         """HOLD is entered at the place that was circled before, all other modes by name."""
         if before.mode == _HOLD and before.target is not None:
             return [self.reposition(before.target)]
         return super().give_back(before)
 
-    def entering(self, flown: Flown, now_s: float) -> list[Message]:
+    def entering(self, flown: GuidanceCommand, now_s: float) -> list[Message]:
         """Velocity alone, along the course that is flown now."""
         self._guided_since_s = None
         return self._stream(flown, _VELOCITY_ONLY, now_s)
 
-    def command(self, flown: Flown, now_s: float, *, urgent: bool) -> list[Message]:
+    def command(self, flown: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
         """The line through our own position along the course, at its height; the speed as a parameter."""
         if self._guided_since_s is None:
             self._guided_since_s = now_s
@@ -153,13 +154,13 @@ class Px4FixedWing(Adapter):
         self._want_trim(flown.guidance.airspeed_mps)
         return self._stream(flown, _POSITION_AND_VELOCITY, now_s, urgent=urgent)
 
-    def poisoned(self, now_s: float) -> bool:
+    def setpoint_invalid(self, now_s: float) -> bool:
         """Whether the attitude setpoint is no number: then it flies nothing but the sticks."""
         since_s, last_s = self._not_a_number_since_s, self._not_a_number_s
         seen = since_s is not None and last_s - since_s >= _POISONED_S
         return seen and now_s - last_s <= _POISON_SEEN_S
 
-    def leaving(self, flown: Flown, now_s: float) -> list[Message]:
+    def leaving(self, flown: GuidanceCommand, now_s: float) -> list[Message]:
         """Straight on at the height where it is; when it was entered late, by velocity alone at first."""
         course_rad = math.atan2(flown.velocity_mps[1], flown.velocity_mps[0])
         level = replace(flown.guidance, course_rad=course_rad, altitude_m=flown.position.altitude_m)
@@ -214,7 +215,9 @@ class Px4FixedWing(Adapter):
             self._trim_before_mps = values[_TRIM]
             self._restore_trim()
 
-    def _stream(self, flown: Flown, mask: int, now_s: float, *, urgent: bool = False) -> list[Message]:
+    def _stream(
+        self, flown: GuidanceCommand, mask: int, now_s: float, *, urgent: bool = False
+    ) -> list[Message]:
         due = urgent or not 0.0 <= now_s - self._streamed_s < _STREAM_INTERVAL_S - 1e-3
         if not due:
             return []
@@ -245,7 +248,7 @@ class Px4FixedWing(Adapter):
 
     def _recovering(self, now_s: float) -> bool:
         """Velocity alone for a while brings a poisoned controller back."""
-        if self.poisoned(now_s) and now_s >= self._recover_until_s + _RECOVERY_S:
+        if self.setpoint_invalid(now_s) and now_s >= self._recover_until_s + _RECOVERY_S:
             self._recover_until_s = now_s + _RECOVERY_S
         return now_s < self._recover_until_s
 

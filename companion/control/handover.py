@@ -6,32 +6,31 @@ sticks, a failsafe, a landing end ours at once, and nothing more is sent.
 
 import math
 
-from companion.autopilots.adapter import Adapter, Before
+from companion.autopilots.adapter import Adapter
 from companion.control.mode_request import ModeRequest, Progress
-from companion.control.pilot_overrides import Claims
+from companion.control.pilot_overrides import PilotOverrides
 from companion.control.readiness import Readiness
-from companion.control.rejoin import WayBack
+from companion.control.rejoin import Rejoin
 from companion.control.state_machine import (
     TAKEN_AWAY,
     TRANSITIONS,
     WATCHING,
     Event,
-    Role,
     State,
     Supervisor,
     SupervisorParams,
 )
-from companion.control.suppressed_threats import Dismissed
-from companion.control.unattended_guided import Strays
-from companion.gcs.requests import Operator
+from companion.control.suppressed_threats import SuppressedThreats
+from companion.control.unattended_guided import UnattendedGuided
+from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
-from companion.gcs.statustext import Announcer, Outlook
+from companion.gcs.statustext import StatusText, TrafficSituation
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult
-from companion.model import Decision, Guidance, Layer
+from companion.model import Decision, Guidance, Layer, PriorFlightState, Role
 from companion.output.effects import Effect
-from companion.output.persisted_state import Held
+from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 
 # The mode is taken over only from one that was heard just now.
@@ -52,15 +51,15 @@ _RESCUED_AFTER_S = 3.0
 _ASKING = frozenset({State.ENGAGING, State.RELEASING, State.STOPPING})
 
 
-class Authority:
+class Handover:
     """Holds the supervisor, and the request for a mode that is under way."""
 
     def __init__(
         self,
         aircraft: Aircraft,
         settings: Settings,
-        announcer: Announcer,
-        operator: Operator,
+        announcer: StatusText,
+        operator: GcsRequests,
         readiness: Readiness,
     ) -> None:
         self.supervisor = Supervisor()
@@ -69,14 +68,14 @@ class Authority:
         self._announcer = announcer
         self._operator = operator
         self._readiness = readiness
-        self._claims = Claims(aircraft)
-        self._strays = Strays(aircraft, settings)
-        self._dismissed = Dismissed(settings)
+        self._claims = PilotOverrides(aircraft)
+        self._strays = UnattendedGuided(aircraft, settings)
+        self._dismissed = SuppressedThreats(settings)
         operator.may_resume = lambda: self.holds or self.dismisses
-        self._outlook = Outlook(Decision(Layer.CLEAR), None, ())
-        self._before = Before(0)
+        self._outlook = TrafficSituation(Decision(Layer.CLEAR), None, ())
+        self._before = PriorFlightState(0)
         self._request: ModeRequest | None = None
-        self._way_back: WayBack | None = None
+        self._way_back: Rejoin | None = None
         self._taken_s = -math.inf
         self._flew_last = False  # nobody chose another mode than the former one since
         self._was_guided = False  # since the last take-over was begun
@@ -103,11 +102,11 @@ class Authority:
         """Whether there is a conflict that the operator has decided about."""
         return bool(self._dismissed)
 
-    def recover(self, held: Held) -> None:
+    def recover(self, held: PersistedState) -> None:
         """A former run was killed while it had the aircraft, which is given back as soon as it is seen."""
         self._strays.expect(held)
 
-    def held(self, now_s: float) -> Held | None:
+    def held(self, now_s: float) -> PersistedState | None:
         """What the next run must know if this one is killed now."""
         adapter = self._aircraft.adapter
         role = self._operator.changed_to
@@ -115,7 +114,7 @@ class Authority:
             return None
         before = self._before if self.holds else None
         left_behind = adapter.left_behind_mode()
-        return Held(now_s, adapter.target.system_id, before, role, left_behind, adapter.borrowed)
+        return PersistedState(now_s, adapter.target.system_id, before, role, left_behind, adapter.borrowed)
 
     def goes_on_to(self) -> GeoPoint | None:
         """Where the aircraft will fly to when it is given back, as far as its mission says."""
@@ -158,7 +157,7 @@ class Authority:
 
     # --- each tick
 
-    def step(self, outlook: Outlook, now_s: float) -> list[Effect]:
+    def step(self, outlook: TrafficSituation, now_s: float) -> list[Effect]:
         """Act on what is heard and decided, by the supervisor's table."""
         self._outlook = outlook
         self._strays.observe()
@@ -249,7 +248,7 @@ class Authority:
         """It left the guided mode by itself while the link was gone, and perhaps lost itself by that."""
         if self._aircraft.just_back(now_s):
             return []
-        event = Event.POISONED if self._adapter().poisoned(now_s) else Event.FOUND
+        event = Event.POISONED if self._adapter().setpoint_invalid(now_s) else Event.FOUND
         self.supervisor.handle(event)
         return self._rescue(now_s) if event is Event.POISONED else self._give_back_found(event, now_s)
 
@@ -279,12 +278,12 @@ class Authority:
         adapter = self._aircraft.adapter
         if adapter is None or not self._flew_last or self._operator.role is not Role.FLY:
             return False
-        return self._aircraft.custom_mode == self._before.mode and adapter.poisoned(now_s)
+        return self._aircraft.custom_mode == self._before.mode and adapter.setpoint_invalid(now_s)
 
     def _tell_lost(self, now_s: float) -> list[Effect]:
         """The controller lost itself when somebody took the aircraft: it is his, but he must know."""
         adapter = self._aircraft.adapter
-        if adapter is None or not adapter.poisoned(now_s):
+        if adapter is None or not adapter.setpoint_invalid(now_s):
             return []
         words = "Avoidance: attitude setpoint lost, fly MANUAL or STABILIZED"
         return self._announcer.tell(mavlink.MAV_SEVERITY_EMERGENCY, words, now_s)
@@ -307,7 +306,7 @@ class Authority:
         self._rescuing = False
         self._was_guided = False
         self._claims.begin()
-        self._way_back = WayBack.to(self._before, adapter)
+        self._way_back = Rejoin.to(self._before, adapter)
         self._request = ModeRequest(self._before.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
         adapter.stand_back()
         return [*self._ask(now_s), *self._announcer.conflict(self._outlook, now_s, flying=True)]
@@ -357,7 +356,7 @@ class Authority:
             for words in refusals
             for effect in self._announcer.tell(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {words}", now_s)
         ]
-        if self._adapter().poisoned(now_s):
+        if self._adapter().setpoint_invalid(now_s):
             self._rescuing, self._taken_s = True, now_s  # given back like this, nobody could fly it
         elif self._rescuing:
             self._rescuing = now_s - self._taken_s < _RESCUED_AFTER_S

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable
 
-from companion.autopilots.adapter import Before
 from companion.control.mode_request import ModeRequest, Progress
 from companion.control.state_machine import Event
+from companion.model import PriorFlightState
 from companion.ownship.aircraft import Aircraft
 
 
-class Claims:
+class PilotOverrides:
     """Watches for it while we have the aircraft, or are on our way from or to that."""
 
     def __init__(self, aircraft: Aircraft) -> None:
@@ -26,7 +26,7 @@ class Claims:
         """Whether somebody else has it by what is ignored, so that it may be given back, but not flown."""
         return bool(self._ignored)
 
-    def made(self, request: ModeRequest | None, before: Before) -> list[Event]:
+    def made(self, request: ModeRequest | None, before: PriorFlightState) -> list[Event]:
         """All that says that somebody else has the aircraft now; `request` is ours that is under way."""
         aircraft = self._aircraft
         claims = (
@@ -41,7 +41,7 @@ class Claims:
         self._ignored = self._ignored.intersection(happened)
         return [event for event in happened if event not in self._ignored]
 
-    def _overruled(self, request: ModeRequest | None, before: Before) -> bool:
+    def _overruled(self, request: ModeRequest | None, before: PriorFlightState) -> bool:
         """Whether somebody else changed the mode, or, in the guided one, what it flies to."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
         if request is not None:

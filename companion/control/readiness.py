@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterator
 
-from companion.control.state_machine import Role
-from companion.gcs.requests import Operator
+from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
+from companion.model import Role
 from companion.ownship.aircraft import Aircraft
 
 
@@ -18,7 +18,7 @@ class Readiness:
         self,
         aircraft: Aircraft,
         settings: Settings,
-        operator: Operator,
+        operator: GcsRequests,
         *,
         position_fresh_s: float,
         other_avoider: Callable[[], str | None],

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from companion.autopilots.adapter import Adapter, Before
+from companion.autopilots.adapter import Adapter
 from companion.geodesy import GeoPoint, LocalFrame
-from companion.model import Guidance
+from companion.model import Guidance, PriorFlightState
 from companion.ownship.aircraft import Aircraft
 from companion.units import wrap_pi, wrap_two_pi
 
@@ -19,15 +19,15 @@ _LONGEST_S = 300.0
 
 
 @dataclass(slots=True)
-class WayBack:
+class Rejoin:
     """The way to a centre (`place`), or onto a course at a height."""
 
-    before: Before
+    before: PriorFlightState
     place: GeoPoint | None
     began_s: float | None = None
 
     @classmethod
-    def to(cls, before: Before, adapter: Adapter) -> "WayBack | None":
+    def to(cls, before: PriorFlightState, adapter: Adapter) -> "Rejoin | None":
         """The way that the former mode needs; `None` when the autopilot finds it by itself."""
         mode = adapter.mode_name(before.mode)
         if mode in adapter.places and before.target is not None:

@@ -5,7 +5,7 @@ A pair that is not in the table changes nothing.
 """
 
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
+from enum import StrEnum
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, MinLen
@@ -116,14 +116,6 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.HANDS_OFF, Event.STOP): State.STOPPED,
     (State.STOPPING, Event.GIVEN_BACK): State.STOPPED,
 }
-
-
-class Role(IntEnum):
-    """What the operator lets us do. The numbers are those of the MAVLink parameter and command."""
-
-    OFF = 0  # nothing is computed
-    ADVISE = 1  # everything is computed, announced and recorded, nothing commanded
-    FLY = 2
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from companion.gcs.settings import Settings
 from companion.model import Decision
 
 
-class Dismissed:
+class SuppressedThreats:
     """Aircraft that are not avoided again before they have been no conflict for `supervisor.settle_s`.
 
     Everybody else is avoided as ever, and while that is flown, it keeps clear of those dismissed too.

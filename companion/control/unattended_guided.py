@@ -2,10 +2,10 @@
 
 import math
 
-from companion.autopilots.adapter import Before
 from companion.control.state_machine import Event, State
 from companion.gcs.settings import Settings
-from companion.output.persisted_state import Held
+from companion.model import PriorFlightState
+from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 
 # A request that was given up may still arrive, on a slow link.
@@ -14,7 +14,7 @@ _LATE_S = 6.0
 _FOUND_AFTER_S = 1.0
 
 
-class Strays:
+class UnattendedGuided:
     """Looks for them while we have nothing to do with the aircraft. `before` is what to go back to."""
 
     def __init__(self, aircraft: Aircraft, settings: Settings) -> None:
@@ -23,9 +23,9 @@ class Strays:
         self._asked_s = -math.inf
         self._other_mode = 0  # the last one heard that was not the guided one
         self._abandoned_since_s: float | None = None
-        self._held: Held | None = None
+        self._held: PersistedState | None = None
         self._held_since_s: float | None = None
-        self.before = Before(0)
+        self.before = PriorFlightState(0)
 
     def asked(self, now_s: float) -> None:
         """The guided mode was asked for."""
@@ -35,7 +35,7 @@ class Strays:
         """No request for the guided mode is under way any more."""
         self._asked_s = -math.inf
 
-    def expect(self, held: Held) -> None:
+    def expect(self, held: PersistedState) -> None:
         """A former run was killed while it had the aircraft."""
         self._held = held if held.before is not None else None
 
@@ -53,7 +53,7 @@ class Strays:
             self._abandoned_since_s = None
             return None
         if now_s - self._asked_s < _LATE_S:
-            self.before = Before(self._other_mode)
+            self.before = PriorFlightState(self._other_mode)
             return Event.LATE
         if state is not State.HANDS_OFF or not was_guided:
             return None
@@ -67,7 +67,7 @@ class Strays:
             else None
         )
 
-    def _left_behind(self, held: Held, now_s: float) -> Event | None:
+    def _left_behind(self, held: PersistedState, now_s: float) -> Event | None:
         """Whether the aircraft is where a companion that was killed left it."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
         if not held.is_fresh(now_s) or held.before is None:
@@ -83,4 +83,4 @@ class Strays:
         if not aircraft.armed or aircraft.custom_mode not in (adapter.guided_mode, held.left_behind):
             return None
         self.before = held.before
-        return Event.POISONED if adapter.poisoned(now_s) else Event.FOUND
+        return Event.POISONED if adapter.setpoint_invalid(now_s) else Event.FOUND

@@ -14,14 +14,14 @@ from companion.airspace.fence_zones import LocalFence
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider, Envelope
 from companion.avoidance.fence import Fence, Zone
-from companion.control.handover import Authority
+from companion.control.handover import Handover
 from companion.control.readiness import Readiness
-from companion.control.state_machine import WATCHING, Role, State, Supervisor
+from companion.control.state_machine import WATCHING, State, Supervisor
 from companion.engine_config import EngineConfig
-from companion.gcs.notices import Briefing
-from companion.gcs.requests import Operator
+from companion.gcs.notices import OperatorNotices
+from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
-from companion.gcs.statustext import Announcer, Outlook
+from companion.gcs.statustext import StatusText, TrafficSituation
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -38,15 +38,15 @@ from companion.mavlink.facts import (
     Sender,
     Traffic,
 )
-from companion.model import Decision, Goal, Layer, Ownship, Snapshot, Track
+from companion.model import Decision, Goal, Layer, Ownship, Role, Snapshot, Track
 from companion.output.decision_record import Circumstances
 from companion.output.effects import Effect, Keep, Record, Save
-from companion.output.persisted_state import Held
+from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
-from companion.ownship.autopilot_queries import HEEDED, Onboard
-from companion.ownship.message_rates import RateKeeper
+from companion.ownship.autopilot_queries import HEEDED, AutopilotQueries
+from companion.ownship.message_rates import MessageRates
 from companion.traffic import Tracker
-from companion.traffic.picture import Surroundings
+from companion.traffic.picture import TrafficPicture
 
 # What an operator sends; looked for in every fact.
 _OPERATORS = (CommandRequest, ParameterRequest, ParameterSet)
@@ -82,12 +82,16 @@ class Engine:
             adopt_after_s=config.engine.adopt_after_s,
             stick_us=config.supervisor.stick_us,
         )
-        self.operator = Operator(self._settings, lambda: self.sender)
-        self._surroundings = Surroundings(config.traffic, config.known_obstacles, config.obstacles)
-        self._announcer = Announcer(lambda: self.sender, lambda: self._settings.engine.text_units)
+        self.operator = GcsRequests(self._settings, lambda: self.sender)
+        self._surroundings = TrafficPicture(config.traffic, config.known_obstacles, config.obstacles)
+        self._announcer = StatusText(lambda: self.sender, lambda: self._settings.engine.text_units)
         # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
-        self.onboard = Onboard(self._announcer, config.avoidance.envelope, config.aircraft, config.fences)
-        self._briefing = Briefing(self.aircraft, self.onboard, self.operator, self._announcer, self._settings)
+        self.queries = AutopilotQueries(
+            self._announcer, config.avoidance.envelope, config.aircraft, config.fences
+        )
+        self._briefing = OperatorNotices(
+            self.aircraft, self.queries, self.operator, self._announcer, self._settings
+        )
         self.readiness = Readiness(
             self.aircraft,
             self._settings,
@@ -95,11 +99,11 @@ class Engine:
             position_fresh_s=config.engine.position_fresh_s,
             other_avoider=self._briefing.other_avoider,
         )
-        self._authority = Authority(
+        self._authority = Handover(
             self.aircraft, self._settings, self._announcer, self.operator, self.readiness
         )
         self._avoider = avoider or Avoider(config.avoidance)
-        self._rates = RateKeeper()
+        self._rates = MessageRates()
         self._frame: LocalFrame | None = None
         self._goal: Goal | None = None
         self._decision = Decision(Layer.CLEAR, because="no position")
@@ -111,7 +115,7 @@ class Engine:
         self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
         self._local_fence: LocalFence | None = None
         self._answers: list[Message] = []
-        self._left: Held | None = None  # by a former run; what it borrowed is put back
+        self._left: PersistedState | None = None  # by a former run; what it borrowed is put back
         self._kept_s: float | None = None
         self.ticks = 0
         self.foreign = 0  # facts of systems that are not ours
@@ -200,7 +204,7 @@ class Engine:
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
         if type(fact) in HEEDED and self.aircraft.adapter is not None:
-            self.onboard.observe(fact, self.aircraft.adapter, self.sender, now_s)
+            self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
             return self._is_of_another_system(fact) and self._hear(fact, now_s)
@@ -230,7 +234,7 @@ class Engine:
 
     def recover(self, text: str, now_s: float, age_s: float) -> None:
         """What a former run kept (see `Keep`) so long ago: had it the aircraft then, that is put right."""
-        held = Held.from_text(text)
+        held = PersistedState.from_text(text)
         if held is None:
             return
         held = replace(held, time_s=now_s - age_s)
@@ -260,7 +264,7 @@ class Engine:
         effects += self._briefing.tick(now_s)
         self._decide(now_s)
         flying_before = self.supervisor.flying
-        effects += self._authority.step(Outlook(self._decision, self._own, self._tracks), now_s)
+        effects += self._authority.step(TrafficSituation(self._decision, self._own, self._tracks), now_s)
         flying = self.supervisor.flying
         if flying_before and not flying and not self._authority.dismisses:
             # A conflict that the operator has decided about goes on to be the same one.
@@ -289,8 +293,8 @@ class Engine:
                 effects += self._announcer.transmit(adapter.tick(now_s))
             if self.aircraft.heard(now_s):
                 effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
-                effects += self.onboard.tick(adapter, now_s)
-                self.aircraft.mission = self.onboard.mission
+                effects += self.queries.tick(adapter, now_s)
+                self.aircraft.mission = self.queries.mission
         answers, self._answers = self._answers, []
         effects += self._announcer.transmit([*answers, *self.operator.listed(now_s)])
         effects += self._announcer.collisions(self._decision, flying=self.supervisor.flying, now_s=now_s)
@@ -340,7 +344,7 @@ class Engine:
         if self._goal is None or self.supervisor.state in WATCHING:
             goal = self.aircraft.goal(frame, now_s)
             if self.aircraft.mission_outdated(now_s):
-                self.onboard.doubt_mission(now_s)
+                self.queries.doubt_mission(now_s)
             return goal
         if self._goal.position_m is not None:
             return self._goal
@@ -376,13 +380,13 @@ class Engine:
         if home_m is None:
             return
         floor_m, ceiling_m = self._settings.supervisor.min_height_m, self._settings.engine.max_height_m
-        heights = self.onboard.heights(floor_m, ceiling_m, now_s)
+        heights = self.queries.heights(floor_m, ceiling_m, now_s)
         terrain_m = self.aircraft.terrain.altitude_m(now_s)
-        limits = self.onboard.envelope, heights, home_m, terrain_m
+        limits = self.queries.envelope, heights, home_m, terrain_m
         if limits != self._limits:  # at every tick, mostly the same
             self._limits, self._avoider.envelope = limits, limit_heights(*limits)
         assert self._frame is not None
-        local = self.onboard.local_fence(self._frame, home_m, now_s)
+        local = self.queries.local_fence(self._frame, home_m, now_s)
         if local is not self._local_fence:
             self._local_fence = local
             self._avoider.fence = _fence_of(local)
@@ -436,7 +440,7 @@ class Engine:
     def _ask_anew(self) -> None:
         """The autopilot started anew, or came back: it remembers nothing, and may hold other things."""
         self._rates.restart()
-        self.onboard.restart()
+        self.queries.restart()
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Another one than ours; before ours is known, nobody is another."""

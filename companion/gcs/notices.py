@@ -1,32 +1,32 @@
 """What the operator is told of the situation at large: who is there, what we are told to do, what to set."""
 
-from companion.control.state_machine import Role
-from companion.gcs.requests import Operator
+from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
-from companion.gcs.statustext import Announcer
+from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
+from companion.model import Role
 from companion.output.effects import Effect, Say
 from companion.ownship.aircraft import Aircraft
-from companion.ownship.autopilot_queries import Onboard
+from companion.ownship.autopilot_queries import AutopilotQueries
 
 # Others may be heard before the one that is configured.
 _CONFIGURED_AWAITED_S = 5.0
 _ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 
 
-class Briefing:
+class OperatorNotices:
     """Tells each of it once, and again only what changed."""
 
     def __init__(
         self,
         aircraft: Aircraft,
-        onboard: Onboard,
-        operator: Operator,
-        announcer: Announcer,
+        queries: AutopilotQueries,
+        operator: GcsRequests,
+        announcer: StatusText,
         settings: Settings,
     ) -> None:
         self._aircraft = aircraft
-        self._onboard = onboard
+        self._onboard = queries
         self._operator = operator
         self._announcer = announcer
         self._settings = settings

@@ -12,8 +12,8 @@ from typing import Any, get_args
 import numpy as np
 
 from companion.avoidance.control import ALL_CONTROLS, Control
-from companion.control.state_machine import Role
-from companion.engine_config import EngineConfig, TextUnits
+from companion.engine_config import EngineConfig
+from companion.model import Role, TextUnits
 
 # Beyond this no setting means anything, and the 32 bits of the wire end somewhere.
 _LARGEST = 1e9
@@ -54,7 +54,7 @@ _CONTROLS = _Coding(lambda controls: float(sum(_CONTROL_BITS[c] for c in control
 
 
 @dataclass(frozen=True, slots=True)
-class Tunable:
+class GcsParam:
     """One setting. `field` is its place in the configuration, the range is in `unit`, as on the wire."""
 
     name: str
@@ -110,45 +110,45 @@ def _exchanged(section: Any, path: list[str], value: Any) -> Any:
 
 
 # The order is that of the indices on the wire: new ones come last.
-TUNABLES: tuple[Tunable, ...] = (
-    Tunable("CA_ROLE", "supervisor.role", "", 0, 2, "0 off, 1 advise, 2 fly", _ROLE),
-    Tunable("CA_WC_HORIZ", "avoidance.well_clear_horizontal_m", "m", 50, 5000, "well clear, sideways"),
-    Tunable("CA_WC_VERT", "avoidance.well_clear_vertical_m", "m", 15, 1000, "well clear, in height"),
-    Tunable("CA_MARGIN_H", "avoidance.horizontal_margin", "share", 0, 2, "to spare beside well clear"),
-    Tunable("CA_MARGIN_V", "avoidance.vertical_margin", "share", 0, 2, "to spare above and below well clear"),
-    Tunable("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", 20, 2000, "obstacles, sideways"),
-    Tunable("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", 10, 500, "obstacles, in height"),
-    Tunable("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", 300, 20_000, "reach of the outer layer"),
-    Tunable("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the further one counts"),
-    Tunable("CA_INNER_DIST", "avoidance.inner_radius_m", "m", 50, 5000, "reach of the inner layer"),
-    Tunable("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the further one counts"),
-    Tunable(
+GCS_PARAMETERS: tuple[GcsParam, ...] = (
+    GcsParam("CA_ROLE", "supervisor.role", "", 0, 2, "0 off, 1 advise, 2 fly", _ROLE),
+    GcsParam("CA_WC_HORIZ", "avoidance.well_clear_horizontal_m", "m", 50, 5000, "well clear, sideways"),
+    GcsParam("CA_WC_VERT", "avoidance.well_clear_vertical_m", "m", 15, 1000, "well clear, in height"),
+    GcsParam("CA_MARGIN_H", "avoidance.horizontal_margin", "share", 0, 2, "to spare beside well clear"),
+    GcsParam("CA_MARGIN_V", "avoidance.vertical_margin", "share", 0, 2, "to spare above and below it"),
+    GcsParam("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", 20, 2000, "obstacles, sideways"),
+    GcsParam("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", 10, 500, "obstacles, in height"),
+    GcsParam("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", 300, 20_000, "reach of the outer layer"),
+    GcsParam("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the further one counts"),
+    GcsParam("CA_INNER_DIST", "avoidance.inner_radius_m", "m", 50, 5000, "reach of the inner layer"),
+    GcsParam("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the further one counts"),
+    GcsParam(
         "CA_DOMAIN", "avoidance.delta_beta_rad", "deg", 0, 180, "width of the transition domain", _DEGREES
     ),
-    Tunable("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "missed by less, and soon: begin"),
-    Tunable("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "missed by less, later on: begin"),
-    Tunable("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "so much more room to give back"),
-    Tunable("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "clear for so long to give back"),
-    Tunable("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "no further up or down"),
-    Tunable("CA_HEIGHT_MIN", "supervisor.min_height_m", "m", 10, 1000, "lowest height above home"),
-    Tunable(
+    GcsParam("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "missed by less, and soon: begin"),
+    GcsParam("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "missed by less, later on: begin"),
+    GcsParam("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "so much more room to give back"),
+    GcsParam("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "clear for so long to give back"),
+    GcsParam("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "no further up or down"),
+    GcsParam("CA_HEIGHT_MIN", "supervisor.min_height_m", "m", 10, 1000, "lowest height above home"),
+    GcsParam(
         "CA_HEIGHT_MAX", "engine.max_height_m", "m", 0, 10_000, "highest height above home; 0: none",
         _ZERO_IS_NONE,
     ),
-    Tunable("CA_SETTLE", "supervisor.settle_s", "s", 0, 120, "all well for so long, to take over anew"),
-    Tunable(
+    GcsParam("CA_SETTLE", "supervisor.settle_s", "s", 0, 120, "all well for so long, to take over anew"),
+    GcsParam(
         "CA_CONTROLS", "avoidance.controls", "", 1, 7, "1 course + 2 speed + 4 height", _CONTROLS
     ),
-    Tunable("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "price of a climb, old PX4"),
-    Tunable("CA_UNITS", "engine.text_units", "", 0, 1, "of texts: 0 metric, 1 aviation", _TEXT_UNITS),
+    GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "price of a climb, old PX4"),
+    GcsParam("CA_UNITS", "engine.text_units", "", 0, 1, "of texts: 0 metric, 1 aviation", _TEXT_UNITS),
 )  # fmt: skip
-BY_NAME: Mapping[str, Tunable] = {tunable.name: tunable for tunable in TUNABLES}
-INDEX: Mapping[str, int] = {tunable.name: index for index, tunable in enumerate(TUNABLES)}
+BY_NAME: Mapping[str, GcsParam] = {tunable.name: tunable for tunable in GCS_PARAMETERS}
+INDEX: Mapping[str, int] = {tunable.name: index for index, tunable in enumerate(GCS_PARAMETERS)}
 
 
 def values_changed(config: EngineConfig, configured: EngineConfig) -> dict[str, float]:
     """What is set otherwise than configured, by name."""
-    shown = ((tunable.name, tunable.value(config), tunable.value(configured)) for tunable in TUNABLES)
+    shown = ((tunable.name, tunable.value(config), tunable.value(configured)) for tunable in GCS_PARAMETERS)
     return {name: value for name, value, before in shown if value != before}
 
 

@@ -4,11 +4,11 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from companion.control.state_machine import Role
-from companion.gcs.parameters import BY_NAME, INDEX, TUNABLES, Tunable
+from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, INDEX, GcsParam
 from companion.gcs.settings import Settings
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandRequest, Fact, ParameterRequest, ParameterSet, Sender
+from companion.model import Role
 
 ROLE = "CA_ROLE"
 _ALL_COMPONENTS = 0
@@ -17,10 +17,10 @@ _LISTED_AT_ONCE = 10
 _LIST_INTERVAL_S = 0.1
 
 
-class Operator:
+class GcsRequests:
     """Holds the role, and answers who asks. `address` is ours.
 
-    Parameters are those of `TUNABLES`. Commands, addressed to our component and no other, are
+    Parameters are those of `GCS_PARAMETERS`. Commands, addressed to our component and no other, are
     MAV_CMD_DO_SET_MODE with the role as its custom mode, which HEARTBEAT.custom_mode shows, and
     MAV_CMD_DO_PAUSE_CONTINUE with 1: the mission is to be resumed now, conflict or not. Asked again, they
     are done again and answered alike, so that a lost answer does no harm.
@@ -36,7 +36,7 @@ class Operator:
         self._configured = self.role
         self._address = address
         self._resumes = False
-        self._listing: deque[Tunable] = deque()
+        self._listing: deque[GcsParam] = deque()
         self._listed_s = -math.inf
 
     @property
@@ -54,7 +54,7 @@ class Operator:
                 self._put(tunable, fact.value)
                 return [self._value(tunable)]
             case ParameterRequest(name=None, index=None) if self._is_ours(fact.target):
-                self._listing = deque(TUNABLES)
+                self._listing = deque(GCS_PARAMETERS)
             case ParameterRequest() if fact.target == self._address():
                 # A read that is meant for every component is the autopilot's.
                 return [self._value(tunable) for tunable in _meant(fact)]
@@ -101,7 +101,7 @@ class Operator:
         self._resumes = True
         return True
 
-    def _put(self, tunable: Tunable, value: float | None) -> None:
+    def _put(self, tunable: GcsParam, value: float | None) -> None:
         before = self._shown(tunable)
         try:
             if tunable.name == ROLE and value in list(Role) and value > self.at_most:
@@ -117,15 +117,15 @@ class Operator:
         if after != before:
             self.changes.append(f"{tunable.name} {tunable.shown(after)}, was {before:g}")
 
-    def _shown(self, tunable: Tunable) -> float:
+    def _shown(self, tunable: GcsParam) -> float:
         return float(self.role) if tunable.name == ROLE else tunable.value(self.settings.config)
 
-    def _value(self, tunable: Tunable) -> Message:
+    def _value(self, tunable: GcsParam) -> Message:
         return mavlink.MAVLink_param_value_message(
             tunable.name.encode("ascii"),
             self._shown(tunable),
             mavlink.MAV_PARAM_TYPE_REAL32,
-            len(TUNABLES),
+            len(GCS_PARAMETERS),
             INDEX[tunable.name],
         )
 
@@ -137,12 +137,12 @@ class Operator:
         )
 
 
-def _meant(fact: ParameterRequest) -> list[Tunable]:
+def _meant(fact: ParameterRequest) -> list[GcsParam]:
     """The one that is to be read, if there is such a one."""
     if fact.name is not None:
         return [BY_NAME[fact.name]] if fact.name in BY_NAME else []
     assert fact.index is not None
-    return [TUNABLES[fact.index]] if fact.index < len(TUNABLES) else []
+    return [GCS_PARAMETERS[fact.index]] if fact.index < len(GCS_PARAMETERS) else []
 
 
 def _accepted(done: bool) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from companion.avoidance import AvoidanceParams
 from companion.control.state_machine import SupervisorParams
 from companion.engine_config import EngineConfig, EngineParams
-from companion.gcs.parameters import Tunable, values_changed, with_values
+from companion.gcs.parameters import GcsParam, values_changed, with_values
 
 
 class Settings:
@@ -43,6 +43,6 @@ class Settings:
         """What is set otherwise than configured, by name."""
         return values_changed(self._config, self._configured)
 
-    def put(self, tunable: Tunable, value: float | None) -> None:
+    def put(self, tunable: GcsParam, value: float | None) -> None:
         """Set one; `ValueError` says what is allowed, and nothing has changed."""
         self._config = tunable.put(self._config, value, self._configured)

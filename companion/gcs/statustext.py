@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from companion.control.state_machine import Role
-from companion.engine_config import TextUnits
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Sender
-from companion.model import Decision, Layer, Ownship, Threat, Track
+from companion.model import Decision, Layer, Ownship, Role, TextUnits, Threat, Track
 from companion.output.effects import Effect, Say, Transmit
 from companion.units import FOOT_M, KNOT_MPS, wrap_two_pi
 
@@ -21,7 +19,7 @@ _MAX_COLLISIONS = 4
 _LEVEL_M = 10
 
 
-class Outlook(NamedTuple):
+class TrafficSituation(NamedTuple):
     """What there is to tell about: the decision, and what it was made from."""
 
     decision: Decision
@@ -34,7 +32,7 @@ class Outlook(NamedTuple):
         return threat.track_id if track is None else track.callsign or threat.track_id
 
 
-class Announcer:
+class StatusText:
     """Speaks with our address, which `sender` gives, in these units, and remembers what was said."""
 
     def __init__(
@@ -68,7 +66,7 @@ class Announcer:
         self.last_text = text
         return [Say(severity, text), *self.transmit(self._chunks(severity, text))]
 
-    def conflict(self, outlook: Outlook, now_s: float, *, flying: bool) -> list[Effect]:
+    def conflict(self, outlook: TrafficSituation, now_s: float, *, flying: bool) -> list[Effect]:
         """Once for each traffic and layer: where it is, and what we do, or would do."""
         own, decision = outlook.own, outlook.decision
         if own is None or not decision.threats:
@@ -84,7 +82,7 @@ class Announcer:
             topic=f"{decision.layer} {threat.track_id}",
         )
 
-    def resuming(self, outlook: Outlook, mode: str, now_s: float) -> list[Effect]:
+    def resuming(self, outlook: TrafficSituation, mode: str, now_s: float) -> list[Effect]:
         """The mission is resumed because the operator says so: who is not avoided now."""
         threats = outlook.decision.threats
         inner = outlook.decision.layer is Layer.INNER

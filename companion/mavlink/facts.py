@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 from companion.model import TrafficReport, Vec3
 
+# The parameter with our own transponder's address, of either autopilot.
+OWN_ICAO_PARAMETER = "ADSB_ICAO_ID"
+
 
 class Sender(NamedTuple):
     """The MAVLink address a message came from."""

@@ -20,7 +20,7 @@ class _Sender:
     stragglers: int = 0
 
 
-class Order:
+class HeartbeatSequence:
     """Watches the sequence numbers of one link, by sender."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Sender
 from companion.model import Decision, Ownship, Track
 from companion.output.decision_record import Circumstances, decision_line
-from companion.output.persisted_state import Held
+from companion.output.persisted_state import PersistedState
 
 
 class Transmit(NamedTuple):
@@ -49,7 +49,7 @@ class Say:
 class Keep:
     """Keep `text` for the next run, in place of what was kept before; `None`: nothing needs to be known."""
 
-    held: Held | None
+    held: PersistedState | None
 
     @property
     def text(self) -> str | None:

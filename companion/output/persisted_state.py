@@ -4,16 +4,15 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from companion.autopilots.adapter import Before
-from companion.control.state_machine import Role
 from companion.geodesy import GeoPoint
+from companion.model import PriorFlightState, Role
 
 # Longer ago than this, whoever is responsible has decided otherwise.
 LONGEST_S = 20.0
 
 
 @dataclass(frozen=True)
-class Held:
+class PersistedState:
     """State at `time_s` [s, Unix]. `before` is what the aircraft was taken from, `None` when we had it not.
 
     `role` is set when the operator changed it in flight. `left_behind` is the mode that the autopilot falls
@@ -22,7 +21,7 @@ class Held:
 
     time_s: float
     system_id: int
-    before: Before | None = None
+    before: PriorFlightState | None = None
     role: Role | None = None
     left_behind: int | None = None
     borrowed: dict[str, float] = field(default_factory=dict)
@@ -32,7 +31,7 @@ class Held:
         return json.dumps(asdict(self), separators=(",", ":"))
 
     @classmethod
-    def from_text(cls, text: str) -> "Held | None":
+    def from_text(cls, text: str) -> "PersistedState | None":
         """What a former run left; `None` when it is nothing that can be used."""
         try:
             raw = json.loads(text)
@@ -53,10 +52,10 @@ class Held:
         return 0.0 <= now_s - self.time_s <= LONGEST_S
 
 
-def _before(raw: Any) -> Before:
-    """The inverse of `asdict`; raises what `Held.from_text` expects."""
+def _before(raw: Any) -> PriorFlightState:
+    """The inverse of `asdict`; raises what `PersistedState.from_text` expects."""
     sequence, target = raw["sequence"], raw["target"]
-    return Before(
+    return PriorFlightState(
         int(raw["mode"]),
         None if sequence is None else int(sequence),
         None if target is None else GeoPoint(*(float(value) for value in target)),

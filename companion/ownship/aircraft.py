@@ -3,7 +3,7 @@
 import math
 
 from companion.autopilots import Adapter, choose
-from companion.autopilots.adapter import Before, Flown
+from companion.autopilots.adapter import GuidanceCommand
 from companion.control.sticks import Sticks
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import mavlink
@@ -23,10 +23,10 @@ from companion.mavlink.facts import (
     TerrainReport,
     Wind,
 )
-from companion.model import Goal, Guidance, Ownship, Vec3
+from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
 from companion.ownship.mission import Mission
 from companion.ownship.terrain import Terrain
-from companion.ownship.wind import WindKeeper
+from companion.ownship.wind import WindEstimator
 from companion.units import wrap_two_pi
 
 _TARGET_FRESH_S = 10.0
@@ -116,7 +116,7 @@ class Aircraft:
         # The mission as far as it is known; whoever reads it from the autopilot puts it here.
         self.mission: Mission | None = None
         self.terrain = Terrain()
-        self._wind = WindKeeper()
+        self._wind = WindEstimator()
         self._sequence_s = -math.inf
         self._differs_since_s: float | None = None
 
@@ -244,10 +244,10 @@ class Aircraft:
             altitude_m = 0.0 if self.position is None else self.position.altitude_m
         return GeoPoint(target.lat_deg, target.lon_deg, altitude_m)
 
-    def doing(self, now_s: float) -> Before:
+    def doing(self, now_s: float) -> PriorFlightState:
         """What it does now, to go back to later."""
         north_mps, east_mps, _ = self.velocity_mps()
-        return Before(
+        return PriorFlightState(
             self.custom_mode,
             self.sequence,
             self.target(now_s),
@@ -256,7 +256,7 @@ class Aircraft:
             self.airspeed_mps(),
         )
 
-    def mission_place(self, before: Before) -> GeoPoint | None:
+    def mission_place(self, before: PriorFlightState) -> GeoPoint | None:
         """Where the mission leads on to that was left, as soon as its items are known."""
         of_mission = self.adapter is not None and self.adapter.mode_name(before.mode) in _MISSION_MODES
         sequence = self.sequence if before.sequence is None else before.sequence
@@ -278,14 +278,14 @@ class Aircraft:
         if self._wanted_system_id is None:
             self._wanted_system_id = system_id
 
-    def flown(self, guidance: Guidance, *, max_bank_rad: float) -> Flown | None:
+    def flown(self, guidance: Guidance, *, max_bank_rad: float) -> GuidanceCommand | None:
         """Guidance with what a setpoint needs beside it."""
         position = self.position
         if position is None:
             return None
         altitude_m = position.altitude_m + self._climbed_since_m()
         place = GeoPoint(position.lat_deg, position.lon_deg, altitude_m)
-        return Flown(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
+        return GuidanceCommand(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
 
     def flying_now(self) -> Guidance:
         """What it flies now, as guidance."""

@@ -14,7 +14,7 @@ from companion.airspace.fence_items import zones_of
 from companion.airspace.fence_zones import FenceZone, LocalFence
 from companion.autopilots import Adapter
 from companion.avoidance import Envelope
-from companion.gcs.statustext import Announcer
+from companion.gcs.statustext import StatusText
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -30,8 +30,8 @@ from companion.output.effects import Effect, Say
 from companion.ownship.mission import Mission
 from companion.ownship.mission_reader import FENCE, MISSION, MISSION_PROTOCOL, MissionReader
 from companion.ownship.parameter_reader import ParameterReader
-from companion.ownship.performance_limits import AircraftLimits, Effective, effective
-from companion.ownship.reported_limits import Belief, believe
+from companion.ownship.performance_limits import AircraftLimits, PerformanceLimits, effective
+from companion.ownship.reported_limits import ReportedLimits, believe
 
 # What it is told by; most facts are of other things.
 HEEDED: frozenset[type] = frozenset(
@@ -56,12 +56,12 @@ class _FenceSource(NamedTuple):
     home: HomePosition | None
 
 
-class Onboard:
+class AutopilotQueries:
     """Asks, believes with care, and tells what it took from where."""
 
     def __init__(
         self,
-        announcer: Announcer,
+        announcer: StatusText,
         assumed: Envelope,
         configured: AircraftLimits,
         zones: tuple[FenceZone, ...] = (),
@@ -73,8 +73,8 @@ class Onboard:
         self._adapter: Adapter | None = None
         self._parameters = ParameterReader(())
         self._missions = MissionReader()
-        self.belief = Belief()
-        self.limits: Effective = effective(assumed, configured, self.belief)
+        self.belief = ReportedLimits()
+        self.limits: PerformanceLimits = effective(assumed, configured, self.belief)
         self.mission: Mission | None = None
         self._mission_items: tuple[MissionItem, ...] | None = None
         self._fence_items: tuple[MissionItem, ...] | None = None

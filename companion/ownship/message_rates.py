@@ -5,6 +5,7 @@ import math
 from companion.autopilots import Adapter
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
+    OWN_ICAO_PARAMETER,
     AirData,
     Fact,
     GeoidSeparation,
@@ -35,7 +36,7 @@ _OWN_ICAO_TRIES = 4
 _QUIET_TRAFFIC_S = 10.0
 
 
-class RateKeeper:
+class MessageRates:
     """Asks one autopilot for the messages its adapter names.
 
     Traffic cannot be measured, as there may be none; it is asked for again now and then while it is quiet.
@@ -59,7 +60,7 @@ class RateKeeper:
             self._counts[message_id] = self._counts.get(message_id, 0) + 1
         elif isinstance(fact, Traffic):
             self._traffic_s = now_s
-        elif isinstance(fact, Parameter) and fact.name == Adapter.own_icao_parameter:
+        elif isinstance(fact, Parameter) and fact.name == OWN_ICAO_PARAMETER:
             self._own_icao_tries = _OWN_ICAO_TRIES
 
     def restart(self) -> None:
@@ -76,7 +77,7 @@ class RateKeeper:
             self._own_icao_tries = 1
             return [
                 *(adapter.request_interval(*wanted) for wanted in adapter.intervals_s.items()),
-                adapter.request_parameter(adapter.own_icao_parameter),
+                adapter.request_parameter(OWN_ICAO_PARAMETER),
                 adapter.request_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
                 # Nothing is taken over before this has told that it is not landing.
                 adapter.request_message(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE),
@@ -105,7 +106,7 @@ class RateKeeper:
             requests.append(adapter.request_interval(traffic, adapter.intervals_s[traffic]))
         if self._own_icao_tries < _OWN_ICAO_TRIES:
             self._own_icao_tries += 1
-            requests.append(adapter.request_parameter(adapter.own_icao_parameter))
+            requests.append(adapter.request_parameter(OWN_ICAO_PARAMETER))
         return requests
 
     def _begin_window(self, now_s: float) -> None:

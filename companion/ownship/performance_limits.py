@@ -7,7 +7,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Lt
 
 from companion.avoidance import Envelope
-from companion.ownship.reported_limits import Belief
+from companion.ownship.reported_limits import ReportedLimits
 
 # Of the rate in its parameters an aircraft reaches this share when it is sent to another height: measured on
 # ArduPlane, 4.5 of 5 m/s. What is counted upon is what is reached.
@@ -56,7 +56,7 @@ class Taken:
 
 
 @dataclass(frozen=True, slots=True)
-class Effective:
+class PerformanceLimits:
     """What the avoidance may count upon, and where each of its limits was taken from."""
 
     envelope: Envelope
@@ -71,7 +71,7 @@ class _Value:
     source: str
 
 
-def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> Effective:
+def effective(assumed: Envelope, configured: AircraftLimits, belief: ReportedLimits) -> PerformanceLimits:
     """The limits in effect.
 
     A configured limit counts, whoever says otherwise: parameters are wrong at times, and who flies the
@@ -102,10 +102,12 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: Belief) -> 
         max_climb_mps=climb.value,
         max_sink_mps=sink.value,
     )
-    return Effective(envelope, tuple(taken), radius_m, (*belief.doubts, *doubts, *_trusted(configured, sure)))
+    return PerformanceLimits(
+        envelope, tuple(taken), radius_m, (*belief.doubts, *doubts, *_trusted(configured, sure))
+    )
 
 
-def _as_reached(belief: Belief) -> Belief:
+def _as_reached(belief: ReportedLimits) -> ReportedLimits:
     """What the aircraft reaches of its limits: the share of its rates, the bank that cruise airspeed carries.
 
     In a turn the stall speed grows by 1 / sqrt(cos(bank)). ArduPlane's stall prevention gives no more bank
@@ -126,7 +128,7 @@ def _as_reached(belief: Belief) -> Belief:
     return replace(belief, limits=limits, names=names)
 
 
-def _banked(belief: Belief, bank_rad: float) -> Belief:
+def _banked(belief: ReportedLimits, bank_rad: float) -> ReportedLimits:
     """With the lowest airspeed at which this bank is flown."""
     limits = belief.limits
     if limits.min_airspeed_mps is None:
@@ -137,7 +139,7 @@ def _banked(belief: Belief, bank_rad: float) -> Belief:
     return replace(belief, limits=replace(limits, min_airspeed_mps=low), names=names)
 
 
-def _chosen(name: str, configured: float | None, belief: Belief, assumed: Envelope) -> _Value:
+def _chosen(name: str, configured: float | None, belief: ReportedLimits, assumed: Envelope) -> _Value:
     """A limit and where it was taken from."""
     known = getattr(belief.limits, name)
     if configured is not None:
@@ -149,7 +151,7 @@ def _chosen(name: str, configured: float | None, belief: Belief, assumed: Envelo
     return _Value(known, belief.names[name])
 
 
-def _trusted(configured: AircraftLimits, belief: Belief) -> list[str]:
+def _trusted(configured: AircraftLimits, belief: ReportedLimits) -> list[str]:
     """In which the configuration trusts the aircraft with more than its own parameters do."""
     doubts = []
     for name, quantity in _QUANTITIES.items():
@@ -169,7 +171,7 @@ def _shown(name: str, value: float) -> str:
 
 
 def _airspeeds(
-    assumed: Envelope, configured: AircraftLimits, belief: Belief
+    assumed: Envelope, configured: AircraftLimits, belief: ReportedLimits
 ) -> tuple[_Value, _Value, tuple[str, ...]]:
     """Slowest and fastest airspeed. Where they contradict each other, the less certain one yields."""
     slowest = _chosen("min_airspeed_mps", configured.min_airspeed_mps, belief, assumed)

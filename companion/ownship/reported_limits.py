@@ -19,7 +19,7 @@ _SENSIBLE = {
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
+class ReportedLimits:
     """What is believed, the parameter that each field of it came from, and what is not believed, in words.
 
     `stall_prevention` is that of the autopilot's `ParameterTable`.
@@ -31,7 +31,7 @@ class Belief:
     stall_prevention: bool = False
 
 
-def believe(values: Mapping[str, float], table: ParameterTable) -> Belief:
+def believe(values: Mapping[str, float], table: ParameterTable) -> ReportedLimits:
     """What parameter values say of the aircraft, without what is absurd or contradicts itself."""
     found: dict[str, tuple[float, str]] = {}
     doubts = []
@@ -47,7 +47,7 @@ def believe(values: Mapping[str, float], table: ParameterTable) -> Belief:
             found[source.field] = value, name
     limits = replace(Limits(), **{name: value for name, (value, _) in found.items()})
     names = {field_name: name for field_name, (_, name) in found.items()}
-    return _consistent(Belief(limits, names, tuple(doubts), table.stall_prevention))
+    return _consistent(ReportedLimits(limits, names, tuple(doubts), table.stall_prevention))
 
 
 def _answer(values: Mapping[str, float], source: LimitSource) -> tuple[float, str] | None:
@@ -58,7 +58,7 @@ def _answer(values: Mapping[str, float], source: LimitSource) -> tuple[float, st
     )
 
 
-def _consistent(belief: Belief) -> Belief:
+def _consistent(belief: ReportedLimits) -> ReportedLimits:
     """Without speeds that contradict each other: which of them is wrong, nobody knows."""
     limits = belief.limits
     low, cruise, high = limits.min_airspeed_mps, limits.cruise_airspeed_mps, limits.max_airspeed_mps
@@ -69,7 +69,7 @@ def _consistent(belief: Belief) -> Belief:
     return belief
 
 
-def _without(belief: Belief, *wrong: str) -> Belief:
+def _without(belief: ReportedLimits, *wrong: str) -> ReportedLimits:
     names = " and ".join(belief.names[name] for name in wrong)
     kept = {f.name: getattr(belief.limits, f.name) for f in fields(Limits) if f.name not in wrong}
     return replace(

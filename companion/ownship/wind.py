@@ -16,7 +16,7 @@ _LARGEST_SHARE = 0.6
 _STRONGEST_REPORTED_MPS = 40.0
 
 
-class WindKeeper:
+class WindEstimator:
     """The newest report and a running estimate; whichever is fresh and makes sense, the report first."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 _log = logging.getLogger("companion")
 
 
-class Keeper:
+class StateFile:
     """Writes anew as a whole or not at all; a disk that fails is told once, and flying goes on."""
 
     def __init__(self, path: Path) -> None:
@@ -45,7 +45,7 @@ class Keeper:
         path.write_text(text, encoding="utf-8")
 
 
-class LastingKeeper(Keeper):
+class DurableStateFile(StateFile):
     """For what must outlast a power cut too: on the disk before it takes the place of what was there.
 
     That may take a second, on a card more, and the aircraft is flown meanwhile: a thread does it, in order.

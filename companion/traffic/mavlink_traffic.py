@@ -15,7 +15,7 @@ _SURFACE_VEHICLES = frozenset(
 )
 
 
-class Neighbours:
+class MavlinkTraffic:
     """Every system but our own, by system id."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ FixContra = TypeVar("FixContra", contravariant=True)
 
 
 class Estimate(Protocol[FixContra]):
-    """What `Guarded` needs of an estimate."""
+    """What `OutlierGate` needs of an estimate."""
 
     def restart(self, fix: FixContra) -> Self: ...
     def is_absurd(self, fix: FixContra) -> bool: ...
@@ -17,7 +17,7 @@ class Estimate(Protocol[FixContra]):
 EstimateT = TypeVar("EstimateT", bound=Estimate[Any])
 
 
-class Guarded(Generic[EstimateT, FixT]):
+class OutlierGate(Generic[EstimateT, FixT]):
     """An estimate, and beside it the one absurd report that may turn out to be true."""
 
     __slots__ = ("_suspect", "estimate")

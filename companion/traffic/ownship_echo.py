@@ -45,7 +45,7 @@ class _Verdict:
         self.since_s = math.inf
 
 
-class OwnEcho:
+class OwnshipEcho:
     """Where we were of late, and who has been there with us; `own` are the keys found to be ourselves."""
 
     def __init__(self, params: EchoParams) -> None:

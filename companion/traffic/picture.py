@@ -1,9 +1,9 @@
 """What is around us: traffic from every source, its heights made comparable with ours, and obstacles."""
 
 from companion.airspace.obstacles import Obstacle, ObstacleMap, ObstacleParams
-from companion.autopilots.adapter import Adapter
 from companion.geodesy import LocalFrame
 from companion.mavlink.facts import (
+    OWN_ICAO_PARAMETER,
     Fact,
     GeoidSeparation,
     OwnPosition,
@@ -14,10 +14,10 @@ from companion.mavlink.facts import (
 )
 from companion.model import Track
 from companion.traffic import OwnHeights, OwnMotion, Tracker, TrafficParams
-from companion.traffic.mavlink_traffic import Neighbours
+from companion.traffic.mavlink_traffic import MavlinkTraffic
 
 
-class Surroundings:
+class TrafficPicture:
     """Facts in, tracks out. Its clock is the engine's."""
 
     def __init__(
@@ -25,7 +25,7 @@ class Surroundings:
     ) -> None:
         self.tracker = Tracker(traffic)
         self._heights = OwnHeights(traffic.heights)
-        self._neighbours = Neighbours()
+        self._neighbours = MavlinkTraffic()
         self._obstacles = ObstacleMap(obstacles, obstacle_params)
 
     def observe_own(self, fact: Fact, now_s: float) -> None:
@@ -37,7 +37,7 @@ class Surroundings:
                 self._heights.learn_pressure(fact.altitude_m, now_s)
             case GeoidSeparation():
                 self._heights.learn_separation(fact.separation_m)
-            case Parameter() if fact.name == Adapter.own_icao_parameter and fact.value >= 1.0:
+            case Parameter() if fact.name == OWN_ICAO_PARAMETER and fact.value >= 1.0:
                 self.tracker.learn_own(int(fact.value))
             case OwnTransponder():
                 self.tracker.learn_own(fact.icao)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
 from companion.traffic.altitude_datums import Height
-from companion.traffic.outlier_gate import Guarded
+from companion.traffic.outlier_gate import OutlierGate
 from companion.traffic.params import TrafficParams
 from companion.traffic.repeats import RepeatMemory, content_of
 from companion.traffic.track_filter import HorizontalEstimate, HorizontalFix, VerticalEstimate, VerticalFix
@@ -48,7 +48,7 @@ class Motion(NamedTuple):
 
 
 class _Vertical(NamedTuple):
-    estimate: Guarded[VerticalEstimate, VerticalFix]
+    estimate: OutlierGate[VerticalEstimate, VerticalFix]
     sigma_m: float
 
 
@@ -84,7 +84,7 @@ class Target:
         self._params = params
         self._dropped = dropped
         self._repeats = RepeatMemory(params.repeat_window_s)
-        self._horizontal: Guarded[HorizontalEstimate, HorizontalFix] | None = None
+        self._horizontal: OutlierGate[HorizontalEstimate, HorizontalFix] | None = None
         self._turn = TurnEstimate(params.estimate)
         # References are not mixed: two zeros would look like climbs.
         self._verticals: dict[AltitudeReference, _Vertical] = {}
@@ -103,7 +103,7 @@ class Target:
             self.kind, self._horizontal, self._verticals = report.kind, None, {}
         fix = HorizontalFix(time_s, lat_deg, lon_deg, self._velocity_mps(report))
         if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
-            self._horizontal = Guarded(HorizontalEstimate(fix, self._params.estimate))
+            self._horizontal = OutlierGate(HorizontalEstimate(fix, self._params.estimate))
         elif not self._horizontal.receive(fix):
             self._dropped[Dropped.JUMPED] += 1
             return False
@@ -147,8 +147,8 @@ class Target:
         sigma_m = report.altitude_sigma_m or 0.0
         known = self._verticals.get(report.altitude_reference)
         if known is None or self.kind is TrafficKind.OBSTACLE:
-            estimate: Guarded[VerticalEstimate, VerticalFix]
-            estimate = Guarded(VerticalEstimate(fix, self._params.estimate))
+            estimate: OutlierGate[VerticalEstimate, VerticalFix]
+            estimate = OutlierGate(VerticalEstimate(fix, self._params.estimate))
         elif known.estimate.receive(fix):
             estimate = known.estimate
         else:

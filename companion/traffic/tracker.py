@@ -10,7 +10,7 @@ from companion.model import Track, TrafficReport, adsb_key, uas_key
 from companion.traffic.altitude_datums import AS_REPORTED, Datums, Height, compare
 from companion.traffic.association import Association, leader
 from companion.traffic.forward_clock import ForwardClock
-from companion.traffic.ownship_echo import OwnEcho, OwnMotion
+from companion.traffic.ownship_echo import OwnMotion, OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.target import Dropped, Target
 
@@ -32,7 +32,7 @@ class Tracker:
         self.datums: Datums = AS_REPORTED
         self._own_icao = set(self.params.own_icao)
         self._own_uas_key = None if self.params.own_uas_id is None else uas_key(self.params.own_uas_id)
-        self._echo = OwnEcho(self.params.own_echo)
+        self._echo = OwnshipEcho(self.params.own_echo)
         self._association = Association(self.params.association)
         self._clock = ForwardClock()
         # Both in the order in which they were last heard, the longest silence first.

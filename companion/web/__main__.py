@@ -9,7 +9,7 @@ from typing import Any
 
 from companion.errors import CompanionError
 from companion.web.app import build
-from companion.web.live_snapshot import Moment
+from companion.web.live_snapshot import LiveSnapshot
 from companion.web.pipe import unpacked
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
@@ -48,7 +48,7 @@ async def _take_in(reader: asyncio.StreamReader, source: Live) -> None:
     with contextlib.suppress(EOFError):
         while True:
             moment = await unpacked(reader)
-            if isinstance(moment, Moment):
+            if isinstance(moment, LiveSnapshot):
                 source.show(moment)
 
 

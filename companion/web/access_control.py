@@ -29,7 +29,7 @@ _PROTECTION = (
 )
 
 
-class Gate:
+class AccessControl:
     """Stands before the application: refuses, and says on every answer what browsers must not do with it."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:

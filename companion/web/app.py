@@ -27,8 +27,8 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from companion.control.state_machine import Role
-from companion.web.access_control import Gate, has_token
+from companion.model import Role
+from companion.web.access_control import AccessControl, has_token
 from companion.web.metrics import Metrics
 from companion.web.settings import Settings
 from companion.web.source import Live, Source, View
@@ -68,7 +68,7 @@ class _Pages:
                 WebSocketRoute("/ws", self._stream),
                 Mount("/static", StaticFiles(directory=STATIC)),
             ],
-            middleware=[Middleware(Gate, settings=self._settings)],
+            middleware=[Middleware(AccessControl, settings=self._settings)],
             exception_handlers={404: _not_found, 405: _not_so},
         )
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from companion.links.backoff import Backoff
-from companion.web.live_snapshot import Moment
+from companion.web.live_snapshot import LiveSnapshot
 from companion.web.pipe import packed
 from companion.web.settings import Settings
 
@@ -52,7 +52,7 @@ class Display:
         self.dropped += full
         return not full
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: LiveSnapshot) -> None:
         """Hand a moment over; to be asked first whether it `is_ready`."""
         if self._pipe is not None:
             self._pipe.write(packed(moment))

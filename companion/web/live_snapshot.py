@@ -81,7 +81,7 @@ class Health:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class LiveSnapshot:
     """One moment of the engine and of the service around it."""
 
     snapshot: Snapshot
@@ -103,10 +103,10 @@ class Moment:
     health: Health
 
 
-def moment_of(engine: Engine, now_s: float, health: Health) -> Moment:
+def live_snapshot_of(engine: Engine, now_s: float, health: Health) -> LiveSnapshot:
     """What there is to be seen at `now_s`, by the engine's clock."""
     aircraft, adapter = engine.aircraft, engine.aircraft.adapter
-    return Moment(
+    return LiveSnapshot(
         snapshot=engine.snapshot(now_s),
         role=engine.operator.role.name.lower(),
         flying=engine.supervisor.flying,
@@ -118,9 +118,9 @@ def moment_of(engine: Engine, now_s: float, health: Health) -> Moment:
         position_age_s=now_s - aircraft.position_s,
         avoidance=engine.avoider.params,
         envelope=engine.avoider.envelope,
-        mission=engine.onboard.mission,
+        mission=engine.queries.mission,
         mission_sequence=aircraft.sequence,
-        zones=engine.onboard.zones,
+        zones=engine.queries.zones,
         engagements=engine.engagements,
         rejections=engine.rejections,
         health=health,

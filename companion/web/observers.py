@@ -7,8 +7,8 @@ from collections.abc import Callable
 from companion.engine import Engine
 from companion.recording.recorder import Recorder
 from companion.web.display import Display
-from companion.web.live_snapshot import Health, moment_of
-from companion.web.rolling_stats import Trends
+from companion.web.live_snapshot import Health, live_snapshot_of
+from companion.web.rolling_stats import RollingStats
 from companion.web.state import state_of
 
 _log = logging.getLogger("companion")
@@ -18,14 +18,14 @@ _log = logging.getLogger("companion")
 _RECORDED_EVERY_US = 10_000_000
 
 
-class Onlookers:
+class Observers:
     """Shows moments to whoever wants them now. What goes wrong in that is no reason to stop flying."""
 
     def __init__(self, display: Display | None, recorder: Recorder | None) -> None:
         self._display = display
         self._recorder = recorder
         self._recorded_us: int | None = None
-        self._trends = Trends(over_s=2e-6 * _RECORDED_EVERY_US)
+        self._trends = RollingStats(over_s=2e-6 * _RECORDED_EVERY_US)
         self._count = 0
         self._broken: set[str] = set()
 
@@ -48,12 +48,12 @@ class Onlookers:
 
     def _show(self, engine: Engine, now_us: int, health: Callable[[], Health]) -> None:
         if self._display is not None:
-            self._display.show(moment_of(engine, now_us / 1e6, health()))
+            self._display.show(live_snapshot_of(engine, now_us / 1e6, health()))
 
     def _record(self, engine: Engine, now_us: int, health: Callable[[], Health]) -> None:
         self._recorded_us = now_us
         self._count += 1
-        moment = moment_of(engine, now_us / 1e6, health())
+        moment = live_snapshot_of(engine, now_us / 1e6, health())
         self._trends.show(moment.health)
         state = state_of(moment, self._count, self._trends)
         if self._recorder is not None:

@@ -10,7 +10,7 @@ from companion.web.live_snapshot import Health
 _TICKS = 600  # a minute of ticks
 
 
-class Trends:
+class RollingStats:
     """Is shown the health of every moment, and says what it comes to. Rates are over the last `over_s`."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic, over_s: float = 5.0) -> None:

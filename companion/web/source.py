@@ -10,8 +10,8 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
-from companion.web.live_snapshot import Moment
-from companion.web.rolling_stats import Trends
+from companion.web.live_snapshot import LiveSnapshot
+from companion.web.rolling_stats import RollingStats
 from companion.web.state import state_of
 
 # A state older than this is not what is going on now.
@@ -56,14 +56,14 @@ class Live(Source):
     kind = "live"
 
     def __init__(self) -> None:
-        self.moment: Moment | None = None
+        self.moment: LiveSnapshot | None = None
         self.sequence = 0
         self.changed = asyncio.Event()
-        self._trends = Trends()
+        self._trends = RollingStats()
         self._text: str | None = None
         self._arrived_s = -_STALE_S
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: LiveSnapshot) -> None:
         """This is the newest."""
         self._trends.show(moment.health)
         self.sequence += 1

@@ -18,8 +18,8 @@ from companion.geodesy import LocalFrame
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.output.decision_record import guidance_of, threat_text
 from companion.units import course_deg
-from companion.web.live_snapshot import Moment
-from companion.web.rolling_stats import Trends
+from companion.web.live_snapshot import LiveSnapshot
+from companion.web.rolling_stats import RollingStats
 
 VERSION = 1
 _PREDICTED_S = np.arange(0.0, 61.0, 5.0)
@@ -28,7 +28,7 @@ _NEAR_LAYERS, _NEAR_HEIGHT_M = 2.0, 366.0
 _CIRCLE_CORNERS = 48
 
 
-def state_of(moment: Moment, sequence: int, trends: Trends) -> dict[str, Any]:
+def state_of(moment: LiveSnapshot, sequence: int, trends: RollingStats) -> dict[str, Any]:
     """The state at one moment; `trends` must have been shown the moments before."""
     shot = moment.snapshot
     return {
@@ -86,7 +86,7 @@ def _or_none(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
-def _own(own: Ownship | None, moment: Moment) -> dict[str, Any] | None:
+def _own(own: Ownship | None, moment: LiveSnapshot) -> dict[str, Any] | None:
     if own is None or moment.frame is None:
         return None
     place = moment.frame.to_geo(*own.position_m)
@@ -124,7 +124,7 @@ def _goal(shot: Snapshot) -> dict[str, Any] | None:
     }
 
 
-def _predicted(moment: Moment) -> list[list[float]]:
+def _predicted(moment: LiveSnapshot) -> list[list[float]]:
     """Where what is commanded leads, else the mission."""
     own, goal, guidance = moment.snapshot.ownship, moment.snapshot.goal, moment.snapshot.decision.guidance
     if own is None or goal is None:
@@ -136,7 +136,7 @@ def _predicted(moment: Moment) -> list[list[float]]:
     return [[round(float(x), 1) for x in place] for place in zip(north_m, east_m, -down_m, strict=True)]
 
 
-def _cones(moment: Moment) -> list[dict[str, Any]]:
+def _cones(moment: LiveSnapshot) -> list[dict[str, Any]]:
     shot = moment.snapshot
     own, by_id = shot.ownship, {track.track_id: track for track in shot.tracks}
     threats = [threat for threat in shot.decision.threats if threat.track_id in by_id]
@@ -145,7 +145,7 @@ def _cones(moment: Moment) -> list[dict[str, Any]]:
     return [_cone(threat, by_id[threat.track_id], own, moment) for threat in threats]
 
 
-def _cone(threat: Threat, track: Track, own: Ownship, moment: Moment) -> dict[str, Any]:
+def _cone(threat: Threat, track: Track, own: Ownship, moment: LiveSnapshot) -> dict[str, Any]:
     params = moment.avoidance
     radius_m = track.protected_horizontal_m or params.well_clear_horizontal_m
     radius_m *= 1.0 + params.horizontal_margin
@@ -163,7 +163,7 @@ def _cone(threat: Threat, track: Track, own: Ownship, moment: Moment) -> dict[st
     }
 
 
-def _track(track: Track, shot: Snapshot, moment: Moment) -> dict[str, Any]:
+def _track(track: Track, shot: Snapshot, moment: LiveSnapshot) -> dict[str, Any]:
     north_mps, east_mps, down_mps = track.velocity_mps
     own = shot.ownship
     off_m = (0.0, 0.0, 0.0) if own is None else tuple(np.subtract(track.position_m, own.position_m).tolist())
@@ -188,7 +188,7 @@ def _track(track: Track, shot: Snapshot, moment: Moment) -> dict[str, Any]:
     }
 
 
-def _level(track_id: str, distance_m: float, above_m: float, moment: Moment) -> str:
+def _level(track_id: str, distance_m: float, above_m: float, moment: LiveSnapshot) -> str:
     """How a TCAS would show it: red what the inner layer is about, amber what the outer one is."""
     layers = {threat.track_id: threat.layer for threat in moment.snapshot.decision.threats}
     layer = layers.get(track_id, Layer.CLEAR)
@@ -200,7 +200,7 @@ def _level(track_id: str, distance_m: float, above_m: float, moment: Moment) -> 
     return "proximate" if near else "other"
 
 
-def _mission(moment: Moment) -> dict[str, Any] | None:
+def _mission(moment: LiveSnapshot) -> dict[str, Any] | None:
     if moment.mission is None:
         return None
     places = moment.mission.places(moment.home_altitude_m)

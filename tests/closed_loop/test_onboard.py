@@ -26,13 +26,13 @@ def learnt(**parameters: float) -> ClosedLoop:
 def test_limits_and_mission_are_learnt_from_the_vehicle() -> None:
     loop = learnt(ROLL_LIMIT_DEG=40.0, TECS_CLMB_MAX=3.0, AIRSPEED_MAX=26.0)
     assert loop.engine is not None
-    envelope = loop.engine.onboard.envelope
+    envelope = loop.engine.queries.envelope
     assert math.degrees(envelope.max_bank_rad) == pytest.approx(40.0)
     assert envelope.max_climb_mps == pytest.approx(2.7)
     assert envelope.max_sink_mps == pytest.approx(4.5)
     assert envelope.max_airspeed_mps == 26.0
     assert envelope.min_airspeed_mps == pytest.approx(10.0 / math.sqrt(math.cos(math.radians(40.0))))
-    mission = loop.engine.onboard.mission
+    mission = loop.engine.queries.mission
     assert mission is not None
     assert len(mission.items) == len(loop.world.vehicle.flight.mission.items)
 

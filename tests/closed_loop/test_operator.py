@@ -2,10 +2,10 @@
 
 import pytest
 
-from companion.control.state_machine import Role, State, SupervisorParams
+from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
 from companion.mavlink.dialect import Message, mavlink
-from companion.model import Layer
+from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.support.takings import BOTH, HOLDS, MISSION_MODE, PX4, begun
 from tests.support.watched import DO_SET_MODE, Watched, alone

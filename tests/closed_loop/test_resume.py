@@ -2,10 +2,10 @@
 
 import pytest
 
-from companion.control.state_machine import Role, State, SupervisorParams
+from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig, Transmit
 from companion.mavlink.dialect import Message, mavlink
-from companion.model import Layer
+from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
 from tests.support.takings import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, begun

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from companion.control.state_machine import Role, State
+from companion.control.state_machine import State
 from companion.engine import Effect, Engine, EngineConfig, Save, Transmit
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.tlog import TlogWriter
-from companion.model import Layer
+from companion.model import Layer, Role
 from companion.replay import replay
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command

@@ -11,8 +11,8 @@ import pytest
 from playwright.async_api import Page, async_playwright
 
 from companion.model import Layer, Track
-from companion.web.live_snapshot import Moment
-from companion.web.rolling_stats import Trends
+from companion.web.live_snapshot import LiveSnapshot
+from companion.web.rolling_stats import RollingStats
 from companion.web.settings import Settings
 from companion.web.source import Live, Recorded
 from companion.web.state import state_of
@@ -56,7 +56,7 @@ async def page(at: Site, size: tuple[int, int] = LAPTOP) -> AsyncIterator[Page]:
 
 
 @contextlib.asynccontextmanager
-async def shown(source: Live, moment: Moment = MOMENT) -> AsyncIterator[None]:
+async def shown(source: Live, moment: LiveSnapshot = MOMENT) -> AsyncIterator[None]:
     """The moment, ten times a second."""
 
     async def show() -> None:
@@ -231,7 +231,7 @@ async def test_a_hundred_aircraft_and_an_emergency() -> None:
 
 
 async def test_a_replay_is_played_stopped_and_searched() -> None:
-    source, trends = Recorded(), Trends()
+    source, trends = Recorded(), RollingStats()
     for tick in range(300):
         source.add(tick / 10.0, state_of(replace(MOMENT, health=health()), tick + 1, trends))
     async with site(source) as at, page(at) as opened:

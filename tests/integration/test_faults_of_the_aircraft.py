@@ -102,7 +102,7 @@ async def test_traffic_that_is_heard_no_more_is_forgotten_and_the_aircraft_given
 async def test_an_autopilot_that_reboots_is_asked_everything_again(autopilot: Autopilot, mode: str) -> None:
     async with faulty_flight(autopilot) as flight:
         flight.receiver.deaf = True
-        await flight.until(lambda: flight.engine.onboard.complete)
+        await flight.until(lambda: flight.engine.queries.complete)
         await flight.fly(6.0)
         before = asked(flight)
         flight.vehicle.reboot(flight.vehicle.time_s)

@@ -17,12 +17,12 @@ from pymavlink import mavutil
 
 from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
-from companion.gcs.parameters import TUNABLES
-from companion.gcs.requests import Operator
+from companion.gcs.parameters import GCS_PARAMETERS
+from companion.gcs.requests import GcsRequests
 from companion.links import open_link
 from companion.links.udp import UdpLink
 from companion.mavlink.dialect import mavlink
-from companion.recording.state_file import LastingKeeper
+from companion.recording.state_file import DurableStateFile
 from companion.runtime import Runtime
 from sim.clock import ScaledClock
 from sim.files import checked_from
@@ -42,7 +42,7 @@ pytestmark = pytest.mark.wire
 
 PATIENCE_S = 15.0
 US = 196
-DEFAULTS = {tunable.name: tunable.value(EngineConfig()) for tunable in TUNABLES}
+DEFAULTS = {tunable.name: tunable.value(EngineConfig()) for tunable in GCS_PARAMETERS}
 
 
 # --- pymavlink's mavutil, as MAVProxy and many scripts use it; it blocks, so that it gets a thread
@@ -76,10 +76,10 @@ class Client:
     def everything(self) -> dict[str, float]:
         self.master.param_fetch_all()
         found = {}
-        while len(found) < len(TUNABLES):
+        while len(found) < len(GCS_PARAMETERS):
             message = self.wait("PARAM_VALUE")
-            assert message.param_count == len(TUNABLES)
-            assert TUNABLES[message.param_index].name == message.param_id
+            assert message.param_count == len(GCS_PARAMETERS)
+            assert GCS_PARAMETERS[message.param_index].name == message.param_id
             found[message.param_id] = message.param_value
         return found
 
@@ -202,7 +202,7 @@ async def in_flight(tmp_path: Path) -> AsyncIterator[tuple[Runtime, VehicleServe
         Engine(EngineConfig(engine=EngineParams(autopilot_system_id=1))),
         [ours, station_link],
         clock=clock,
-        settings=LastingKeeper(tmp_path / "settings"),
+        settings=DurableStateFile(tmp_path / "settings"),
     )
     tasks = [asyncio.create_task(server.run()), asyncio.create_task(runtime.run())]
     try:
@@ -264,7 +264,7 @@ async def test_mavsdk_lists_reads_and_sets_them(tmp_path: Path) -> None:
         assert re.fullmatch(r"Traffic!? SOON1 12 o'clock \d\.\d km level: \w+ing .*", status.text)
 
 
-async def check_settings(params: Any, operator: Operator) -> None:
+async def check_settings(params: Any, operator: GcsRequests) -> None:
     with contextlib.suppress(ParamError):  # it selects, and answers "unknown" all the same
         await params.select_component(US, ProtocolVersion.V1)
     everything = await params.get_all_params()

@@ -7,8 +7,8 @@ import pytest
 
 from companion.config import load_config, load_obstacles
 from companion.config.keys import file_key
-from companion.control.state_machine import Role
-from companion.gcs.parameters import TUNABLES
+from companion.gcs.parameters import GCS_PARAMETERS
+from companion.model import Role
 from tests.support.paths import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -44,7 +44,7 @@ def rows_of_settings() -> list[str]:
     return [
         f"| `{tunable.name}` | `{file_key(tunable.field)}` | {tunable.unit} "
         f"| {tunable.lowest:g} to {tunable.highest:g} | {tunable.words} |"
-        for tunable in TUNABLES
+        for tunable in GCS_PARAMETERS
     ]
 
 

@@ -14,7 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS
-from companion.web.live_snapshot import Moment
+from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
 from companion.web.source import Live
 from tests.support.paths import CONFIGS
@@ -27,7 +27,7 @@ MOMENT = moment_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
 
-async def show_on(source: Live, interval_s: float = 0.02, moment: Moment = MOMENT) -> None:
+async def show_on(source: Live, interval_s: float = 0.02, moment: LiveSnapshot = MOMENT) -> None:
     while True:
         source.show(moment)
         await asyncio.sleep(interval_s)

@@ -5,10 +5,11 @@ from collections import Counter
 
 import pytest
 
-from companion.control.state_machine import FLYING, WATCHING, Role, State
+from companion.control.state_machine import FLYING, WATCHING, State
 from companion.engine import Effect, Engine, EngineConfig, EngineParams, Transmit
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import ParameterSet
+from companion.model import Role
 from tests.support.junk_facts import GCS, T0, US, Junk
 from tests.support.moody_aeroplane import ARDUPILOT, PX4, QUESTIONS, Aeroplane
 

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from companion.autopilots import ArduPlane
 from companion.avoidance import Envelope
 from companion.engine import AircraftLimits
-from companion.gcs.statustext import Announcer
+from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
 from companion.output.effects import Transmit
-from companion.ownship.autopilot_queries import Onboard
+from companion.ownship.autopilot_queries import AutopilotQueries
 from tests.support.responder import AUTOPILOT, FENCE, MISSION, US, Item, Line, Responder, as_fact
 
 settings.register_profile("onboard", derandomize=True, deadline=None, max_examples=25)
@@ -32,7 +32,7 @@ class Exchange:
 
     def __init__(self, responder: Responder, seed: int, loss: float) -> None:
         self.responder = responder
-        self.onboard = Onboard(Announcer(lambda: US), Envelope(), AircraftLimits())
+        self.queries = AutopilotQueries(StatusText(lambda: US), Envelope(), AircraftLimits())
         self._adapter = ArduPlane(AUTOPILOT)
         self._up, self._down = Line(seed, loss=loss), Line(seed + 1, loss=loss)
         self.now_s = 0.0
@@ -46,8 +46,8 @@ class Exchange:
         for message in self._up.take(self.now_s):
             fact = as_fact(message)
             assert fact is not None
-            self.onboard.observe(fact, self._adapter, US, self.now_s)
-        for effect in self.onboard.tick(self._adapter, self.now_s):
+            self.queries.observe(fact, self._adapter, US, self.now_s)
+        for effect in self.queries.tick(self._adapter, self.now_s):
             if isinstance(effect, Transmit):
                 self.sent += 1
                 self._down.put(effect.message, self.now_s)
@@ -56,7 +56,7 @@ class Exchange:
                 self._up.put(answer, self.now_s)
 
     def places(self) -> list[float] | None:
-        mission = self.onboard.mission
+        mission = self.queries.mission
         return None if mission is None else [round(item.lat_deg or 0.0, 4) for item in mission.items]
 
 
@@ -71,10 +71,10 @@ def test_all_is_known_in_the_end_and_nothing_wrong_on_the_way(seed: int, loss: f
     for _ in range(2_400):
         exchange.step()
         assert exchange.places() in (None, truth(exchange.responder))
-        known = exchange.onboard.parameters
+        known = exchange.queries.parameters
         assert all(PARAMETERS[name] == value for name, value in known.items())
     assert exchange.places() == truth(exchange.responder)
-    assert exchange.onboard.parameters == PARAMETERS
+    assert exchange.queries.parameters == PARAMETERS
     assert exchange.sent <= 5 * 240
 
 

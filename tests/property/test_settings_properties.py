@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from companion.engine import Engine, EngineConfig, Save, Transmit
-from companion.gcs.parameters import BY_NAME, TUNABLES, as_sent, values_changed, with_values
+from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, as_sent, values_changed, with_values
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.translate import frame_to_fact
@@ -17,7 +17,7 @@ US = (1, 196)
 ADAPTER: TypeAdapter[Any] = TypeAdapter(EngineConfig)
 
 any_bits = st.integers(0, 2**32 - 1).map(lambda bits: struct.unpack("<f", struct.pack("<I", bits))[0])
-in_range = st.sampled_from(TUNABLES).flatmap(
+in_range = st.sampled_from(GCS_PARAMETERS).flatmap(
     lambda t: st.tuples(st.just(t.name), st.floats(t.lowest, t.highest, width=64))
 )
 anything = st.tuples(

@@ -10,7 +10,7 @@ from typing import Any
 
 from companion.engine import Engine
 from companion.web.app import build
-from companion.web.live_snapshot import Health, Moment, moment_of
+from companion.web.live_snapshot import Health, LiveSnapshot, live_snapshot_of
 from companion.web.loop_times import LoopTimes
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
@@ -79,16 +79,16 @@ def health(**changes: Any) -> Health:
     return replace(Health.of(12.0, LoopTimes(), ()), **changes)
 
 
-def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> Moment:
+def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> LiveSnapshot:
     """What there is to be seen so long after a scenario began."""
     engine = Engine()
     loop = ClosedLoop(load_scenario(scenario), engine)
     loop.run(seconds)
     now_s = loop.start_us / 1e6 + seconds
-    return replace(moment_of(engine, now_s, health()), **changes)
+    return replace(live_snapshot_of(engine, now_s, health()), **changes)
 
 
-def live(moment: Moment | None = None) -> Live:
+def live(moment: LiveSnapshot | None = None) -> Live:
     """A flight of which one moment is known."""
     source = Live()
     if moment is not None:

@@ -6,20 +6,20 @@ from collections import Counter
 import pytest
 
 from companion.autopilots import ArduPlane, Px4FixedWing, choose
-from companion.autopilots.adapter import Before, Flown, RefusedValue
+from companion.autopilots.adapter import GuidanceCommand, RefusedValue
 from companion.avoidance.control import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import CommandResult, Sender
-from companion.model import Guidance
+from companion.model import Guidance, PriorFlightState
 
 TARGET = Sender(1, 1)
 PLACE = GeoPoint(-35.0, 149.0, 600.0)
 GUIDANCE = Guidance(math.radians(40.0), 22.0, 680.0)
 
 
-def flown(guidance: Guidance = GUIDANCE) -> Flown:
-    return Flown(guidance, PLACE, (24.0, 0.0, 0.0), 22.0, math.radians(30.0))
+def flown(guidance: Guidance = GUIDANCE) -> GuidanceCommand:
+    return GuidanceCommand(guidance, PLACE, (24.0, 0.0, 0.0), 22.0, math.radians(30.0))
 
 
 def kinds(messages: list[Message]) -> Counter[str]:
@@ -209,10 +209,10 @@ def test_what_was_accepted_is_not_refused_by_a_late_answer() -> None:
 
 def test_who_was_in_guided_before_is_sent_to_his_target_again() -> None:
     adapter = ArduPlane(TARGET)
-    (message,) = adapter.give_back(Before(15, target=GeoPoint(-35.1, 149.2, 650.0)))
+    (message,) = adapter.give_back(PriorFlightState(15, target=GeoPoint(-35.1, 149.2, 650.0)))
     assert (message.get_type(), message.command) == ("COMMAND_INT", 192)
     assert (message.param2, message.x, message.y, message.z) == (1.0, -351_000_000, 1_492_000_000, 650.0)
-    (mission,) = adapter.give_back(Before(10, target=GeoPoint(-35.1, 149.2, 650.0)))
+    (mission,) = adapter.give_back(PriorFlightState(10, target=GeoPoint(-35.1, 149.2, 650.0)))
     assert (mission.command, mission.param2) == (176, 10)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from companion.autopilots.commands import CommandDesk, Outcome
+from companion.autopilots.commands import CommandRetrier, Outcome
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult, Sender
 
@@ -18,7 +18,7 @@ def answer(result: int, number: int = SET_MODE) -> CommandResult:
     return CommandResult(AUTOPILOT, number, result, None)
 
 
-def sent_until(desk: CommandDesk, until_s: float, from_s: float = 0.0) -> list[tuple[float, int]]:
+def sent_until(desk: CommandRetrier, until_s: float, from_s: float = 0.0) -> list[tuple[float, int]]:
     sent = []
     for tenth in range(round(from_s * 10) + 1, round(until_s * 10) + 1):
         sent += [(tenth / 10, message.confirmation) for message in desk.due(tenth / 10)]
@@ -26,7 +26,7 @@ def sent_until(desk: CommandDesk, until_s: float, from_s: float = 0.0) -> list[t
 
 
 def test_repeated_with_rising_confirmation_until_it_gives_up() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.ask(command(), 0.0)
     assert desk.outcome(SET_MODE) is Outcome.PENDING
     assert sent_until(desk, 10.0) == [(0.5, 1), (1.0, 2), (1.5, 3), (2.0, 4), (2.5, 5)]
@@ -34,7 +34,7 @@ def test_repeated_with_rising_confirmation_until_it_gives_up() -> None:
 
 
 def test_one_that_is_renewed_all_the_time_is_found_unanswered_too() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     told: list[str] = []
     for second in range(6):
         desk.ask(command(), float(second))
@@ -58,7 +58,7 @@ def test_one_that_is_renewed_all_the_time_is_found_unanswered_too() -> None:
     ],
 )
 def test_an_answer_ends_it(result: int, outcome: Outcome, words: list[str]) -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.ask(command(), 0.0)
     desk.answered(answer(result), 0.1)
     assert desk.outcome(SET_MODE) is outcome
@@ -68,7 +68,7 @@ def test_an_answer_ends_it(result: int, outcome: Outcome, words: list[str]) -> N
 
 
 def test_in_progress_extends_the_wait() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.ask(command(), 0.0)
     desk.answered(answer(mavlink.MAV_RESULT_IN_PROGRESS), 0.1)
     assert sent_until(desk, 5.0) == []
@@ -76,14 +76,14 @@ def test_in_progress_extends_the_wait() -> None:
 
 
 def test_temporarily_rejected_is_asked_again() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.ask(command(), 0.0)
     desk.answered(answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED), 0.1)
     assert sent_until(desk, 0.6) == [(0.5, 1)]
 
 
 def test_a_newer_command_of_the_kind_replaces_the_older() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.ask(command(), 0.0)
     newer = desk.ask(command(), 0.3)
     assert desk.due(0.6) == []
@@ -91,7 +91,7 @@ def test_a_newer_command_of_the_kind_replaces_the_older() -> None:
 
 
 def test_what_is_forgotten_is_never_sent() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.ask(command(), 0.0)
     desk.forget()
     assert sent_until(desk, 5.0) == []
@@ -99,7 +99,7 @@ def test_what_is_forgotten_is_never_sent() -> None:
 
 
 def test_answers_to_nothing_are_ignored() -> None:
-    desk = CommandDesk()
+    desk = CommandRetrier()
     desk.answered(answer(mavlink.MAV_RESULT_DENIED), 0.0)
     assert desk.outcome(SET_MODE) is None
     assert desk.refusals() == []

@@ -6,16 +6,16 @@ from collections.abc import Iterator
 import pytest
 
 from companion.autopilots import Px4FixedWing
-from companion.autopilots.adapter import Before, Flown
+from companion.autopilots.adapter import GuidanceCommand
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, CommandResult, Parameter, Sender
-from companion.model import Guidance
+from companion.model import Guidance, PriorFlightState
 
 TARGET = Sender(1, 1)
 PLACE = GeoPoint(47.4, 8.5, 600.0)
 GUIDANCE = Guidance(math.radians(40.0), 18.0, 680.0)
-FLOWN = Flown(GUIDANCE, PLACE, (0.0, 15.0, 0.0), 15.0, math.radians(30.0))
+FLOWN = GuidanceCommand(GUIDANCE, PLACE, (0.0, 15.0, 0.0), 15.0, math.radians(30.0))
 VELOCITY_ONLY, POSITION_AND_VELOCITY = 3527, 3520
 HOLD, MISSION = 4 << 16 | 3 << 24, 4 << 16 | 4 << 24
 
@@ -81,18 +81,18 @@ def test_an_attitude_setpoint_that_is_no_number_is_cured(adapter: Px4FixedWing) 
     masks(adapter, 10.0, 1.0)
     for now_s in ticks(11.0, 0.5):
         adapter.observe(AttitudeTarget(TARGET, finite=False), now_s)
-    assert adapter.poisoned(11.4)
+    assert adapter.setpoint_invalid(11.4)
     assert masks(adapter, 11.5, 1.6) == [VELOCITY_ONLY] * 16
     adapter.observe(AttitudeTarget(TARGET, finite=True), 13.1)
-    assert not adapter.poisoned(13.1)
+    assert not adapter.setpoint_invalid(13.1)
     assert set(masks(adapter, 13.1, 1.0)) == {POSITION_AND_VELOCITY}
 
 
 def test_one_bad_message_is_no_poison(adapter: Px4FixedWing) -> None:
     adapter.observe(AttitudeTarget(TARGET, finite=False), 11.0)
-    assert not adapter.poisoned(11.1)
+    assert not adapter.setpoint_invalid(11.1)
     adapter.observe(AttitudeTarget(TARGET, finite=True), 11.2)
-    assert not adapter.poisoned(12.0)
+    assert not adapter.setpoint_invalid(12.0)
 
 
 def trims(adapter: Px4FixedWing, first_s: float, seconds: float) -> list[float]:
@@ -125,7 +125,7 @@ def test_a_speed_that_is_not_known_is_not_changed() -> None:
 
 
 def test_a_trifle_of_speed_is_not_worth_a_parameter(adapter: Px4FixedWing) -> None:
-    near = Flown(Guidance(0.0, 15.4, 680.0), PLACE, (0.0, 15.0, 0.0), 15.0, 0.5)
+    near = GuidanceCommand(Guidance(0.0, 15.4, 680.0), PLACE, (0.0, 15.0, 0.0), 15.0, 0.5)
     for now_s in ticks(10.0, 1.0):
         adapter.command(near, now_s, urgent=False)
     assert trims(adapter, 11.0, 1.0) == []
@@ -147,10 +147,10 @@ def test_nobody_answers_and_patience_grows(adapter: Px4FixedWing) -> None:
 
 
 def test_hold_is_entered_where_it_was_held(adapter: Px4FixedWing) -> None:
-    (message,) = adapter.give_back(Before(HOLD, target=GeoPoint(47.41, 8.52, 640.0)))
+    (message,) = adapter.give_back(PriorFlightState(HOLD, target=GeoPoint(47.41, 8.52, 640.0)))
     assert (message.command, message.param2) == (mavlink.MAV_CMD_DO_REPOSITION, 1.0)
     assert (message.x, message.y, message.z) == (474_100_000, 85_200_000, 640.0)
-    (mission,) = adapter.give_back(Before(MISSION, target=GeoPoint(47.41, 8.52, 640.0)))
+    (mission,) = adapter.give_back(PriorFlightState(MISSION, target=GeoPoint(47.41, 8.52, 640.0)))
     assert (mission.command, mission.param2, mission.param3) == (mavlink.MAV_CMD_DO_SET_MODE, 4, 4)
 
 
@@ -167,7 +167,7 @@ def test_everything_can_be_packed(adapter: Px4FixedWing) -> None:
     encoder = Encoder()
     messages = [*adapter.entering(FLOWN, 1.0), *adapter.command(FLOWN, 2.0, urgent=True)]
     messages += adapter.command(FLOWN, 2.2, urgent=True) + adapter.leaving(FLOWN, 3.0) + adapter.tick(3.0)
-    messages += adapter.give_back(Before(HOLD, target=PLACE))
+    messages += adapter.give_back(PriorFlightState(HOLD, target=PLACE))
     assert len(messages) >= 5
     for message in messages:
         assert encoder.encode(message, 1, 196)

@@ -5,7 +5,7 @@ import pytest
 from companion.control.state_machine import State, SupervisorParams
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import FenceStatus, MissionProgress, NavigationTarget
-from companion.output.persisted_state import Held
+from companion.output.persisted_state import PersistedState
 from tests.support.pilots_seat import (
     AUTO,
     AUTOPILOT,
@@ -216,8 +216,8 @@ def test_one_bad_attitude_setpoint_and_then_silence_is_no_poison() -> None:
     assert adapter is not None
     seat.finite = False
     seat.fly(0.1)
-    assert not adapter.poisoned(seat.now_s)
-    assert not adapter.poisoned(seat.now_s + 5.0)
+    assert not adapter.setpoint_invalid(seat.now_s)
+    assert not adapter.setpoint_invalid(seat.now_s + 5.0)
 
 
 def test_the_speed_is_put_back_before_the_service_ends() -> None:
@@ -262,7 +262,7 @@ def test_a_speed_borrowed_from_another_aircraft_is_not_put_into_this_one() -> No
     for system_id, expected in ((1, [15.0]), (2, [])):
         seat = Seat(PX4)
         seat.intruder = False
-        held = Held(T0 - 3600.0, system_id, borrowed={"FW_AIRSPD_TRIM": 15.0})
+        held = PersistedState(T0 - 3600.0, system_id, borrowed={"FW_AIRSPD_TRIM": 15.0})
         seat.engine.recover(held.to_text(), T0, 0.0)
         sent = seat.fly(3.0)
         assert [message.param_value for message in sent] == expected

@@ -4,12 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.autopilots.adapter import Before
-from companion.control.state_machine import Role
 from companion.control.sticks import Sticks
 from companion.geodesy import GeoPoint
 from companion.mavlink.facts import RcChannels, Sender
-from companion.output.persisted_state import LONGEST_S, Held
+from companion.model import PriorFlightState, Role
+from companion.output.persisted_state import LONGEST_S, PersistedState
 
 AUTOPILOT = Sender(1, 1)
 
@@ -56,14 +55,21 @@ def test_a_limit_of_zero_never_sees_them_move() -> None:
     assert not sticks.moved
 
 
-HELD = Held(
-    1e9, 1, Before(10, 3, GeoPoint(1.0, 2.0, 3.0), 0.5, 600.0, 22.0), Role.ADVISE, 5, {"FW_AIRSPD_TRIM": 15.0}
+HELD = PersistedState(
+    1e9,
+    1,
+    PriorFlightState(10, 3, GeoPoint(1.0, 2.0, 3.0), 0.5, 600.0, 22.0),
+    Role.ADVISE,
+    5,
+    {"FW_AIRSPD_TRIM": 15.0},
 )
 
 
-@pytest.mark.parametrize("held", [HELD, Held(1e9, 1, Before(10)), Held(1e9, 1, None, Role.OFF)])
-def test_what_is_kept_is_found_again(held: Held) -> None:
-    assert Held.from_text(held.to_text()) == held
+@pytest.mark.parametrize(
+    "held", [HELD, PersistedState(1e9, 1, PriorFlightState(10)), PersistedState(1e9, 1, None, Role.OFF)]
+)
+def test_what_is_kept_is_found_again(held: PersistedState) -> None:
+    assert PersistedState.from_text(held.to_text()) == held
 
 
 @given(
@@ -80,7 +86,7 @@ def test_what_is_kept_is_found_again(held: Held) -> None:
     )
 )
 def test_a_damaged_record_is_none(text: str) -> None:
-    assert Held.from_text(text) is None
+    assert PersistedState.from_text(text) is None
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """How long the operator's decision about an aircraft holds."""
 
-from companion.control.suppressed_threats import Dismissed
+from companion.control.suppressed_threats import SuppressedThreats
 from companion.engine import EngineConfig
 from companion.gcs.parameters import BY_NAME
 from companion.gcs.settings import Settings
@@ -22,7 +22,7 @@ def conflict(*track_ids: str) -> Decision:
 
 
 def test_it_holds_for_those_in_conflict_and_nobody_else() -> None:
-    dismissed = Dismissed(Settings(EngineConfig()))
+    dismissed = SuppressedThreats(Settings(EngineConfig()))
     assert not dismissed.cover(conflict("A"))
     assert not dismissed.cover(conflict())
     dismissed.add(conflict("A", "B"), 0.0)
@@ -36,7 +36,7 @@ def test_it_holds_for_those_in_conflict_and_nobody_else() -> None:
 
 
 def test_it_ends_when_the_conflict_has_been_over_for_a_while_for_each_by_itself() -> None:
-    dismissed = Dismissed(Settings(EngineConfig()))
+    dismissed = SuppressedThreats(Settings(EngineConfig()))
     dismissed.add(conflict("A", "B"), 0.0)
     for tick in range(100):
         dismissed.observe(conflict("A"), tick / 10)
@@ -52,7 +52,7 @@ def test_it_ends_when_the_conflict_has_been_over_for_a_while_for_each_by_itself(
 
 def test_how_long_is_a_setting() -> None:
     settings = Settings(EngineConfig())
-    dismissed = Dismissed(settings)
+    dismissed = SuppressedThreats(settings)
     dismissed.add(conflict("A"), 0.0)
     settings.put(BY_NAME["CA_SETTLE"], 0.0)
     dismissed.observe(conflict("A"), 60.0)

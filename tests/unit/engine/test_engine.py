@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.control.state_machine import Role, State, SupervisorParams
+from companion.control.state_machine import State, SupervisorParams
 from companion.engine import Engine, EngineConfig, EngineParams, Keep, Record, Stepper, Transmit
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -22,8 +22,8 @@ from companion.mavlink.facts import (
     Sender,
     Traffic,
 )
-from companion.model import AltitudeReference, Decision, Guidance, Layer, TrafficReport, TrafficSource
-from companion.output.persisted_state import Held
+from companion.model import AltitudeReference, Decision, Guidance, Layer, Role, TrafficReport, TrafficSource
+from companion.output.persisted_state import PersistedState
 
 AUTOPILOT, OTHER, GCS = Sender(1, 1), Sender(7, 1), Sender(255, 190)
 T0 = 1_700_000_000.0
@@ -310,7 +310,7 @@ def test_what_is_written_is_that_of_its_own_tick_however_late_it_is_asked_for() 
     assert record.line == line
     assert keep.text == text
     assert text is not None
-    held = Held.from_text(text)
+    held = PersistedState.from_text(text)
     assert held is not None
     assert (held.time_s, held.role) == (T0 + 0.1, Role.ADVISE)
 

@@ -99,7 +99,7 @@ def with_mission(engine: Engine, commands: list[int], current: int) -> None:
         sent, facts = run(engine, facts, now_s), []
         for message in sent:
             facts += answer(message)
-    assert engine.onboard.mission is not None
+    assert engine.queries.mission is not None
 
 
 def test_the_goal_is_the_item_being_flown() -> None:

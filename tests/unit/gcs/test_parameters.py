@@ -11,7 +11,7 @@ from companion.avoidance import AvoidanceParams
 from companion.avoidance.control import Control
 from companion.control.state_machine import SupervisorParams
 from companion.engine import EngineConfig, EngineParams
-from companion.gcs.parameters import BY_NAME, TUNABLES, Tunable, values_changed, with_values
+from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, GcsParam, values_changed, with_values
 from companion.gcs.settings import Settings
 
 DEFAULT = EngineConfig()
@@ -21,7 +21,7 @@ MAKES_ROOM: dict[str, dict[str, float]] = {
     "CA_OUTER_DIST": {"CA_INNER_DIST": 50.0},
     "CA_OUTER_TIME": {"CA_INNER_TIME": 5.0},
 }
-every = pytest.mark.parametrize("tunable", TUNABLES, ids=lambda tunable: tunable.name)
+every = pytest.mark.parametrize("tunable", GCS_PARAMETERS, ids=lambda tunable: tunable.name)
 
 
 def loads(config: EngineConfig) -> bool:
@@ -40,7 +40,7 @@ def test_what_the_loader_refuses_is_told_from_what_it_takes() -> None:
 
 
 @every
-def test_a_name_fits_the_wire_and_tells_whose_it_is(tunable: Tunable) -> None:
+def test_a_name_fits_the_wire_and_tells_whose_it_is(tunable: GcsParam) -> None:
     assert tunable.name.startswith("CA_")
     assert len(tunable.name) <= 16
     assert tunable.name.isascii()
@@ -48,11 +48,11 @@ def test_a_name_fits_the_wire_and_tells_whose_it_is(tunable: Tunable) -> None:
 
 
 def test_no_name_and_no_field_is_there_twice() -> None:
-    assert len(BY_NAME) == len(TUNABLES) == len({tunable.field for tunable in TUNABLES})
+    assert len(BY_NAME) == len(GCS_PARAMETERS) == len({tunable.field for tunable in GCS_PARAMETERS})
 
 
 @every
-def test_what_is_flown_by_default_can_be_set(tunable: Tunable) -> None:
+def test_what_is_flown_by_default_can_be_set(tunable: GcsParam) -> None:
     value = tunable.value(DEFAULT)
     assert tunable.lowest <= value <= tunable.highest
     assert tunable.put(DEFAULT, value, DEFAULT) == DEFAULT
@@ -60,7 +60,7 @@ def test_what_is_flown_by_default_can_be_set(tunable: Tunable) -> None:
 
 @every
 @pytest.mark.parametrize("bound", ["lowest", "highest"])
-def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(tunable: Tunable, bound: str) -> None:
+def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(tunable: GcsParam, bound: str) -> None:
     before, refused = with_values(DEFAULT, MAKES_ROOM.get(tunable.name, {}))
     assert not refused
     value = getattr(tunable, bound)
@@ -71,7 +71,7 @@ def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(tunable: Tunab
 
 
 @every
-def test_beyond_its_bounds_it_is_refused(tunable: Tunable) -> None:
+def test_beyond_its_bounds_it_is_refused(tunable: GcsParam) -> None:
     for value in (
         tunable.lowest - max(1e-3, abs(tunable.lowest) * 1e-5),
         tunable.highest + max(1e-3, tunable.highest * 1e-5),

@@ -2,21 +2,21 @@
 
 import pytest
 
-from companion.control.state_machine import Role
 from companion.engine import EngineConfig
-from companion.gcs.parameters import TUNABLES
-from companion.gcs.requests import ROLE, Operator
+from companion.gcs.parameters import GCS_PARAMETERS
+from companion.gcs.requests import ROLE, GcsRequests
 from companion.gcs.settings import Settings
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandRequest, Fact, ParameterRequest, ParameterSet, Sender
+from companion.model import Role
 
 OURS, AUTOPILOT, ALL, GCS = Sender(1, 196), Sender(1, 1), Sender(1, 0), Sender(255, 190)
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 
 
 @pytest.fixture
-def operator() -> Operator:
-    return Operator(Settings(EngineConfig()), lambda: OURS)
+def operator() -> GcsRequests:
+    return GcsRequests(Settings(EngineConfig()), lambda: OURS)
 
 
 def command(role: float | None, *, target: Sender = OURS, base: float | None = 1.0) -> CommandRequest:
@@ -24,7 +24,7 @@ def command(role: float | None, *, target: Sender = OURS, base: float | None = 1
 
 
 @pytest.mark.parametrize("role", list(Role))
-def test_the_command_is_obeyed_and_acknowledged_to_whoever_sent_it(operator: Operator, role: Role) -> None:
+def test_the_command_is_obeyed_and_acknowledged_to_whoever_sent_it(operator: GcsRequests, role: Role) -> None:
     (answer,) = operator.receive(command(float(role)))
     assert operator.role is role
     assert (answer.command, answer.result) == (SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
@@ -34,30 +34,30 @@ def test_the_command_is_obeyed_and_acknowledged_to_whoever_sent_it(operator: Ope
 @pytest.mark.parametrize(
     "request_", [command(3.0), command(0.5), command(None), command(1.0, base=0.0), command(1.0, base=None)]
 )
-def test_what_means_nothing_is_denied(operator: Operator, request_: CommandRequest) -> None:
+def test_what_means_nothing_is_denied(operator: GcsRequests, request_: CommandRequest) -> None:
     (answer,) = operator.receive(request_)
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert operator.role is Role.FLY
 
 
-def test_other_commands_are_unsupported(operator: Operator) -> None:
+def test_other_commands_are_unsupported(operator: GcsRequests) -> None:
     (answer,) = operator.receive(CommandRequest(GCS, OURS, 400, (1.0, 0.0, 0.0, 0.0)))
     assert (answer.command, answer.result) == (400, mavlink.MAV_RESULT_UNSUPPORTED)
 
 
 @pytest.mark.parametrize("target", [AUTOPILOT, ALL, Sender(0, 0), Sender(2, 196)])
 def test_a_mode_meant_for_the_autopilot_or_for_all_is_not_our_role(
-    operator: Operator, target: Sender
+    operator: GcsRequests, target: Sender
 ) -> None:
     assert operator.receive(command(0.0, target=target)) == []
     assert operator.receive(ParameterSet(GCS, target, ROLE, 0.0)) == []
     assert operator.role is Role.FLY
 
 
-def test_the_parameter_is_set_and_every_set_is_answered(operator: Operator) -> None:
+def test_the_parameter_is_set_and_every_set_is_answered(operator: GcsRequests) -> None:
     (answer,) = operator.receive(ParameterSet(GCS, OURS, ROLE, 1.0))
     assert operator.role is Role.ADVISE
-    assert (answer.param_value, answer.param_count) == (1.0, len(TUNABLES))
+    assert (answer.param_value, answer.param_count) == (1.0, len(GCS_PARAMETERS))
     assert answer.param_id in (ROLE, ROLE.encode())
     (refused,) = operator.receive(ParameterSet(GCS, OURS, ROLE, 7.0))
     assert operator.role is Role.ADVISE
@@ -75,21 +75,21 @@ def name_of(message: Message) -> str:
     [
         (ParameterRequest(GCS, OURS, ROLE, None), True),
         (ParameterRequest(GCS, OURS, None, 0), True),
-        (ParameterRequest(GCS, OURS, None, len(TUNABLES) - 1), True),
-        (ParameterRequest(GCS, OURS, None, len(TUNABLES)), False),
+        (ParameterRequest(GCS, OURS, None, len(GCS_PARAMETERS) - 1), True),
+        (ParameterRequest(GCS, OURS, None, len(GCS_PARAMETERS)), False),
         (ParameterRequest(GCS, OURS, "OTHER", None), False),
         (ParameterRequest(GCS, ALL, None, 0), False),
         (ParameterRequest(GCS, ALL, ROLE, None), False),
         (ParameterRequest(GCS, Sender(2, 196), ROLE, None), False),
     ],
 )
-def test_reading_one(operator: Operator, request_: Fact, answered: bool) -> None:
+def test_reading_one(operator: GcsRequests, request_: Fact, answered: bool) -> None:
     assert len(operator.receive(request_)) == answered
     assert operator.listed(0.0) == []
 
 
 @pytest.mark.parametrize("target", [OURS, ALL, Sender(0, 0), Sender(0, 196)])
-def test_the_list_comes_whole_and_in_order_and_not_all_at_once(operator: Operator, target: Sender) -> None:
+def test_the_list_comes_whole_and_in_order_and_not_all_at_once(operator: GcsRequests, target: Sender) -> None:
     assert operator.receive(ParameterRequest(GCS, target, None, None)) == []
     ticks = []
     for tick in range(10):
@@ -97,31 +97,31 @@ def test_the_list_comes_whole_and_in_order_and_not_all_at_once(operator: Operato
         assert operator.listed(tick / 10 + 0.03) == [], "nor in a tick that something else prompted"
     assert max(map(len, ticks)) == 10
     said = [message for messages in ticks for message in messages]
-    assert [(name_of(m), m.param_index) for m in said] == [(t.name, i) for i, t in enumerate(TUNABLES)]
-    assert {message.param_count for message in said} == {len(TUNABLES)}
+    assert [(name_of(m), m.param_index) for m in said] == [(t.name, i) for i, t in enumerate(GCS_PARAMETERS)]
+    assert {message.param_count for message in said} == {len(GCS_PARAMETERS)}
     assert {message.param_type for message in said} == {mavlink.MAV_PARAM_TYPE_REAL32}
 
 
-def test_asked_again_meanwhile_the_list_begins_again(operator: Operator) -> None:
+def test_asked_again_meanwhile_the_list_begins_again(operator: GcsRequests) -> None:
     everything = ParameterRequest(GCS, OURS, None, None)
     operator.receive(everything)
     operator.listed(0.0)
     operator.receive(everything)
     said = [m.param_index for tick in range(1, 9) for m in operator.listed(tick / 10)]
-    assert said == list(range(len(TUNABLES)))
+    assert said == list(range(len(GCS_PARAMETERS)))
 
 
 @pytest.mark.parametrize("target", [AUTOPILOT, Sender(2, 0), Sender(1, 197)])
-def test_the_list_of_others_is_theirs(operator: Operator, target: Sender) -> None:
+def test_the_list_of_others_is_theirs(operator: GcsRequests, target: Sender) -> None:
     operator.receive(ParameterRequest(GCS, target, None, None))
     assert operator.listed(0.0) == []
 
 
 @pytest.mark.parametrize("value", [9.9, 80.1, None, -1.0, 3.4e38, 15.0])
 def test_a_value_that_is_refused_is_answered_with_the_old_one_and_words(
-    operator: Operator, value: float | None
+    operator: GcsRequests, value: float | None
 ) -> None:
-    operator.settings.put(TUNABLES[0], 2.0)
+    operator.settings.put(GCS_PARAMETERS[0], 2.0)
     (answer,) = operator.receive(ParameterSet(GCS, OURS, "CA_OUTER_TIME", value))
     assert (name_of(answer), answer.param_value) == ("CA_OUTER_TIME", 60.0)
     (words,) = operator.refusals
@@ -130,7 +130,7 @@ def test_a_value_that_is_refused_is_answered_with_the_old_one_and_words(
     assert operator.settings.changed == {}
 
 
-def test_a_value_that_is_accepted_is_answered_with_the_new_one(operator: Operator) -> None:
+def test_a_value_that_is_accepted_is_answered_with_the_new_one(operator: GcsRequests) -> None:
     for _ in range(2):
         (answer,) = operator.receive(ParameterSet(GCS, OURS, "CA_OUTER_TIME", 45.0))
         assert answer.param_value == 45.0
@@ -139,7 +139,7 @@ def test_a_value_that_is_accepted_is_answered_with_the_new_one(operator: Operato
     assert operator.changes == ["CA_OUTER_TIME 45 s, was 60"]
 
 
-def test_a_role_set_as_a_parameter_lasts_and_one_that_is_commanded_does_not(operator: Operator) -> None:
+def test_a_role_set_as_a_parameter_lasts_and_one_that_is_commanded_does_not(operator: GcsRequests) -> None:
     operator.receive(command(1.0))
     assert operator.settings.changed == {}
     (answer,) = operator.receive(ParameterRequest(GCS, OURS, ROLE, None))
@@ -154,14 +154,14 @@ def resume(continues: float | None = 1.0) -> CommandRequest:
 
 
 @pytest.mark.parametrize("continues", [0.0, 2.0, None])
-def test_there_is_no_pause(operator: Operator, continues: float | None) -> None:
+def test_there_is_no_pause(operator: GcsRequests, continues: float | None) -> None:
     operator.may_resume = lambda: True
     (answer,) = operator.receive(resume(continues))
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert not operator.take_resume()
 
 
-def test_the_mission_is_resumed_where_it_is_we_who_fly(operator: Operator) -> None:
+def test_the_mission_is_resumed_where_it_is_we_who_fly(operator: GcsRequests) -> None:
     (answer,) = operator.receive(resume())
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert not operator.take_resume()
@@ -174,7 +174,7 @@ def test_the_mission_is_resumed_where_it_is_we_who_fly(operator: Operator) -> No
     assert not operator.take_resume()
 
 
-def test_who_only_looks_is_not_made_to_fly(operator: Operator) -> None:
+def test_who_only_looks_is_not_made_to_fly(operator: GcsRequests) -> None:
     operator.role = operator.at_most = Role.ADVISE
     (answer,) = operator.receive(command(2.0))
     assert answer.result == mavlink.MAV_RESULT_DENIED

@@ -4,11 +4,10 @@ import math
 
 import pytest
 
-from companion.engine_config import TextUnits
-from companion.gcs.statustext import Announcer, Outlook, describe_guidance
+from companion.gcs.statustext import StatusText, TrafficSituation, describe_guidance
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Sender
-from companion.model import Decision, Guidance, Layer, Ownship, Threat, Track
+from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat, Track
 from companion.output.effects import Transmit
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
@@ -30,7 +29,9 @@ def flown(course_deg: float = 0.0, airspeed_mps: float = 22.0, altitude_m: float
     return Decision(Layer.OUTER, Guidance(math.radians(course_deg), airspeed_mps, altitude_m), (threat(),))
 
 
-def texts(announcer: Announcer, outlook: Outlook, *, flying: bool = True, now_s: float = 0.0) -> list[str]:
+def texts(
+    announcer: StatusText, outlook: TrafficSituation, *, flying: bool = True, now_s: float = 0.0
+) -> list[str]:
     return [
         effect.message.text if isinstance(effect.message.text, str) else effect.message.text.decode()
         for effect in announcer.conflict(outlook, now_s, flying=flying)
@@ -47,8 +48,8 @@ def texts(announcer: Announcer, outlook: Outlook, *, flying: bool = True, now_s:
     ],
 )
 def test_a_conflict_is_told_once_in_the_words_of_pilots(units: TextUnits, flying: bool, words: str) -> None:
-    announcer = Announcer(lambda: Sender(1, 196), lambda: units)
-    outlook = Outlook(flown(40.0), OWN, [track(None)])
+    announcer = StatusText(lambda: Sender(1, 196), lambda: units)
+    outlook = TrafficSituation(flown(40.0), OWN, [track(None)])
     chunks = texts(announcer, outlook, flying=flying)
     assert "".join(chunks) == words
     assert all(len(chunk) <= 50 for chunk in chunks)
@@ -57,7 +58,7 @@ def test_a_conflict_is_told_once_in_the_words_of_pilots(units: TextUnits, flying
 
 
 def test_whoever_has_a_callsign_is_called_by_it() -> None:
-    said = texts(Announcer(lambda: Sender(1, 196)), Outlook(flown(), OWN, [track("SWR1")]))
+    said = texts(StatusText(lambda: Sender(1, 196)), TrafficSituation(flown(), OWN, [track("SWR1")]))
     assert said == ["Traffic SWR1 2 o'clock 1.8 km 61 m below: holding"]
 
 
@@ -94,8 +95,8 @@ def test_what_is_done(decision: Decision, doing: str, advice: str, aviation: str
 def test_whoever_sends_it_on_its_mission_is_told_who_is_not_avoided(
     threats: list[Threat], layer: Layer, words: str
 ) -> None:
-    announcer = Announcer(lambda: Sender(1, 196))
-    outlook = Outlook(Decision(layer, None, tuple(threats)), OWN, [track(None)])
+    announcer = StatusText(lambda: Sender(1, 196))
+    outlook = TrafficSituation(Decision(layer, None, tuple(threats)), OWN, [track(None)])
     effects = announcer.resuming(outlook, "MISSION", 0.0)
     (sent,) = [effect.message for effect in effects if isinstance(effect, Transmit)]
     assert sent.text in (words, words.encode())

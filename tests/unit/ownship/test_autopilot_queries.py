@@ -8,11 +8,11 @@ from companion.airspace.fence_zones import FenceZone
 from companion.autopilots import Adapter, ArduPlane, Px4FixedWing
 from companion.avoidance import Envelope
 from companion.engine import AircraftLimits, Say
-from companion.gcs.statustext import Announcer
+from companion.gcs.statustext import StatusText
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.output.effects import Transmit
-from companion.ownship.autopilot_queries import Onboard
+from companion.ownship.autopilot_queries import AutopilotQueries
 from tests.support.responder import AUTOPILOT, FENCE, GCS, MISSION, US, Item, Line, Responder, as_fact
 
 PARAMETERS = {
@@ -53,8 +53,8 @@ class Talk:
     ) -> None:
         self.responder = responder
         self.adapter = adapter or ArduPlane(AUTOPILOT)
-        announcer = Announcer(lambda: US)
-        self.onboard = Onboard(announcer, Envelope(), configured or AircraftLimits(), zones)
+        announcer = StatusText(lambda: US)
+        self.queries = AutopilotQueries(announcer, Envelope(), configured or AircraftLimits(), zones)
         self.line = line or Line()
         self.now_s = 1000.0
         self.sent: list[tuple[float, Message]] = []
@@ -63,14 +63,14 @@ class Talk:
     def tell(self, message: Message, sender: object = AUTOPILOT) -> None:
         fact = as_fact(message, sender)  # type: ignore[arg-type]
         assert fact is not None
-        self.onboard.observe(fact, self.adapter, US, self.now_s)
+        self.queries.observe(fact, self.adapter, US, self.now_s)
 
     def run(self, seconds: float) -> "Talk":
         for _ in range(round(seconds * 10)):
             self.now_s = round(self.now_s + 0.1, 1)
             for message in self.line.take(self.now_s):
                 self.tell(message)
-            for effect in self.onboard.tick(self.adapter, self.now_s):
+            for effect in self.queries.tick(self.adapter, self.now_s):
                 if isinstance(effect, Say):
                     self.said.append(effect.text)
                 elif isinstance(effect, Transmit) and effect.message.get_type() != "STATUSTEXT":
@@ -92,22 +92,22 @@ def whole() -> Responder:
 
 def test_everything_is_learnt_within_seconds() -> None:
     talk = Talk(whole()).run(2.0)
-    onboard = talk.onboard
-    assert not onboard.complete
+    queries = talk.queries
+    assert not queries.complete
     talk.run(18.0)
-    assert onboard.complete
-    assert onboard.parameters == PARAMETERS
-    assert onboard.envelope.max_airspeed_mps == 30.0
-    assert onboard.mission is not None
-    assert [item.command for item in onboard.mission.items] == [16, 22, 16, 16]
-    assert onboard.mission.items[3].lat_deg == pytest.approx(47.02)
-    fence = onboard.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
+    assert queries.complete
+    assert queries.parameters == PARAMETERS
+    assert queries.envelope.max_airspeed_mps == 30.0
+    assert queries.mission is not None
+    assert [item.command for item in queries.mission.items] == [16, 22, 16, 16]
+    assert queries.mission.items[3].lat_deg == pytest.approx(47.02)
+    fence = queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
     assert [(zone.inclusion, len(zone.vertices_m), zone.radius_m) for zone in fence.zones] == [
         (True, 4, None),
         (False, 0, 300.0),
     ]
-    assert onboard.local_fence(LocalFrame(47.0, 8.0), 500.2, talk.now_s + 1.0) is fence
-    assert onboard.local_fence(LocalFrame(47.0, 8.1), 500.0, talk.now_s) != fence
+    assert queries.local_fence(LocalFrame(47.0, 8.0), 500.2, talk.now_s + 1.0) is fence
+    assert queries.local_fence(LocalFrame(47.0, 8.1), 500.0, talk.now_s) != fence
 
 
 def test_never_more_than_five_messages_a_second_and_none_without_need() -> None:
@@ -140,17 +140,17 @@ def test_a_change_that_was_announced_counts_at_once_and_a_missed_one_is_found() 
     talk = Talk(whole()).run(20.0)
     talk.responder.parameters["AIRSPEED_MAX"] = 24.0
     talk.tell(talk.responder.parameter("AIRSPEED_MAX"))
-    assert talk.onboard.envelope.max_airspeed_mps == 24.0
+    assert talk.queries.envelope.max_airspeed_mps == 24.0
     talk.responder.parameters["AIRSPEED_MAX"] = 26.0
     talk.run(240.0)
-    assert talk.onboard.envelope.max_airspeed_mps == 26.0
+    assert talk.queries.envelope.max_airspeed_mps == 26.0
 
 
 def test_old_names_are_found_too() -> None:
     old = {"ARSPD_FBW_MIN": 12.0, "ARSPD_FBW_MAX": 30.0, "TRIM_ARSPD_CM": 2000.0, "LIM_ROLL_CD": 4000.0}
     talk = Talk(Responder(dict(old))).run(60.0)
-    assert talk.onboard.parameters == old
-    sources = {taken.quantity: taken.source for taken in talk.onboard.limits.taken}
+    assert talk.queries.parameters == old
+    sources = {taken.quantity: taken.source for taken in talk.queries.limits.taken}
     assert sources["max bank"] == "LIM_ROLL_CD"
     assert sources["max climb"] == "assumed"
 
@@ -158,29 +158,29 @@ def test_old_names_are_found_too() -> None:
 def test_silence_is_asked_with_growing_patience_and_given_up_until_a_restart() -> None:
     talk = Talk(Responder({}, {})).run(600.0)
     assert talk.names_asked().count("TECS_CLMB_MAX") == 8
-    assert talk.onboard.limits.envelope == Envelope()
+    assert talk.queries.limits.envelope == Envelope()
     last_s = max(s for s, m in talk.sent if m.get_type() == "PARAM_REQUEST_READ")
     assert last_s < 1000.0 + 400.0
     talk.responder.parameters.update(PARAMETERS)
-    talk.onboard.restart()
+    talk.queries.restart()
     talk.run(20.0)
-    assert talk.onboard.envelope.max_airspeed_mps == 30.0
+    assert talk.queries.envelope.max_airspeed_mps == 30.0
 
 
 def test_an_absurd_value_is_told_once_and_the_assumption_stays() -> None:
     responder = whole()
     responder.parameters["ROLL_LIMIT_DEG"] = 0.0
     talk = Talk(responder).run(60.0)
-    assert talk.onboard.envelope.max_bank_rad == Envelope().max_bank_rad
+    assert talk.queries.envelope.max_bank_rad == Envelope().max_bank_rad
     assert talk.said.count("Avoidance: ROLL_LIMIT_DEG 0 not believed") == 1
 
 
 def test_px4_is_asked_for_its_own_names() -> None:
     values = {"FW_AIRSPD_MIN": 12.0, "FW_AIRSPD_MAX": 25.0, "FW_R_LIM": 50.0, "GF_ACTION": 0.0}
     talk = Talk(Responder(values, {MISSION: (), FENCE: ZONES}), Px4FixedWing(AUTOPILOT)).run(20.0)
-    assert talk.onboard.envelope.max_airspeed_mps == 25.0
+    assert talk.queries.envelope.max_airspeed_mps == 25.0
     assert "ROLL_LIMIT_DEG" not in talk.names_asked()
-    assert talk.onboard.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s).zones == (), "switched off"
+    assert talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s).zones == (), "switched off"
 
 
 # --- lists
@@ -198,8 +198,8 @@ def test_lists_are_read_again_every_few_minutes() -> None:
     talk = Talk(whole()).run(20.0)
     talk.responder.lists[MISSION] = [*ROUTE[:3], Item(16, (47.5, 8.0), 100.0)]
     talk.run(320.0)
-    assert talk.onboard.mission is not None
-    assert talk.onboard.mission.items[3].lat_deg == pytest.approx(47.5)
+    assert talk.queries.mission is not None
+    assert talk.queries.mission.items[3].lat_deg == pytest.approx(47.5)
 
 
 def current(total: int) -> Message:
@@ -213,10 +213,10 @@ def test_a_new_number_of_items_has_the_mission_read_anew_and_the_old_one_forgott
     talk.responder.lists[MISSION] = ROUTE[:2]
     talk.tell(current(1))
     talk.run(0.1)
-    assert talk.onboard.mission is None, "its numbers mean other items now"
+    assert talk.queries.mission is None, "its numbers mean other items now"
     talk.run(5.0)
-    assert talk.onboard.mission is not None
-    assert len(talk.onboard.mission.items) == 2
+    assert talk.queries.mission is not None
+    assert len(talk.queries.mission.items) == 2
 
 
 def test_a_changed_total_parameter_has_its_list_read_anew() -> None:
@@ -227,7 +227,7 @@ def test_a_changed_total_parameter_has_its_list_read_anew() -> None:
     responder.parameters["FENCE_TOTAL"] = 4.0
     talk.tell(responder.parameter("FENCE_TOTAL"))
     talk.run(5.0)
-    assert len(talk.onboard.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s).zones) == 1
+    assert len(talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s).zones) == 1
 
 
 def test_an_upload_of_a_ground_station_is_waited_for_and_then_read() -> None:
@@ -243,8 +243,8 @@ def test_an_upload_of_a_ground_station_is_waited_for_and_then_read() -> None:
     talk.run(2.0)
     assert not [m for _, m in talk.sent[before:] if m.get_type().startswith("MISSION")]
     talk.run(5.0)
-    assert talk.onboard.mission is not None
-    assert len(talk.onboard.mission.items) == 3
+    assert talk.queries.mission is not None
+    assert len(talk.queries.mission.items) == 3
 
 
 def test_our_own_download_makes_way_for_a_ground_station() -> None:
@@ -257,8 +257,8 @@ def test_our_own_download_makes_way_for_a_ground_station() -> None:
     assert len(talk.asked("MISSION_REQUEST_INT")) == before
     assert [ack.type for ack in talk.asked("MISSION_ACK")] == [mavlink.MAV_MISSION_OPERATION_CANCELLED]
     talk.run(40.0)
-    assert talk.onboard.mission is not None
-    assert len(talk.onboard.mission.items) == 40
+    assert talk.queries.mission is not None
+    assert len(talk.queries.mission.items) == 40
 
 
 def test_mission_talk_of_another_aircraft_disturbs_nothing() -> None:
@@ -266,15 +266,15 @@ def test_mission_talk_of_another_aircraft_disturbs_nothing() -> None:
     for _ in range(100):
         talk.run(0.2)
         talk.tell(mavlink.MAVLink_mission_request_list_message(7, 1, MISSION), GCS)
-    assert talk.onboard.mission is not None
+    assert talk.queries.mission is not None
 
 
 def test_a_list_that_shrinks_while_it_is_read_is_read_from_its_start() -> None:
     talk = Talk(Responder({}, {MISSION: ROUTE * 10, FENCE: ()})).run(7.0)
     talk.responder.lists[MISSION] = ZONES[:2]
     talk.run(20.0)
-    assert talk.onboard.mission is not None
-    assert [item.command for item in talk.onboard.mission.items] == [5001, 5001]
+    assert talk.queries.mission is not None
+    assert [item.command for item in talk.queries.mission.items] == [5001, 5001]
 
 
 def test_a_count_that_comes_again_and_again_disturbs_nothing() -> None:
@@ -307,21 +307,21 @@ def fence_talk(zones: tuple[FenceZone, ...] = (), items: list[Item] | None = Non
 def test_a_fence_that_is_off_counts_only_when_its_status_is_heard() -> None:
     talk = fence_talk(FENCE_ENABLE=0.0)
     frame = LocalFrame(47.0, 8.0)
-    assert talk.onboard.local_fence(frame, 500.0, talk.now_s).zones == ()
+    assert talk.queries.local_fence(frame, 500.0, talk.now_s).zones == ()
     talk.tell(mavlink.MAVLink_fence_status_message(0, 0, 0, 0))
-    assert len(talk.onboard.local_fence(frame, 500.0, talk.now_s).zones) == 2
-    assert talk.onboard.local_fence(frame, 500.0, talk.now_s + 10.0).zones == ()
+    assert len(talk.queries.local_fence(frame, 500.0, talk.now_s).zones) == 2
+    assert talk.queries.local_fence(frame, 500.0, talk.now_s + 10.0).zones == ()
 
 
 def test_heights_and_circle_of_the_fence_parameters_are_kept_within_the_margin() -> None:
     limits = {"FENCE_ALT_MIN": 40.0, "FENCE_ALT_MAX": 300.0, "FENCE_RADIUS": 2000.0, "FENCE_MARGIN": 10.0}
     talk = fence_talk(FENCE_TYPE=15.0, **limits)
-    heights = talk.onboard.heights(30.0, None, talk.now_s)
+    heights = talk.queries.heights(30.0, None, talk.now_s)
     assert (heights.fence_min_height_m, heights.fence_max_height_m) == (50.0, 290.0)
-    fence = talk.onboard.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
+    fence = talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
     assert fence.margin_m == 10.0
     assert (fence.zones[0].centre_m, fence.zones[0].radius_m) == ((0.0, 0.0), 2000.0)
-    unlimited = fence_talk(FENCE_TYPE=4.0, **limits).onboard.heights(30.0, None, talk.now_s)
+    unlimited = fence_talk(FENCE_TYPE=4.0, **limits).queries.heights(30.0, None, talk.now_s)
     assert (unlimited.fence_min_height_m, unlimited.fence_max_height_m) == (None, None)
 
 
@@ -329,15 +329,15 @@ def test_inclusion_zones_of_which_one_is_enough() -> None:
     two = [*ZONES[:4], Item(5003, (47.5, 8.0), params=(900.0, 0.0, 0.0, 0.0))]
     frame = LocalFrame(47.0, 8.0)
     talk = fence_talk(items=two, FENCE_OPTIONS=2.0)
-    assert talk.onboard.local_fence(frame, 500.0, talk.now_s).any_inclusion
+    assert talk.queries.local_fence(frame, 500.0, talk.now_s).any_inclusion
     talk = fence_talk(items=two, FENCE_OPTIONS=1.0)
-    assert not talk.onboard.local_fence(frame, 500.0, talk.now_s).any_inclusion
+    assert not talk.queries.local_fence(frame, 500.0, talk.now_s).any_inclusion
 
 
 def test_a_configured_inclusion_zone_is_not_loosened_by_those_of_the_autopilot() -> None:
     two = [*ZONES[:4], Item(5003, (47.5, 8.0), params=(900.0, 0.0, 0.0, 0.0))]
     ours = FenceZone(True, centre_deg=(47.0, 8.0), radius_m=500.0, max_height_m=120.0)
     talk = fence_talk((ours,), two, FENCE_OPTIONS=2.0)
-    fence = talk.onboard.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
+    fence = talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
     assert not fence.any_inclusion
     assert [(zone.radius_m, zone.max_altitude_m) for zone in fence.zones] == [(500.0, 620.0)]

@@ -8,7 +8,7 @@ from companion.autopilots.limits import ARDUPLANE, PX4
 from companion.avoidance import Envelope
 from companion.engine import AircraftLimits
 from companion.ownship.performance_limits import effective
-from companion.ownship.reported_limits import Belief, believe
+from companion.ownship.reported_limits import ReportedLimits, believe
 
 NEW = {
     "AIRSPEED_MIN": 12.0,
@@ -40,7 +40,7 @@ OF_PX4 = {
 ASSUMED, NOTHING = Envelope(), AircraftLimits()
 
 
-def sources(configured: AircraftLimits, belief: Belief) -> dict[str, str]:
+def sources(configured: AircraftLimits, belief: ReportedLimits) -> dict[str, str]:
     return {taken.quantity: taken.source for taken in effective(ASSUMED, configured, belief).taken}
 
 
@@ -99,9 +99,9 @@ def test_speeds_that_contradict_each_other_are_not_believed() -> None:
 
 
 def test_without_answers_the_assumption_stands() -> None:
-    taken = effective(ASSUMED, NOTHING, Belief())
+    taken = effective(ASSUMED, NOTHING, ReportedLimits())
     assert taken.envelope == ASSUMED
-    assert set(sources(NOTHING, Belief()).values()) == {"assumed"}
+    assert set(sources(NOTHING, ReportedLimits()).values()) == {"assumed"}
 
 
 def test_the_aircraft_replaces_the_assumption() -> None:
@@ -131,7 +131,7 @@ def test_no_more_bank_than_cruise_airspeed_carries() -> None:
 
 def test_configured_limits_replace_those_of_the_aircraft_and_what_is_assumed() -> None:
     configured = AircraftLimits(max_bank_rad=math.radians(20.0), max_climb_mps=2.0, loiter_radius_m=90.0)
-    for belief in (Belief(), believe(NEW, ARDUPLANE)):
+    for belief in (ReportedLimits(), believe(NEW, ARDUPLANE)):
         taken = effective(ASSUMED, configured, belief)
         assert taken.envelope.max_bank_rad == math.radians(20.0)
         assert taken.envelope.max_climb_mps == 2.0
@@ -139,7 +139,7 @@ def test_configured_limits_replace_those_of_the_aircraft_and_what_is_assumed() -
         assert sources(configured, belief)["max bank"].startswith("configured")
     both = sources(configured, believe(NEW, ARDUPLANE))
     assert both["max bank"] == "configured; ROLL_LIMIT_DEG 45", "both are told"
-    assert effective(ASSUMED, AircraftLimits(max_bank_rad=1.0), Belief()).envelope.max_bank_rad == 1.0
+    assert effective(ASSUMED, AircraftLimits(max_bank_rad=1.0), ReportedLimits()).envelope.max_bank_rad == 1.0
 
 
 def test_configured_limits_beyond_those_of_the_aircraft_count_and_are_warned_of() -> None:
@@ -157,7 +157,7 @@ def test_configured_limits_beyond_those_of_the_aircraft_count_and_are_warned_of(
         "max bank 70 configured, ROLL_LIMIT_DEG allows 45",
         "max sink 9 configured, 0.9 TECS_SINK_MAX allows 3.6",
     )
-    assert not effective(ASSUMED, configured, Belief()).doubts, "nobody says otherwise"
+    assert not effective(ASSUMED, configured, ReportedLimits()).doubts, "nobody says otherwise"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from companion.avoidance import Envelope
 from companion.geodesy import GeoPoint
 from companion.mavlink.facts import OwnPosition, Sender, TerrainReport, Wind
 from companion.ownship.terrain import Terrain
-from companion.ownship.wind import WindKeeper
+from companion.ownship.wind import WindEstimator
 
 AUTOPILOT = Sender(1, 1)
 
@@ -22,7 +22,7 @@ def flying(north_mps: float, east_mps: float, heading_rad: float | None = 0.0) -
 
 
 def test_a_fresh_report_counts_and_an_old_one_gives_way_to_the_estimate() -> None:
-    wind = WindKeeper()
+    wind = WindEstimator()
     for tenth in range(100):
         wind.observe(flying(25.0, 3.0), 20.0, tenth / 10)
     wind.report(Wind(AUTOPILOT, 4.0, 2.0), 10.0)
@@ -33,21 +33,21 @@ def test_a_fresh_report_counts_and_an_old_one_gives_way_to_the_estimate() -> Non
 
 def test_a_report_of_nothing_or_of_nonsense_says_nothing() -> None:
     for north_mps in (0.0, 90.0):
-        wind = WindKeeper()
+        wind = WindEstimator()
         wind.observe(flying(25.0, 0.0), 20.0, 0.0)
         wind.report(Wind(AUTOPILOT, north_mps, 0.0), 0.0)
         assert wind.wind_mps(20.0, 1.0) == pytest.approx((5.0, 0.0))
 
 
 def test_wind_that_the_aircraft_cannot_fly_against_is_not_predicted_with() -> None:
-    wind = WindKeeper()
+    wind = WindEstimator()
     wind.report(Wind(AUTOPILOT, 21.0, 0.0), 0.0)
     assert wind.wind_mps(20.0, 1.0) is None
     assert wind.wind_mps(22.0, 1.0) == (21.0, 0.0)
 
 
 def test_no_estimate_without_airspeed_or_heading_nor_from_a_wrong_airspeed() -> None:
-    wind = WindKeeper()
+    wind = WindEstimator()
     wind.observe(flying(25.0, 0.0), None, 0.0)
     wind.observe(flying(25.0, 0.0), 0.5, 0.0)
     wind.observe(flying(25.0, 0.0, None), 20.0, 0.0)
@@ -57,7 +57,7 @@ def test_no_estimate_without_airspeed_or_heading_nor_from_a_wrong_airspeed() -> 
 
 
 def test_the_estimate_is_smooth() -> None:
-    wind = WindKeeper()
+    wind = WindEstimator()
     wind.observe(flying(20.0, 0.0), 20.0, 0.0)
     wind.observe(flying(30.0, 0.0), 20.0, 10.0)
     north_mps, _ = wind.wind_mps(20.0, 10.0) or (math.nan, 0.0)

@@ -13,12 +13,12 @@ from companion.airspace.fence_zones import FenceZone
 from companion.engine import Engine
 from companion.model import Track
 from companion.recording.recorder import Recorder
-from companion.web import Onlookers
+from companion.web import Observers
 from companion.web import state as state_module
-from companion.web.live_snapshot import Health, LinkCount, moment_of
+from companion.web.live_snapshot import Health, LinkCount, live_snapshot_of
 from companion.web.loop_times import LoopTimes
 from companion.web.pipe import packed, unpacked
-from companion.web.rolling_stats import Trends
+from companion.web.rolling_stats import RollingStats
 from companion.web.settings import Settings
 from companion.web.source import Recorded
 from companion.web.state import state_of
@@ -26,7 +26,7 @@ from tests.support.web_bench import health, moment_after
 
 
 def test_an_engine_that_has_heard_nothing_has_a_state() -> None:
-    state = state_of(moment_of(Engine(), 1_700_000_000.0, health()), 1, Trends())
+    state = state_of(live_snapshot_of(Engine(), 1_700_000_000.0, health()), 1, RollingStats())
     assert state["own"] is None
     assert state["tracks"] == state["cones"] == state["predicted"] == []
     assert state["mission"] is None
@@ -35,7 +35,7 @@ def test_an_engine_that_has_heard_nothing_has_a_state() -> None:
 
 
 def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
-    state = state_of(moment_after(40.0), 7, Trends())
+    state = state_of(moment_after(40.0), 7, RollingStats())
     json.dumps(state, allow_nan=False)
     assert (state["sequence"], state["aircraft"]["mode"]) == (7, "GUIDED")
     assert state["decision"]["layer"] == "outer"
@@ -71,13 +71,13 @@ def test_how_near_traffic_is_shows_in_its_symbol() -> None:
         )
 
     shown = replace(moment.snapshot, tracks=(at(2000.0, 0.0), at(4000.0, 0.0), at(2000.0, 500.0)))
-    state = state_of(replace(moment, snapshot=shown), 1, Trends())
+    state = state_of(replace(moment, snapshot=shown), 1, RollingStats())
     assert [track["level"] for track in state["tracks"]] == ["proximate", "other", "other"]
 
 
 def test_rates_are_those_of_the_last_seconds_and_silence_is_seen() -> None:
     now_s = [100.0]
-    trends = Trends(lambda: now_s[0])
+    trends = RollingStats(lambda: now_s[0])
     for second in range(11):
         now_s[0] = 100.0 + second
         frames = 50 * min(second, 8)
@@ -110,7 +110,7 @@ async def test_a_moment_comes_out_of_the_pipe_as_it_went_in() -> None:
     reader = asyncio.StreamReader()
     reader.feed_data(packed(moment))
     again = await unpacked(reader)
-    assert state_of(again, 1, Trends()) == state_of(moment, 1, Trends())
+    assert state_of(again, 1, RollingStats()) == state_of(moment, 1, RollingStats())
 
 
 def film() -> Recorded:
@@ -156,7 +156,7 @@ async def test_a_wish_that_makes_no_sense_changes_nothing(wish: dict[str, object
 
 
 def test_health_counts_links_that_were_never_heard() -> None:
-    trends = Trends(lambda: 1.0)
+    trends = RollingStats(lambda: 1.0)
     assert trends.links() == []
     assert trends.tick_ms_p99() is None
     trends.show(Health.of(0.0, LoopTimes(), ()))
@@ -177,11 +177,11 @@ def test_what_cannot_be_shown_is_told_once_and_never_raised(caplog: pytest.LogCa
         def state(self, time_us: int, line: str) -> None:  # noqa: ARG002
             recorded.append(line)
 
-    onlookers = Onlookers(None, Notes())
+    onlookers = Observers(None, Notes())
     for tick in range(3):
         onlookers.look(Engineless(), tick * 10_000_000, health)  # type: ignore[arg-type]
     assert [r.getMessage() for r in caplog.records] == ["state in the record: switched off"]
-    onlookers = Onlookers(None, Notes())
+    onlookers = Observers(None, Notes())
     for tick in range(250):
         onlookers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
     assert [json.loads(line)["sequence"] for line in recorded] == [1, 2, 3], "every ten seconds"
@@ -193,7 +193,7 @@ def test_every_key_is_explained() -> None:
     moment = moment_after(40.0)
     zone = FenceZone(inclusion=True, centre_deg=(-35.0, 149.0), radius_m=100.0)
     moment = replace(moment, zones=(zone,), health=health(links=(LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)))
-    trends = Trends()
+    trends = RollingStats()
     trends.show(moment.health)
     assert keys_of(state_of(moment, 1, trends)) <= explained
 
