@@ -24,6 +24,8 @@ from companion.config import (
     WebParams,
     describe,
     describe_saved,
+    example,
+    example_names,
     load_config,
     load_obstacles,
     load_saved,
@@ -162,6 +164,10 @@ def check(
     all_keys: Annotated[
         bool, typer.Option("--reference", help="Print every key that there is, its default and range.")
     ] = False,
+    example_name: Annotated[
+        str | None,
+        typer.Option("--example", metavar="NAME", help=f"Print an example: {', '.join(example_names())}."),
+    ] = None,
 ) -> None:
     """Read a configuration and show it as it would be used, every default included.
 
@@ -169,6 +175,9 @@ def check(
     """
     if all_keys:
         sys.stdout.write(reference())
+        return
+    if example_name is not None:
+        sys.stdout.write(example(example_name))
         return
     if config_file is None:
         raise ConfigError("CONFIG is missing: the configuration file")
