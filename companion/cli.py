@@ -34,7 +34,7 @@ from companion.config import (
 )
 from companion.control.state_machine import printed
 from companion.engine import Engine
-from companion.errors import CompanionError, ConfigError, LogError
+from companion.errors import CompanionError, ConfigError, LogError, require
 from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
@@ -305,6 +305,7 @@ def report_command(
     An MCAP recording tells what was decided in flight, with the tlog beside it also what came over the link.
     A tlog is driven through the engine, as by replay. Later parts of the same recording are read too.
     """
+    require("matplotlib", "companion report", "report")
     # Drawing takes longer to import than the other commands take to start.
     from companion.report.page import page_of
     from companion.report.reading import files_of, read_log
