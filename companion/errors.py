@@ -26,7 +26,7 @@ class LogError(CompanionError):
 
 
 def require(package: str, command: str, extra: str) -> None:
-    """Raise `ConfigError` that says what to install when an optional package of a command is not installed."""
+    """Raise `ConfigError` that says what to install if the optional `package` of a command is missing."""
     if find_spec(package) is None:
         raise ConfigError(f"{command} needs {package}: pip install 'mavlink-companion[{extra}]'")
 
