@@ -28,7 +28,7 @@ $(STAMP): requirements.lock
 	touch $@
 
 # What is compiled.
-$(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.pyx sim/compiled/wing.pyx
+$(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.py sim/compiled/airframe_step.py
 	@command -v cc >/dev/null || { echo "Companion compiles two files and needs a C compiler: make compiler (Debian)" >&2; exit 1; }
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from companion import __version__
 from companion.address import host_and_port
 from companion.airspace.obstacles import Obstacle
+from companion.compiled import slow_notice
 from companion.config import (
     Config,
     WebParams,
@@ -77,6 +78,7 @@ def run(
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     display = None if no_web or not config.web.enabled else Display(_display_in_flight(config))
+    note_if_slow()
     asyncio.run(_run(config, load_obstacles(config), display))
 
 
@@ -184,6 +186,7 @@ def check(
     config = load_config(config_file)
     _display_settings(config)
     obstacles = load_obstacles(config)
+    note_if_slow()
     console = Console(highlight=False, soft_wrap=True)
     saved = load_saved(config)
     if table:
@@ -246,6 +249,7 @@ def replay_command(
     saved = None if settings is None else _values_in(settings, config or Config(links=()))
     engine = Engine(None if config is None else config.for_engine(load_obstacles(config)), saved=saved)
     cinema = _cinema(engine, _replay_settings(log, config, listen_at)) if web else None
+    note_if_slow()
     console = Console(highlight=False)
     with ExitStack() as stack:
         on_decision: Callable[[str], object] | None = None
@@ -388,6 +392,12 @@ def _print_replay(console: Console, log: Path, result: Replay) -> None:
         markup=False,
         soft_wrap=True,
     )
+
+
+def note_if_slow() -> None:
+    """Say so, in one line on stderr, when the inner loops are not compiled."""
+    if (notice := slow_notice()) is not None:
+        sys.stderr.write(f"{notice}\n")
 
 
 def writable(path: Path) -> Path:

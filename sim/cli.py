@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.cli import guarded, writable
+from companion.cli import guarded, note_if_slow, writable
 from companion.errors import CompanionError, ConfigError, LinkError, alone, require
 from companion.links import open_link
 from companion.web.settings import Settings
@@ -99,6 +99,7 @@ def demo(
         autopilot=autopilot.value,
         display=None if no_web else Settings(title=f"Demonstration: {Path(scenario).stem}"),
     )
+    note_if_slow()
     console = Console(highlight=False)
     with DemoView(console) as view:
         handler = _ViewHandler(view)
@@ -156,6 +157,7 @@ def vehicle(
         links = [open_link(address) for address in link]
     except LinkError as error:
         raise ConfigError(f"--link {error}") from error
+    note_if_slow()
     start_s = float(int(time.time()))
     world = build_world(chosen, start_s, autopilot=autopilot.value)
     clock = ScaledClock(speedup, start_s=start_s)
@@ -176,6 +178,7 @@ def bench(
     if report is not None:
         writable(report)
     logging.getLogger("companion").addHandler(logging.NullHandler())
+    note_if_slow()
     console = Console(highlight=False)
     status = console.status("starting") if console.is_terminal else contextlib.nullcontext()
     with status as shown:
@@ -229,6 +232,7 @@ def paper(
             return
         raise ConfigError("paper: say where to write to with --out DIR, or --table")
     command.folder(out)
+    note_if_slow()
     # Leave by the front door, so that the processes of the flights end with this one.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     well = True
@@ -309,6 +313,7 @@ def campaign(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
         tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part,
     )  # fmt: skip
+    note_if_slow()
     console = Console(highlight=False)
     figures = command.run(plan, results, console, workers=workers, scheduler=scheduler)
     command.print_figures(console, figures)
@@ -341,6 +346,7 @@ def encounter(
         writable(out)
     models = tuple(map(str, model or ()))
     plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height)
+    note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)
 
 
