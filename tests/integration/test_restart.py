@@ -21,6 +21,9 @@ from tests.support.virtual_time import VirtualTimeLoop, in_virtual_time
 
 pytestmark = pytest.mark.wire
 
+# After its first line the companion takes up the flight in two or three seconds; more on a busy machine.
+BUSY_S = 25.0
+
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
@@ -106,11 +109,11 @@ async def test_killed_while_it_flies_and_started_again_it_takes_up_again(
         assert not truth.uncontrolled
         if autopilot == "ardupilot":
             assert abs(truth.heading_rad - course_rad) < 0.6, "it flies on, or on to the course it was told"
-        died_s = flight.vehicle.time_s
         await flight.start()
+        started_s = flight.vehicle.time_s
         # To be given back is to have been taken up; while the conflict lasts it is flown again after that.
         await flight.until(lambda: flight.vehicle.truth.on_mission)
-        assert flight.vehicle.time_s - died_s < 5.0
+        assert flight.vehicle.time_s - started_s < BUSY_S
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
         code, said = await flight.end(signal.SIGTERM)
         assert code == 0
@@ -129,10 +132,10 @@ async def test_px4_left_in_a_climb_has_lost_itself_and_is_recovered_by_the_next_
         await flight.end(signal.SIGKILL)
         await flight.until(lambda: flight.vehicle.truth.mode == "HOLD")
         assert flight.vehicle.truth.uncontrolled
-        began_s = flight.vehicle.time_s
         await flight.start()
+        started_s = flight.vehicle.time_s
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
-        assert flight.vehicle.time_s - began_s < 5.0
+        assert flight.vehicle.time_s - started_s < BUSY_S
         await flight.until(lambda: not flight.vehicle.truth.uncontrolled)
         await asyncio.sleep(1.0)
         assert not flight.vehicle.truth.uncontrolled

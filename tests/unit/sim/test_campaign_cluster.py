@@ -11,7 +11,7 @@ from sim.campaign.cluster import place_of
 from sim.campaign.environment import difference, environment
 from sim.campaign.plan import Plan
 from sim.encounters import Encounter, generate, write_encounters
-from tests.support.paths import ENCOUNTER_MODELS as MODELS
+from tests.support.paths import ENCOUNTER_MODELS
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def same(one: Encounter, other: Encounter) -> bool:
 def test_what_is_passed_on_gives_the_same_encounters(tmp_path: Path) -> None:
     """To workers that have none of the files."""
     write_encounters(tmp_path / "e.csv", [generate("mix", 1, number) for number in range(3)])
-    model = MODELS / "uncor_1200only_fwse_v1p2.txt"
+    model = ENCOUNTER_MODELS["invented"]
     for plan in (Plan(5), Plan(5, models=(str(tmp_path / "e.csv"),)), Plan(5, seed=2, models=(str(model),))):
         passed_on = plan.source(pickle.loads(pickle.dumps(plan.given())))
         assert all(same(passed_on(number), plan.source()(number)) for number in plan.numbers())
