@@ -58,7 +58,7 @@ async def look(
             result = Preflight(
                 engine.aircraft.adapter is not None,
                 (*_findings(runtime, now_s), Finding("role", wanted.name.lower(), wanted is Role.FLY)),
-                tuple(engine.readiness.hindrances(now_s, role=wanted)),
+                tuple(engine.hindrances(now_s, wanted)),
             )
             runtime.stop()
     return result

@@ -14,7 +14,6 @@ from companion.airspace.fence_items import zones_of
 from companion.airspace.fence_zones import FenceZone, LocalFence
 from companion.autopilots import Adapter
 from companion.avoidance import Envelope
-from companion.gcs.statustext import StatusText
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -26,7 +25,7 @@ from companion.mavlink.facts import (
     Parameter,
     Sender,
 )
-from companion.output.effects import Effect, Say
+from companion.output.notice import Notice
 from companion.ownship.mission import Mission
 from companion.ownship.mission_reader import FENCE, MISSION, MISSION_PROTOCOL, MissionReader
 from companion.ownship.parameter_reader import ParameterReader
@@ -61,12 +60,10 @@ class AutopilotQueries:
 
     def __init__(
         self,
-        announcer: StatusText,
         assumed: Envelope,
         configured: AircraftLimits,
         zones: tuple[FenceZone, ...] = (),
     ) -> None:
-        self._announcer = announcer
         self._assumed = assumed
         self._configured = configured
         self._configured_zones = zones
@@ -132,26 +129,24 @@ class AutopilotQueries:
             case _:
                 pass
 
-    def tick(self, adapter: Adapter, now_s: float) -> list[Effect]:
-        """What to ask for now, and what there is to tell."""
+    def tick(self, adapter: Adapter, now_s: float) -> list[Message | Notice]:
+        """The requests to send now, and notices."""
         self._adopt(adapter, now_s)
-        effects = self._announcer.transmit(self._requests(adapter, now_s))
-        effects += self._take_lists()
+        outgoing: list[Message | Notice] = [*self._requests(adapter, now_s), *self._take_lists()]
         if self._untold_since_s is not None and now_s - self._untold_since_s >= _SETTLED_S:
             self._untold_since_s = None
-            effects += self._tell_limits(now_s)
-        return effects
+            outgoing += self._limit_notices()
+        return outgoing
 
-    def _tell_limits(self, now_s: float) -> list[Effect]:
-        effects: list[Effect] = []
+    def _limit_notices(self) -> list[Notice]:
+        notices: list[Notice] = []
         text = f"Aircraft: {', '.join(map(str, self.limits.taken))}"
         if text != self._told:
             self._told = text
-            effects.append(Say(mavlink.MAV_SEVERITY_INFO, text))
+            notices.append(Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True))
         for doubt in self.limits.doubts:
-            warning = f"Avoidance: {doubt}"
-            effects += self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, warning, now_s, once=True)
-        return effects
+            notices.append(Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {doubt}", once=True))
+        return notices
 
     def doubt_mission(self, now_s: float) -> None:
         """The autopilot flies elsewhere than the mission that we know leads to: it may be another one."""
@@ -247,13 +242,15 @@ class AutopilotQueries:
             self.limits = limits
             self._untold_since_s = now_s
 
-    def _take_lists(self) -> list[Effect]:
+    def _take_lists(self) -> list[Notice]:
         """Take over what was read anew."""
-        effects: list[Effect] = []
+        notices: list[Notice] = []
         mission, fence = self._missions.mission, self._missions.fence
         if mission is not self._mission_items:
             if mission is not None and mission != self._mission_items:
-                effects.append(Say(mavlink.MAV_SEVERITY_INFO, f"Mission: {len(mission)} items"))
+                notices.append(
+                    Notice(mavlink.MAV_SEVERITY_INFO, f"Mission: {len(mission)} items", log_only=True)
+                )
             self._mission_items = mission
             self.mission = None if mission is None else Mission(mission)
         if fence is not None and fence != self._fence_items:
@@ -262,5 +259,5 @@ class AutopilotQueries:
             self._uploaded_zones, useless = zones_of(fence)
             words = f"Fence: {len(self._uploaded_zones)} zones of the autopilot"
             words += f", {useless} items not understood" if useless else ""
-            effects += [Say(mavlink.MAV_SEVERITY_INFO, words)] if news else []
-        return effects
+            notices += [Notice(mavlink.MAV_SEVERITY_INFO, words, log_only=True)] if news else []
+        return notices

@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 from companion.autopilots import ArduPlane
 from companion.avoidance import Envelope
 from companion.engine import AircraftLimits
-from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
-from companion.output.effects import Transmit
+from companion.output.notice import Notice
 from companion.ownship.autopilot_queries import AutopilotQueries
 from tests.support.responder import AUTOPILOT, FENCE, MISSION, US, Item, Line, Responder, as_fact
 
@@ -32,7 +31,7 @@ class Exchange:
 
     def __init__(self, responder: Responder, seed: int, loss: float) -> None:
         self.responder = responder
-        self.queries = AutopilotQueries(StatusText(lambda: US), Envelope(), AircraftLimits())
+        self.queries = AutopilotQueries(Envelope(), AircraftLimits())
         self._adapter = ArduPlane(AUTOPILOT)
         self._up, self._down = Line(seed, loss=loss), Line(seed + 1, loss=loss)
         self.now_s = 0.0
@@ -47,10 +46,10 @@ class Exchange:
             fact = as_fact(message)
             assert fact is not None
             self.queries.observe(fact, self._adapter, US, self.now_s)
-        for effect in self.queries.tick(self._adapter, self.now_s):
-            if isinstance(effect, Transmit):
+        for item in self.queries.tick(self._adapter, self.now_s):
+            if not isinstance(item, Notice):
                 self.sent += 1
-                self._down.put(effect.message, self.now_s)
+                self._down.put(item, self.now_s)
         for message in self._down.take(self.now_s):
             for answer in self.responder.answer(message):
                 self._up.put(answer, self.now_s)

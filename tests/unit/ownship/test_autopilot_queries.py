@@ -7,11 +7,10 @@ import pytest
 from companion.airspace.fence_zones import FenceZone
 from companion.autopilots import Adapter, ArduPlane, Px4FixedWing
 from companion.avoidance import Envelope
-from companion.engine import AircraftLimits, Say
-from companion.gcs.statustext import StatusText
+from companion.engine import AircraftLimits
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.output.effects import Transmit
+from companion.output.notice import Notice
 from companion.ownship.autopilot_queries import AutopilotQueries
 from tests.support.responder import AUTOPILOT, FENCE, GCS, MISSION, US, Item, Line, Responder, as_fact
 
@@ -53,8 +52,7 @@ class Talk:
     ) -> None:
         self.responder = responder
         self.adapter = adapter or ArduPlane(AUTOPILOT)
-        announcer = StatusText(lambda: US)
-        self.queries = AutopilotQueries(announcer, Envelope(), configured or AircraftLimits(), zones)
+        self.queries = AutopilotQueries(Envelope(), configured or AircraftLimits(), zones)
         self.line = line or Line()
         self.now_s = 1000.0
         self.sent: list[tuple[float, Message]] = []
@@ -70,12 +68,13 @@ class Talk:
             self.now_s = round(self.now_s + 0.1, 1)
             for message in self.line.take(self.now_s):
                 self.tell(message)
-            for effect in self.queries.tick(self.adapter, self.now_s):
-                if isinstance(effect, Say):
-                    self.said.append(effect.text)
-                elif isinstance(effect, Transmit) and effect.message.get_type() != "STATUSTEXT":
-                    self.sent.append((self.now_s, effect.message))
-                    for answer in self.responder.answer(effect.message):
+            for item in self.queries.tick(self.adapter, self.now_s):
+                if isinstance(item, Notice):
+                    if not (item.once and item.text in self.said):
+                        self.said.append(item.text)
+                else:
+                    self.sent.append((self.now_s, item))
+                    for answer in self.responder.answer(item):
                         self.line.put(answer, self.now_s)
         return self
 
