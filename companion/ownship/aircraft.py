@@ -4,7 +4,6 @@ import math
 
 from companion.autopilots import Adapter, choose
 from companion.autopilots.adapter import GuidanceCommand
-from companion.control.sticks import Sticks
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import (
@@ -25,6 +24,7 @@ from companion.mavlink.facts import (
 )
 from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
 from companion.ownship.mission import Mission
+from companion.ownship.sticks import Sticks
 from companion.ownship.terrain import Terrain
 from companion.ownship.wind import WindEstimator
 from companion.units import wrap_two_pi
