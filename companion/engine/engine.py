@@ -40,7 +40,8 @@ from companion.mavlink.facts import (
 )
 from companion.model import Decision, Goal, Layer, Ownship, Role, Snapshot, Track
 from companion.output.decision_record import Circumstances
-from companion.output.effects import Effect, Keep, Record, Save
+from companion.output.effects import Effect, Keep, Record, Save, Say
+from companion.output.notice import Notice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import HEEDED, AutopilotQueries
@@ -86,9 +87,7 @@ class Engine:
         self._surroundings = TrafficPicture(config.traffic, config.known_obstacles, config.obstacles)
         self._announcer = StatusText(lambda: self.sender, lambda: self._settings.engine.text_units)
         # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
-        self.queries = AutopilotQueries(
-            self._announcer, config.avoidance.envelope, config.aircraft, config.fences
-        )
+        self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._briefing = OperatorNotices(
             self.aircraft, self.queries, self.operator, self._announcer, self._settings
         )
@@ -293,7 +292,9 @@ class Engine:
                 effects += self._announcer.transmit(adapter.tick(now_s))
             if self.aircraft.heard(now_s):
                 effects += self._announcer.transmit(self._rates.tick(adapter, now_s))
-                effects += self.queries.tick(adapter, now_s)
+                requests, notices = self.queries.tick(adapter, now_s)
+                effects += self._announcer.transmit(requests)
+                effects += [effect for notice in notices for effect in self._announce(notice, now_s)]
                 self.aircraft.mission = self.queries.mission
         answers, self._answers = self._answers, []
         effects += self._announcer.transmit([*answers, *self.operator.listed(now_s)])
@@ -460,6 +461,11 @@ class Engine:
             return False
         self._authority.answered(fact, now_s)
         return False
+
+    def _announce(self, notice: Notice, now_s: float) -> list[Effect]:
+        if notice.log_only:
+            return [Say(notice.severity, notice.text)]
+        return self._announcer.tell(notice.severity, notice.text, now_s, topic=notice.topic, once=notice.once)
 
     def _tell_adapter(self, fact: Fact, now_s: float) -> None:
         if self.aircraft.adapter is not None:
