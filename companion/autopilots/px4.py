@@ -192,7 +192,7 @@ class Px4FixedWing(Adapter):
         return self._stream(replace(command, guidance=level), mask, now_s)
 
     def stand_back(self) -> None:
-        """Drop all commands under way; the speed is restored, whoever flies the aircraft."""
+        """Drop all commands under way, and restore the speed parameter."""
         super().stand_back()
         self._trim.restore()
 

@@ -25,7 +25,7 @@ class TemporaryParameter:
     def observe(self, value: float, now_s: float) -> None:
         """Process a reported value.
 
-        After a restoration a late or repeated request of ours may set our value again; it is restored again.
+        After a restoration, our last request may arrive late or twice; then the original is restored again.
         """
         self._value = value
         if self._is_reported(self._wanted):
