@@ -36,7 +36,7 @@ from companion.ownship.performance_limits import AircraftLimits, PerformanceLimi
 HEEDED: frozenset[type] = frozenset(
     (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
 )
-_GAP_S = 0.2
+_REQUEST_INTERVAL_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot whose fence is enabled.
 _FENCE_HEARD_S = 5.0
 # Parameters arrive one by one; the limits are announced when none has changed them for this long.
@@ -219,7 +219,7 @@ class AutopilotQueries:
             message = self._missions.tick(adapter.target, now_s)
         if message is None:
             return []
-        self._next_request_s = now_s + _GAP_S - 1e-3
+        self._next_request_s = now_s + _REQUEST_INTERVAL_S - 1e-3
         return [message]
 
     def _learn(self, fact: Parameter, adapter: Adapter, now_s: float) -> None:

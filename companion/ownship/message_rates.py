@@ -48,7 +48,7 @@ class MessageRates:
         self._waits_s: dict[int, float] = {}
         self._next_s: dict[int, float] = {}
         self._window_ends_s = math.inf
-        self._asked = False
+        self._requested = False
         self._traffic_s = -math.inf
         self._own_icao_tries = 0
         self.measured_hz: dict[int, float] = {}  # by message id, over the last full window
@@ -65,12 +65,12 @@ class MessageRates:
 
     def restart(self) -> None:
         """Request everything again, because the autopilot restarted or was out of contact."""
-        self._asked = False
+        self._requested = False
 
     def tick(self, adapter: Adapter, now_s: float) -> list[Message]:
         """The requests to send now."""
-        if not self._asked:
-            self._asked = True
+        if not self._requested:
+            self._requested = True
             self._traffic_s = now_s
             self._waits_s.clear()
             self._begin_window(now_s)
@@ -97,7 +97,7 @@ class MessageRates:
         requests = [
             adapter.request_interval(message_id, interval_s)
             for message_id, interval_s in slow
-            if self._may_ask(message_id, now_s)
+            if self._may_request(message_id, now_s)
         ]
         if now_s - self._traffic_s >= _QUIET_TRAFFIC_S:
             # The request may have been lost, which looks like no traffic.
@@ -113,7 +113,7 @@ class MessageRates:
         self._counts.clear()
         self._window_ends_s = now_s + _WINDOW_S
 
-    def _may_ask(self, message_id: int, now_s: float) -> bool:
+    def _may_request(self, message_id: int, now_s: float) -> bool:
         if now_s < self._next_s.get(message_id, -math.inf):
             return False
         wait_s = self._waits_s.get(message_id, _WINDOW_S)

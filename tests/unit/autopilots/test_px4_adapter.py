@@ -181,8 +181,8 @@ def test_an_answer_ends_the_repetition_of_a_command(adapter: Px4FixedWing) -> No
 
 def test_a_late_change_after_the_restoration_is_restored_again(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
-    (asked,) = [m for m in adapter.tick(11.0) if m.get_type() == "PARAM_SET"]
-    assert asked.param_value == 18.0
+    (change,) = [m for m in adapter.tick(11.0) if m.get_type() == "PARAM_SET"]
+    assert change.param_value == 18.0
     adapter.stand_back()
     assert [m.param_value for m in adapter.tick(11.1)] == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 11.2)
@@ -190,7 +190,7 @@ def test_a_late_change_after_the_restoration_is_restored_again(adapter: Px4Fixed
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 12.0)  # a datagram that came twice
     assert [m.param_value for m in adapter.tick(12.1)] == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 12.2)
-    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 40.0)  # somebody else set it
+    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 40.0)  # a ground station set it
     assert adapter.tick(40.1) == []
 
 

@@ -281,8 +281,8 @@ def test_repeated_counts_do_not_restart_a_download() -> None:
         talk.receive(mavlink.MAVLink_mission_count_message(1, 196, 40, MISSION))
         talk.run(0.4)
     talk.run(15.0)
-    asked = [message.seq for message in talk.requests("MISSION_REQUEST_INT")]
-    assert asked == list(range(40))
+    requested = [message.seq for message in talk.requests("MISSION_REQUEST_INT")]
+    assert requested == list(range(40))
 
 
 # --- fences
