@@ -343,7 +343,8 @@ class Engine:
                 outgoing += adapter.tick(now_s)
             if self.aircraft.heard(now_s):
                 outgoing += self._rates.tick(adapter, now_s)
-                outgoing += self.queries.tick(adapter, now_s)
+                requests, notices = self.queries.tick(adapter, now_s)
+                outgoing += [*requests, *notices]
                 self.aircraft.mission = self.queries.mission
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]

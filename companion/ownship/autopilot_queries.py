@@ -1,6 +1,6 @@
-"""What we know of our aircraft by asking its autopilot: limits, fence and mission.
+"""Everything that is requested from the autopilot: parameters with limits and fence settings, mission, fence.
 
-One question at a time, five a second at most, and none of them twice without need.
+At most five requests a second are sent, and none is repeated without need.
 """
 
 import math
@@ -13,6 +13,7 @@ from companion.airspace.autopilot_fences import FenceSettings
 from companion.airspace.fence_items import zones_of
 from companion.airspace.fence_zones import FenceZone, LocalFence
 from companion.autopilots import Adapter
+from companion.autopilots.parameters import ReportedLimits, reported_limits
 from companion.avoidance import Envelope
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
@@ -29,20 +30,19 @@ from companion.output.notice import Notice
 from companion.ownship.mission import Mission
 from companion.ownship.mission_reader import FENCE, MISSION, MISSION_PROTOCOL, MissionReader
 from companion.ownship.parameter_reader import ParameterReader
-from companion.ownship.performance_limits import AircraftLimits, PerformanceLimits, effective
-from companion.ownship.reported_limits import ReportedLimits, believe
+from companion.ownship.performance_limits import AircraftLimits, PerformanceLimits, limits_in_effect
 
-# What it is told by; most facts are of other things.
+# The facts that `AutopilotQueries.observe` processes.
 HEEDED: frozenset[type] = frozenset(
     (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
 )
-_GAP_S = 0.2
-# FENCE_STATUS comes once a second from an autopilot that keeps to its fence.
+_REQUEST_INTERVAL_S = 0.2
+# FENCE_STATUS comes once a second from an autopilot whose fence is enabled.
 _FENCE_HEARD_S = 5.0
-# Values come one by one; they are told when no more have come for so long.
+# Parameters arrive one by one; the limits are announced when none has changed them for this long.
 _SETTLED_S = 3.0
-# Where it flies elsewhere for reasons of its own, reading the mission over and over does not help.
-_DOUBTED_AGAIN_S = 120.0
+# The autopilot may have other reasons to fly elsewhere than its mission leads; then reading does not help.
+_REREAD_INTERVAL_S = 120.0
 
 
 class _FenceSource(NamedTuple):
@@ -56,13 +56,10 @@ class _FenceSource(NamedTuple):
 
 
 class AutopilotQueries:
-    """Asks, believes with care, and tells what it took from where."""
+    """Requests, stores the answers, and announces the limits in effect with their sources."""
 
     def __init__(
-        self,
-        assumed: Envelope,
-        configured: AircraftLimits,
-        zones: tuple[FenceZone, ...] = (),
+        self, assumed: Envelope, configured: AircraftLimits, zones: tuple[FenceZone, ...] = ()
     ) -> None:
         self._assumed = assumed
         self._configured = configured
@@ -70,8 +67,7 @@ class AutopilotQueries:
         self._adapter: Adapter | None = None
         self._parameters = ParameterReader(())
         self._missions = MissionReader()
-        self.belief = ReportedLimits()
-        self.limits: PerformanceLimits = effective(assumed, configured, self.belief)
+        self.limits: PerformanceLimits = limits_in_effect(assumed, configured, ReportedLimits())
         self.mission: Mission | None = None
         self._mission_items: tuple[MissionItem, ...] | None = None
         self._fence_items: tuple[MissionItem, ...] | None = None
@@ -80,41 +76,41 @@ class AutopilotQueries:
         self._fence_heard_s = -math.inf
         self._fence: tuple[_FenceSource, LocalFence] | None = None
         self._home: HomePosition | None = None
-        self._next_s = -math.inf
-        self._doubted_s = -math.inf
-        self._untold_since_s: float | None = None
-        self._told = ""
+        self._next_request_s = -math.inf
+        self._reread_s = -math.inf
+        self._limits_changed_s: float | None = None  # until they are announced
+        self._announced = ""
 
     @property
     def envelope(self) -> Envelope:
-        """What the avoidance may count upon, floor and ceiling aside."""
+        """The limits in effect, without floor and ceiling."""
         return self.limits.envelope
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """The autopilot's parameters as far as it told them, in its own units."""
+        """The parameters that the autopilot reported, in its own units."""
         return self._parameters.values
 
     @property
     def zones(self) -> tuple[FenceZone, ...]:
-        """The zones of the configuration, and those of the autopilot's own fence."""
+        """The zones of the configuration and of the autopilot's own fence."""
         return *self._configured_zones, *self._uploaded_zones
 
     @property
     def complete(self) -> bool:
-        """Whether all limits are answered or given up, and the lists read."""
+        """Whether all limits are answered or given up, and mission and fence are read."""
         if self._adapter is None or self._missions.mission is None or self._missions.fence is None:
             return False
         limits = self._adapter.parameters.limits
         return self._parameters.settled(named.name for limit in limits for named in limit.names)
 
     def restart(self) -> None:
-        """The autopilot started anew, or came back."""
+        """Request everything again, because the autopilot restarted or was out of contact."""
         self._parameters.restart()
         self._missions.restart()
 
     def observe(self, fact: Fact, adapter: Adapter, us: Sender, now_s: float) -> None:
-        """Take a fact in, whoever it came from; any that is not `HEEDED` means nothing."""
+        """Process a fact from any sender; those that are not `HEEDED` have no effect."""
         self._adopt(adapter, now_s)
         self._missions.observe(fact, us, adapter.target, now_s)
         if fact.sender != adapter.target:
@@ -129,29 +125,30 @@ class AutopilotQueries:
             case _:
                 pass
 
-    def tick(self, adapter: Adapter, now_s: float) -> list[Message | Notice]:
-        """The requests to send now, and notices."""
+    def tick(self, adapter: Adapter, now_s: float) -> tuple[list[Message], list[Notice]]:
+        """The messages to send now, and what to announce."""
         self._adopt(adapter, now_s)
-        outgoing: list[Message | Notice] = [*self._requests(adapter, now_s), *self._take_lists()]
-        if self._untold_since_s is not None and now_s - self._untold_since_s >= _SETTLED_S:
-            self._untold_since_s = None
-            outgoing += self._limit_notices()
-        return outgoing
+        messages = self._requests(adapter, now_s)
+        notices = self._take_lists()
+        if self._limits_changed_s is not None and now_s - self._limits_changed_s >= _SETTLED_S:
+            self._limits_changed_s = None
+            notices += self._limit_notices()
+        return messages, notices
 
     def _limit_notices(self) -> list[Notice]:
-        notices: list[Notice] = []
-        text = f"Aircraft: {', '.join(map(str, self.limits.taken))}"
-        if text != self._told:
-            self._told = text
-            notices.append(Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True))
-        for doubt in self.limits.doubts:
-            notices.append(Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {doubt}", once=True))
+        notices = []
+        text = f"Aircraft: {', '.join(map(str, self.limits.sourced))}"
+        if text != self._announced:
+            self._announced = text
+            notices.append(_to_log(text))
+        for warning in self.limits.warnings:
+            notices.append(Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {warning}", once=True))
         return notices
 
     def doubt_mission(self, now_s: float) -> None:
-        """The autopilot flies elsewhere than the mission that we know leads to: it may be another one."""
-        if now_s - self._doubted_s >= _DOUBTED_AGAIN_S:
-            self._doubted_s = now_s
+        """Read the mission again, as the autopilot flies elsewhere than the known one leads."""
+        if now_s - self._reread_s >= _REREAD_INTERVAL_S:
+            self._reread_s = now_s
             self._missions.changed(MISSION, now_s)
 
     # --- the fence
@@ -205,24 +202,24 @@ class AutopilotQueries:
             return FenceSettings(on=False, zones=False)
         return replace(settings, on=True) if heard else settings
 
-    # --- asking and believing
+    # --- requests and answers
 
     def _adopt(self, adapter: Adapter, now_s: float) -> None:
         if self._adapter is not adapter:
             self._adapter = adapter
             self._parameters = ParameterReader(adapter.parameters.questions())
             self._fence_settings = adapter.parameters.fence(self.parameters)
-            self._untold_since_s = now_s
+            self._limits_changed_s = now_s
 
     def _requests(self, adapter: Adapter, now_s: float) -> list[Message]:
-        if now_s < self._next_s:
+        if now_s < self._next_request_s:
             return []
         message = self._parameters.tick(adapter.request_parameter, now_s)
         if message is None:
             message = self._missions.tick(adapter.target, now_s)
         if message is None:
             return []
-        self._next_s = now_s + _GAP_S - 1e-3
+        self._next_request_s = now_s + _REQUEST_INTERVAL_S - 1e-3
         return [message]
 
     def _learn(self, fact: Parameter, adapter: Adapter, now_s: float) -> None:
@@ -236,21 +233,19 @@ class AutopilotQueries:
             elif fact.name == table.fence_total:
                 self._missions.changed(FENCE, now_s)
         self._fence_settings = table.fence(self.parameters)
-        self.belief = believe(self.parameters, table)
-        limits = effective(self._assumed, self._configured, self.belief)
+        reported = reported_limits(self.parameters, table)
+        limits = limits_in_effect(self._assumed, self._configured, reported)
         if limits != self.limits:
             self.limits = limits
-            self._untold_since_s = now_s
+            self._limits_changed_s = now_s
 
     def _take_lists(self) -> list[Notice]:
-        """Take over what was read anew."""
+        """Store the lists that were read; returns what to announce about them."""
         notices: list[Notice] = []
         mission, fence = self._missions.mission, self._missions.fence
         if mission is not self._mission_items:
             if mission is not None and mission != self._mission_items:
-                notices.append(
-                    Notice(mavlink.MAV_SEVERITY_INFO, f"Mission: {len(mission)} items", log_only=True)
-                )
+                notices.append(_to_log(f"Mission: {len(mission)} items"))
             self._mission_items = mission
             self.mission = None if mission is None else Mission(mission)
         if fence is not None and fence != self._fence_items:
@@ -259,5 +254,9 @@ class AutopilotQueries:
             self._uploaded_zones, useless = zones_of(fence)
             words = f"Fence: {len(self._uploaded_zones)} zones of the autopilot"
             words += f", {useless} items not understood" if useless else ""
-            notices += [Notice(mavlink.MAV_SEVERITY_INFO, words, log_only=True)] if news else []
+            notices += [_to_log(words)] if news else []
         return notices
+
+
+def _to_log(text: str) -> Notice:
+    return Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True)
