@@ -10,10 +10,9 @@ from dataclasses import replace
 from functools import cache
 
 from companion.airspace.altitude_limits import HeightLimits, limit_heights
-from companion.airspace.fence_zones import LocalFence
+from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider, Envelope
-from companion.avoidance.fence import Fence, Zone
 from companion.control.handover import Handover
 from companion.control.readiness import Readiness
 from companion.control.state_machine import WATCHING, State, Supervisor
@@ -52,8 +51,6 @@ from companion.traffic.picture import TrafficPicture
 _OPERATORS = (CommandRequest, ParameterRequest, ParameterSet)
 _HEARTBEAT_INTERVAL_S = 1.0
 _KEEP_INTERVAL_S = 1.0
-# Position, wind and the autopilot's own following of a course are good to this.
-_FENCE_MARGIN_M = 30.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
 _FRAME_REACH_M = 5_000.0
 
@@ -83,7 +80,8 @@ class Engine:
             stick_us=config.supervisor.stick_us,
         )
         self.operator = GcsRequests(self._settings, lambda: self.sender)
-        self._surroundings = TrafficPicture(config.traffic, config.known_obstacles, config.obstacles)
+        self._traffic = TrafficPicture(config.traffic)
+        self._obstacles = ObstacleMap(config.known_obstacles, config.obstacles)
         self._announcer = StatusText(lambda: self.sender, lambda: self._settings.engine.text_units)
         # What is known of the aircraft by asking its autopilot; shown by `companion check --link`.
         self.queries = AutopilotQueries(
@@ -113,7 +111,6 @@ class Engine:
         self._boot_time_s = -math.inf
         self._prompted = False
         self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
-        self._local_fence: LocalFence | None = None
         self._answers: list[Message] = []
         self._left: PersistedState | None = None  # by a former run; what it borrowed is put back
         self._kept_s: float | None = None
@@ -132,7 +129,7 @@ class Engine:
     @property
     def tracker(self) -> Tracker:
         """Who is out there."""
-        return self._surroundings.tracker
+        return self._traffic.tracker
 
     @property
     def supervisor(self) -> Supervisor:
@@ -209,7 +206,7 @@ class Engine:
             self.foreign += 1
             return self._is_of_another_system(fact) and self._hear(fact, now_s)
         self._rates.observe(fact, now_s)
-        self._surroundings.observe_own(fact, now_s)
+        self._traffic.observe_ownship(fact, now_s)
         match fact:
             case Heartbeat():
                 if back:
@@ -329,7 +326,8 @@ class Engine:
         if self._frame is None:
             return
         self._own = self.aircraft.ownship(self._frame)
-        self._tracks = self._surroundings.tracks(now_s, self._frame, self.aircraft.home_altitude_m())
+        self._tracks = self._traffic.tracks(now_s, self._frame)
+        self._tracks += self._obstacles.tracks(now_s, self._frame, self.aircraft.home_altitude_m())
         self._goal = self._goal_now(self._frame, now_s)
         if self._own is None or self.operator.role is Role.OFF or not self._may_decide():
             self._avoider.reset()
@@ -386,10 +384,7 @@ class Engine:
         if limits != self._limits:  # at every tick, mostly the same
             self._limits, self._avoider.envelope = limits, limit_heights(*limits)
         assert self._frame is not None
-        local = self.queries.local_fence(self._frame, home_m, now_s)
-        if local is not self._local_fence:
-            self._local_fence = local
-            self._avoider.fence = _fence_of(local)
+        self._avoider.fence = self.queries.local_fence(self._frame, home_m, now_s)
 
     # --- commanding
 
@@ -449,7 +444,7 @@ class Engine:
 
     def _hear(self, fact: Fact, now_s: float) -> bool:
         """News of others; true when a threat is among them."""
-        track_id = self._surroundings.hear(fact, now_s)
+        track_id = self._traffic.receive(fact, now_s)
         if track_id is None:
             return False
         self._prompted = any(threat.track_id == track_id for threat in self._decision.threats)
@@ -480,11 +475,3 @@ def _sound(decision: Decision) -> Decision:
     ):
         raise ValueError("guidance is not finite")
     return decision
-
-
-def _fence_of(local: LocalFence) -> Fence | None:
-    """The fence as the avoidance takes it, never closer to its edge than the aircraft can be held."""
-    if not local.zones:
-        return None
-    zones = tuple(Zone(*zone) for zone in local.zones)
-    return Fence(zones, max(local.margin_m, _FENCE_MARGIN_M), any_inclusion=local.any_inclusion)

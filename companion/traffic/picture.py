@@ -1,6 +1,5 @@
-"""What is around us: traffic from every source, its heights made comparable with ours, and obstacles."""
+"""The traffic around us: reports from every source as tracks in the local frame."""
 
-from companion.airspace.obstacles import Obstacle, ObstacleMap, ObstacleParams
 from companion.geodesy import LocalFrame
 from companion.mavlink.facts import (
     OWN_ICAO_PARAMETER,
@@ -20,15 +19,12 @@ from companion.traffic.mavlink_traffic import MavlinkTraffic
 class TrafficPicture:
     """Facts in, tracks out. Its clock is the engine's."""
 
-    def __init__(
-        self, traffic: TrafficParams, obstacles: tuple[Obstacle, ...], obstacle_params: ObstacleParams
-    ) -> None:
-        self.tracker = Tracker(traffic)
-        self._heights = OwnHeights(traffic.heights)
+    def __init__(self, params: TrafficParams) -> None:
+        self.tracker = Tracker(params)
+        self._heights = OwnHeights(params.heights)
         self._neighbours = MavlinkTraffic()
-        self._obstacles = ObstacleMap(obstacles, obstacle_params)
 
-    def observe_own(self, fact: Fact, now_s: float) -> None:
+    def observe_ownship(self, fact: Fact, now_s: float) -> None:
         """What our own autopilot says of itself, as far as it helps with others."""
         match fact:
             case OwnPosition():
@@ -44,7 +40,7 @@ class TrafficPicture:
             case _:
                 pass
 
-    def hear(self, fact: Fact, now_s: float) -> str | None:
+    def receive(self, fact: Fact, now_s: float) -> str | None:
         """What somebody reports, of others or of himself; the id of the track that is renewed by it."""
         report = fact.report if isinstance(fact, Traffic) else self._neighbours.observe(fact, now_s)
         if report is None:
@@ -52,10 +48,10 @@ class TrafficPicture:
         self.tracker.datums = self._heights.datums(now_s)
         return self.tracker.receive(report, now_s)
 
-    def tracks(self, now_s: float, frame: LocalFrame, home_altitude_m: float | None) -> tuple[Track, ...]:
+    def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
         """Everything to keep clear of, in the local frame, as of now."""
         self.tracker.datums = self._heights.datums(now_s)
-        return self.tracker.tracks(now_s, frame) + self._obstacles.tracks(now_s, frame, home_altitude_m)
+        return self.tracker.tracks(now_s, frame)
 
     def _observe_position(self, fact: OwnPosition, now_s: float) -> None:
         self._heights.learn_altitude(fact.altitude_m)

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from companion.airspace.obstacles import LatLon, Obstacle, ObstacleMap, ObstacleParams, along, within
+from companion.airspace.obstacles import Obstacle, ObstacleMap, ObstacleParams, along, within
 from companion.config import load_config, load_obstacles
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.errors import ConfigError
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import Heartbeat, OwnPosition, Sender
-from companion.model import Layer, TrafficKind
+from companion.model import LatLon, Layer, TrafficKind
 
 FRAME = LocalFrame(47.0, 8.0)
 
