@@ -44,8 +44,7 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import HEEDED, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Tracker
-from companion.traffic.picture import TrafficPicture
+from companion.traffic import Tracker, TrafficPicture
 
 # What an operator sends; looked for in every fact.
 _OPERATORS = (CommandRequest, ParameterRequest, ParameterSet)

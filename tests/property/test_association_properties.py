@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from companion.geodesy import LocalFrame
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, Vec3, adsb_key
-from companion.traffic import OwnMotion, Tracker, TrafficParams
+from companion.traffic import Tracker, TrafficParams
+from companion.traffic.ownship_echo import OwnshipFix
 
 PARAMS = TrafficParams(max_tracks=6, own_uas_id="07")
 ADSB, UTM, SYSTEM = TrafficSource
@@ -46,7 +47,7 @@ anything = st.builds(
     altitude_sigma_m=maybe(0.0, 50.0),
 )
 own = st.builds(
-    OwnMotion, st.just(0.0), st.floats(47.0, 47.005), st.floats(8.0, 8.005), st.floats(400.0, 600.0),
+    OwnshipFix, st.just(0.0), st.floats(47.0, 47.005), st.floats(8.0, 8.005), st.floats(400.0, 600.0),
     st.floats(-30.0, 30.0), st.floats(-30.0, 30.0), st.floats(-5.0, 5.0),
 )  # fmt: skip
 
@@ -54,15 +55,15 @@ own = st.builds(
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.floats(-0.5, 3.0), st.none() | own | anything), max_size=60))
 def test_any_history_gives_finite_tracks_of_different_names_and_the_same_again(
-    history: list[tuple[float, TrafficReport | OwnMotion | None]],
+    history: list[tuple[float, TrafficReport | OwnshipFix | None]],
 ) -> None:
     def play() -> list[Any]:
         tracker, now_s, answers = Tracker(PARAMS), 0.0, []
         for step_s, event in history:
             now_s += step_s
             renewed = None
-            if isinstance(event, OwnMotion):
-                tracker.note_own(event._replace(time_s=now_s))
+            if isinstance(event, OwnshipFix):
+                tracker.observe_ownship(event._replace(time_s=now_s))
             elif event is not None:
                 renewed = tracker.receive(event, now_s)
             tracks = tracker.tracks(now_s, LocalFrame(47.0, 8.0))

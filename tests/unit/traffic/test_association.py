@@ -15,8 +15,9 @@ from companion.model import (
     Vec3,
     adsb_key,
 )
-from companion.traffic import Datum, Dropped, OwnMotion, Tracker, TrafficParams
-from companion.traffic.altitude_datums import AS_REPORTED
+from companion.traffic import DropReason, Tracker, TrafficParams
+from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
+from companion.traffic.ownship_echo import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)
 FAST: Vec3 = (45.0, 20.0, 0.0)
@@ -189,16 +190,17 @@ def test_when_one_way_falls_silent_the_other_goes_on() -> None:
 
 def test_the_common_track_has_the_height_that_compares_best() -> None:
     tracker = Tracker()
-    tracker.datums = {**AS_REPORTED, AltitudeReference.BAROMETRIC: Datum(0.0, 60.0)}
+    offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
     for second in range(10):
-        # Barometers are 66 m off; the gate allows for it, as it is known not to be known.
-        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second)
-        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second)
-    track = only(tracker, 9.0)
+        # Barometers are 66 m off; the gate allows for it, because the error is known to be unknown.
+        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second, offsets)
+        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second, offsets)
+    (track,) = tracker.tracks(9.0, FRAME, offsets)
     assert track.position_m[2] == pytest.approx(-500.0)
     assert track.vertical_uncertainty_m == 4.0
-    tracker.datums = {**AS_REPORTED, AltitudeReference.GEOMETRIC: Datum(0.0, 50.0)}
-    assert only(tracker, 9.0).position_m[2] == pytest.approx(-434.0)
+    offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
+    (track,) = tracker.tracks(9.0, FRAME, offsets)
+    assert track.position_m[2] == pytest.approx(-434.0)
 
 
 def test_who_stands_on_the_ground_is_no_traffic() -> None:
@@ -207,7 +209,7 @@ def test_who_stands_on_the_ground_is_no_traffic() -> None:
     assert ids(tracker, 0.0) == ["UTM-A1"]
     assert tracker.receive(replace(report(UTM, 1.0), airborne=False), 1.0) is None
     assert ids(tracker, 1.0) == []
-    assert tracker.dropped == {Dropped.ON_GROUND: 1}
+    assert tracker.dropped == {DropReason.ON_GROUND: 1}
 
 
 # --- ourselves -----------------------------------------------------------------------------------
@@ -216,12 +218,12 @@ def test_who_stands_on_the_ground_is_no_traffic() -> None:
 def fly_own(tracker: Tracker, from_s: int, until_s: int) -> None:
     """Our own position at 10 Hz, along the path of `report`, at whole seconds `until_s` included."""
     for tick in range(from_s * 10, until_s * 10 + 1):
-        note_own(tracker, tick / 10.0)
+        observe_ownship(tracker, tick / 10.0)
 
 
-def note_own(tracker: Tracker, time_s: float) -> None:
+def observe_ownship(tracker: Tracker, time_s: float) -> None:
     place = FRAME.to_geo(FAST[0] * time_s, FAST[1] * time_s, -500.0)
-    tracker.note_own(OwnMotion(time_s, place.lat_deg, place.lon_deg, 500.0, FAST[0], FAST[1], 0.0))
+    tracker.observe_ownship(OwnshipFix(time_s, place.lat_deg, place.lon_deg, 500.0, FAST[0], FAST[1], 0.0))
 
 
 @pytest.mark.parametrize("source", TrafficSource)
@@ -234,7 +236,7 @@ def test_what_was_where_we_were_is_ourselves_at_once_and_stays_so(source: Traffi
         late = replace(report(source, float(second - late_s), (4.0, -6.0, 5.0)), time_s=float(second))
         assert tracker.receive(late, second) is None
         assert ids(tracker, second) == []
-    assert tracker.dropped == {Dropped.OWN: 30}
+    assert tracker.dropped == {DropReason.OWN: 30}
     assert tracker.without_position(40.0) == 0
 
 
@@ -289,7 +291,7 @@ def test_an_echo_stays_ourselves_while_our_own_position_is_silent(gap_s: int) ->
 def test_our_own_id_is_ourselves_wherever_it_is_reported() -> None:
     tracker = Tracker(TrafficParams(own_uas_id="a100"))
     assert tracker.receive(report(UTM, 0.0, (5000.0, 0.0, 0.0)), 0.0) is None
-    assert tracker.dropped == {Dropped.OWN: 1}
+    assert tracker.dropped == {DropReason.OWN: 1}
     with pytest.raises(ValueError, match="own_uas_id must be up to 18 bytes in hexadecimal"):
         TrafficParams(own_uas_id="A1Z")
 

@@ -21,10 +21,10 @@ from companion.model import (
     Vec3,
     adsb_key,
 )
-from companion.traffic import Datum, Dropped, Tracker, TrafficParams
-from companion.traffic.altitude_datums import AS_REPORTED
-from companion.traffic.repeats import RepeatMemory
-from companion.traffic.track_filter import Spread
+from companion.traffic import DropReason, Tracker, TrafficParams
+from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
+from companion.traffic.target import RepeatFilter
+from companion.traffic.track_filter import Covariance
 from tests.support.paths import TLOGS
 
 FRAME = LocalFrame(47.4, 8.5)
@@ -193,7 +193,7 @@ def test_a_target_without_altitude_is_counted_and_not_a_track() -> None:
     tracker = Tracker()
     assert tracker.receive(replace(report_at(START_M, 0.0, VELOCITY_MPS), altitude_m=None), 0.0)
     assert tracker.tracks(0.0, FRAME) == ()
-    assert tracker.dropped[Dropped.NO_ALTITUDE] == 1
+    assert tracker.dropped[DropReason.NO_ALTITUDE] == 1
     assert tracker.without_position(0.0) == 1
     assert tracker.without_position(30.0) == 0
 
@@ -209,7 +209,7 @@ def test_a_height_is_held_for_a_while_and_no_longer() -> None:
         if shown:
             assert math.dist(shown[0].position_m, straight(START_M, VELOCITY_MPS, second)) < 0.01
     assert tracker.without_position(12.0) == 1
-    assert tracker.dropped[Dropped.NO_ALTITUDE] == 2
+    assert tracker.dropped[DropReason.NO_ALTITUDE] == 2
     tracker.receive(report_at(straight(START_M, VELOCITY_MPS, 13), 13.0, VELOCITY_MPS), 13.0)
     assert math.dist(only(tracker.tracks(13.0, FRAME)).position_m, straight(START_M, VELOCITY_MPS, 13)) < 0.01
 
@@ -223,7 +223,7 @@ def test_a_report_without_position_is_counted_and_does_not_refresh_a_track() -> 
     assert tracker.without_position(15.0) == 0
     assert not tracker.receive(replace(blind, icao=0x777, key="000777"), 15.0)
     assert tracker.without_position(15.0) == 1
-    assert tracker.dropped[Dropped.NO_POSITION] == 2
+    assert tracker.dropped[DropReason.NO_POSITION] == 2
     assert tracker.without_position(36.0) == 0
 
 
@@ -236,11 +236,11 @@ def test_heights_of_two_references_are_kept_apart_and_the_one_that_compares_bett
         )
         tracker.receive(report, second)
         tracker.receive(other, second + 0.5)
-    tracker.datums = {**AS_REPORTED, AltitudeReference.BAROMETRIC: Datum(0.0, 60.0)}
-    track = only(tracker.tracks(9.5, FRAME))
+    offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
+    track = only(tracker.tracks(9.5, FRAME, offsets))
     assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-300.0, 0.0, 0.0)
-    tracker.datums = {**AS_REPORTED, AltitudeReference.GEOMETRIC: Datum(0.0, 50.0)}
-    track = only(tracker.tracks(9.5, FRAME))
+    offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
+    track = only(tracker.tracks(9.5, FRAME, offsets))
     assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-150.0, 0.0, 0.0)
     assert not tracker.dropped
 
@@ -258,7 +258,7 @@ def test_an_identical_repeat_does_not_refresh_the_age() -> None:
         assert track.age_s == second - 3.0
         assert math.dist(track.position_m, straight(START_M, VELOCITY_MPS, second)) < 0.01
     assert tracker.tracks(23.5, FRAME) == ()
-    assert tracker.dropped[Dropped.REPEATED] == 20
+    assert tracker.dropped[DropReason.REPEATED] == 20
 
 
 def test_a_report_that_comes_late_by_a_second_link_is_known() -> None:
@@ -268,7 +268,7 @@ def test_a_report_that_comes_late_by_a_second_link_is_known() -> None:
         assert tracker.receive(report, second)
         if second >= 2:
             assert not tracker.receive(replace(reports[second - 2], time_s=second + 0.3), second + 0.3)
-    assert tracker.dropped == {Dropped.REPEATED: 2}
+    assert tracker.dropped == {DropReason.REPEATED: 2}
     assert math.dist(only(tracker.tracks(4.0, FRAME)).position_m, straight(START_M, VELOCITY_MPS, 4)) < 0.01
 
 
@@ -300,13 +300,13 @@ def test_a_reordered_report_is_ignored() -> None:
     before = tracker.tracks(5.2, FRAME)
     assert not tracker.receive(late, 5.2)
     assert tracker.tracks(5.2, FRAME) == before
-    assert tracker.dropped == {Dropped.REORDERED: 1}
+    assert tracker.dropped == {DropReason.REORDERED: 1}
 
 
 def test_a_report_that_is_already_stale_is_refused() -> None:
     tracker = Tracker()
     assert not tracker.receive(report_at(START_M, 0.0), 21.0)
-    assert tracker.dropped == {Dropped.STALE: 1}
+    assert tracker.dropped == {DropReason.STALE: 1}
 
 
 # --- outliers --------------------------------------------------------------------------------------
@@ -322,7 +322,7 @@ def test_a_single_outlier_is_not_believed(off_m: Vec3) -> None:
     assert tracker.receive(report_at(straight(START_M, VELOCITY_MPS, 7), 7.0, VELOCITY_MPS), 7.0)
     track = only(tracker.tracks(7.0, FRAME))
     assert math.dist(track.position_m, straight(START_M, VELOCITY_MPS, 7)) < 0.01
-    assert tracker.dropped == {Dropped.JUMPED: 1}
+    assert tracker.dropped == {DropReason.JUMPED: 1}
 
 
 def test_a_jump_that_persists_restarts_the_track_there() -> None:
@@ -353,7 +353,7 @@ def test_a_wrong_place_that_comes_back_later_is_still_not_believed() -> None:
         tracker.receive(report_at(reported_m, second, VELOCITY_MPS), second)
         truth_m = straight(START_M, VELOCITY_MPS, second)
         assert math.dist(only(tracker.tracks(second, FRAME)).position_m, truth_m) < 0.05
-    assert tracker.dropped == {Dropped.JUMPED: 2}
+    assert tracker.dropped == {DropReason.JUMPED: 2}
 
 
 def test_a_report_dated_a_second_wrong_is_no_jump_even_for_a_jet() -> None:
@@ -388,7 +388,7 @@ def test_a_single_absurd_height_or_climb_leaves_the_rest_of_the_report_usable() 
     report = report_at(straight(START_M, VELOCITY_MPS, 7), 7.0, VELOCITY_MPS)
     assert tracker.receive(replace(report, climb_mps=-50.0), 7.0)
     assert math.dist(only(tracker.tracks(7.0, FRAME)).position_m, straight(START_M, VELOCITY_MPS, 7)) < 0.01
-    assert tracker.dropped == {Dropped.ALTITUDE_JUMPED: 2}
+    assert tracker.dropped == {DropReason.ALTITUDE_JUMPED: 2}
 
 
 def test_a_new_height_that_persists_is_believed() -> None:
@@ -401,7 +401,7 @@ def test_a_new_height_that_persists_is_believed() -> None:
 
 
 def test_the_memory_for_repeats_is_bounded() -> None:
-    memory = RepeatMemory(window_s=7.0)
+    memory = RepeatFilter(window_s=7.0)
     contents = [(float(number),) for number in range(1000)]
     assert not any(memory.is_repeat(content, 1.0, may_stand_still=False) for content in contents)
     assert memory.is_repeat(contents[-1], 1.0, may_stand_still=False)
@@ -413,21 +413,23 @@ def test_the_memory_for_repeats_is_bounded() -> None:
 
 
 def test_the_covariance_is_that_of_the_textbook() -> None:
-    spread = Spread(30.0, 12.0)
+    covariance = Covariance(30.0, 12.0)
     p = np.diag([30.0**2, 12.0**2])
     for dt_s, q, position_sigma_m, velocity_sigma_mps in [(1.0, 2.0, 15.0, 1.5), (0.4, 0.5, 8.0, 0.8)] * 3:
-        spread.grow(dt_s, q)
+        covariance.predict(dt_s, q)
         f = np.array([[1.0, dt_s], [0.0, 1.0]])
         noise = q**2 * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
         p = f @ p @ f.T + noise
         for gains, h, sigma in (
-            (spread.fix_position(position_sigma_m), np.array([1.0, 0.0]), position_sigma_m),
-            (spread.fix_velocity(velocity_sigma_mps), np.array([0.0, 1.0]), velocity_sigma_mps),
+            (covariance.update_position(position_sigma_m), np.array([1.0, 0.0]), position_sigma_m),
+            (covariance.update_velocity(velocity_sigma_mps), np.array([0.0, 1.0]), velocity_sigma_mps),
         ):
             k = p @ h / (h @ p @ h + sigma**2)
             p = (np.eye(2) - np.outer(k, h)) @ p
             assert gains == pytest.approx(k, rel=1e-9)
-        assert (spread.pp, spread.pv, spread.vv) == pytest.approx((p[0, 0], p[0, 1], p[1, 1]), rel=1e-9)
+        assert (covariance.pp, covariance.pv, covariance.vv) == pytest.approx(
+            (p[0, 0], p[0, 1], p[1, 1]), rel=1e-9
+        )
 
 
 def noisy_run(velocity_sigma_mps: float, climb_sigma_mps: float) -> dict[str, float]:
@@ -507,7 +509,7 @@ def test_a_turning_intruder_stays_near_its_track(velocity_known: bool, bound_m: 
 def test_an_address_of_zero_is_refused_and_counted() -> None:
     tracker = Tracker()
     assert not tracker.receive(report_at(START_M, 0.0, icao=0), 0.0)
-    assert tracker.dropped == {Dropped.NO_ADDRESS: 1}
+    assert tracker.dropped == {DropReason.NO_ADDRESS: 1}
 
 
 def test_our_own_transponder_is_not_traffic() -> None:
@@ -516,13 +518,13 @@ def test_our_own_transponder_is_not_traffic() -> None:
     assert tracker.receive(report_at(START_M, 0.0, icao=0xB), 0.0)
     tracker.receive(replace(report_at(START_M, 0.0, icao=0xC), lat_deg=None), 0.0)
     assert tracker.without_position(0.0) == 1
-    tracker.learn_own(0xB)
-    tracker.learn_own(0xC)
-    tracker.learn_own(0)
+    tracker.add_own_address(0xB)
+    tracker.add_own_address(0xC)
+    tracker.add_own_address(0)
     assert tracker.tracks(0.0, FRAME) == ()
     assert tracker.without_position(0.0) == 0
     assert not tracker.receive(report_at(START_M, 1.0, icao=0xB), 1.0)
-    assert tracker.dropped[Dropped.OWN] == 2
+    assert tracker.dropped[DropReason.OWN] == 2
 
 
 @pytest.mark.parametrize(
@@ -540,7 +542,7 @@ def test_impossible_numbers_are_refused(bad: dict[str, float]) -> None:
     tracker = Tracker()
     report: TrafficReport = replace(report_at(START_M, 0.0, VELOCITY_MPS), **bad)  # type: ignore[arg-type]
     assert not tracker.receive(report, 0.0)
-    assert tracker.dropped == {Dropped.BAD_NUMBER: 1}
+    assert tracker.dropped == {DropReason.BAD_NUMBER: 1}
 
 
 def test_a_track_is_dropped_when_stale_and_starts_afresh() -> None:
@@ -689,4 +691,4 @@ def test_intruders_of_a_recorded_flight_are_followed(log: str, repeats: int, fur
             assert math.dist(before.position_m, there_m) < furthest_m
             assert math.hypot(*before.velocity_mps[:2]) == pytest.approx(report.ground_speed_mps, abs=0.5)
     assert followed > 100
-    assert tracker.dropped == ({Dropped.REPEATED: repeats} if repeats else {})
+    assert tracker.dropped == ({DropReason.REPEATED: repeats} if repeats else {})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.traffic.track_filter import EstimateParams
-from companion.traffic.turning import TurnEstimate
+from companion.traffic.turn_filter import TurnFilter
 
 STANDARD_RADPS = math.radians(3.0)
 
@@ -16,7 +16,7 @@ def velocity(speed_mps: float, course_rad: float) -> tuple[float, float]:
 
 
 def told(
-    estimate: TurnEstimate, seconds: int, *, speed_mps: float, rate_radps: float, sigma_mps: float
+    estimate: TurnFilter, seconds: int, *, speed_mps: float, rate_radps: float, sigma_mps: float
 ) -> None:
     chance = np.random.default_rng(seconds)
     for second in range(seconds):
@@ -28,13 +28,13 @@ def told(
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("speed_mps", [40.0, 60.0, 120.0])
 def test_a_standard_turn_is_known_within_seconds(speed_mps: float, side: float) -> None:
-    estimate = TurnEstimate(EstimateParams())
+    estimate = TurnFilter(EstimateParams())
     told(estimate, 12, speed_mps=speed_mps, rate_radps=side * STANDARD_RADPS, sigma_mps=0.0)
     assert estimate.rate_radps == pytest.approx(side * STANDARD_RADPS, rel=0.1)
 
 
 def test_a_turn_through_north_is_a_turn_like_any_other() -> None:
-    estimate = TurnEstimate(EstimateParams())
+    estimate = TurnFilter(EstimateParams())
     for second in range(15):
         estimate.receive(float(second), velocity(60.0, math.radians(340.0) + second * STANDARD_RADPS))
     assert estimate.rate_radps == pytest.approx(STANDARD_RADPS, rel=0.1)
@@ -43,7 +43,7 @@ def test_a_turn_through_north_is_a_turn_like_any_other() -> None:
 def test_noise_is_no_turn() -> None:
     """Straight on for half an hour, with the noise that the filter is told of."""
     params, chance = EstimateParams(), np.random.default_rng(5)
-    estimate, rates_radps = TurnEstimate(params), []
+    estimate, rates_radps = TurnFilter(params), []
     for second in range(1800):
         north_mps, east_mps = np.array([60.0, 0.0]) + chance.normal(0.0, params.velocity_sigma_mps, 2)
         estimate.receive(float(second), (north_mps, east_mps))
@@ -53,27 +53,27 @@ def test_noise_is_no_turn() -> None:
 
 
 def test_a_turn_that_ends_is_forgotten() -> None:
-    estimate = TurnEstimate(EstimateParams())
+    estimate = TurnFilter(EstimateParams())
     for second in range(40):
         estimate.receive(float(second), velocity(60.0, STANDARD_RADPS * min(second, 20)))
     assert estimate.rate_radps == 0.0
 
 
 def test_what_hovers_does_not_turn() -> None:
-    estimate = TurnEstimate(EstimateParams())
+    estimate = TurnFilter(EstimateParams())
     told(estimate, 20, speed_mps=2.0, rate_radps=math.radians(15.0), sigma_mps=0.0)
     assert estimate.rate_radps == 0.0
 
 
 def test_after_a_gap_the_turn_begins_anew() -> None:
-    estimate = TurnEstimate(EstimateParams())
+    estimate = TurnFilter(EstimateParams())
     told(estimate, 12, speed_mps=60.0, rate_radps=STANDARD_RADPS, sigma_mps=0.0)
     estimate.receive(30.0, velocity(60.0, 2.0))
     assert estimate.rate_radps == 0.0
 
 
 def test_reports_without_a_velocity_change_nothing() -> None:
-    estimate = TurnEstimate(EstimateParams())
+    estimate = TurnFilter(EstimateParams())
     told(estimate, 12, speed_mps=60.0, rate_radps=STANDARD_RADPS, sigma_mps=0.0)
     before_radps = estimate.rate_radps
     estimate.receive(12.0, None)
@@ -84,7 +84,7 @@ def test_reports_without_a_velocity_change_nothing() -> None:
 def test_the_noise_of_a_sender_is_learnt(sigma_mps: float) -> None:
     """Who is noisier than usual does not seem to turn for that."""
     chance = np.random.default_rng(7)
-    learnt, rates_radps = TurnEstimate(EstimateParams()), []
+    learnt, rates_radps = TurnFilter(EstimateParams()), []
     for second in range(400):
         north_mps, east_mps = np.array([60.0, 0.0]) + chance.normal(0.0, sigma_mps, 2)
         learnt.receive(float(second), (north_mps, east_mps))
