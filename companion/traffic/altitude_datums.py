@@ -34,11 +34,11 @@ _PREFERENCE = {
 class HeightParams:
     """Error of an altitude (one sigma) whose offset from mean sea level is unknown or old."""
 
-    # While our own pressure altitude is unknown, a pressure altitude is taken as height above the sea. A
-    # sea-level pressure 8 hPa off the standard's 1013.25 is common, and 1 hPa is 8.3 m at low altitude.
+    # While our own pressure altitude is unknown, a pressure altitude is taken as height above the sea. The
+    # pressure at sea level is often 8 hPa off the standard's 1013.25, and 1 hPa is 8.3 m at low altitude.
     pressure_unknown_m: Annotated[float, Ge(0)] = 60.0
-    # Our own pressure altitude counts as current for this time: 1 Hz with losses. After that its error grows.
-    # A front causes up to 0.007 m/s (3 hPa an hour), but silence indicates a fault.
+    # Our own pressure altitude counts as current for this time: 1 Hz with losses. After that its error grows,
+    # faster than a front changes it (3 hPa an hour: 0.007 m/s), because silence indicates a fault.
     pressure_fresh_s: Annotated[float, Gt(0)] = 5.0
     pressure_stale_mps: Annotated[float, Ge(0)] = 0.5
     # Air 20 K warmer or colder than standard stretches altitudes by 7 %: the error of an old offset for each
