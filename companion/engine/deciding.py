@@ -4,9 +4,8 @@ import math
 from dataclasses import replace
 
 from companion.airspace.altitude_limits import HeightLimits, limit_heights
-from companion.airspace.fence_zones import LocalFence
+from companion.airspace.obstacles import ObstacleMap
 from companion.avoidance import Avoider, Envelope
-from companion.avoidance.fence import Fence, Zone
 from companion.control.handover import Handover
 from companion.control.state_machine import WATCHING
 from companion.gcs.settings import Settings
@@ -14,10 +13,8 @@ from companion.geodesy import LocalFrame
 from companion.model import Decision, Goal, Layer, Ownship, Role, Track
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
-from companion.traffic.picture import TrafficPicture
+from companion.traffic import TrafficPicture
 
-# Position, wind and the autopilot's own following of a course are good to this.
-_FENCE_MARGIN_M = 30.0
 # Far from its origin the flat frame bends; closer than this its error cannot be seen.
 _FRAME_REACH_M = 5_000.0
 
@@ -30,6 +27,7 @@ class Deciding:
         aircraft: Aircraft,
         queries: AutopilotQueries,
         picture: TrafficPicture,
+        obstacles: ObstacleMap,
         settings: Settings,
         handover: Handover,
         avoider: Avoider,
@@ -43,10 +41,10 @@ class Deciding:
         self._aircraft = aircraft
         self._queries = queries
         self._picture = picture
+        self._obstacles = obstacles
         self._settings = settings
         self._handover = handover
         self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
-        self._local_fence: LocalFence | None = None
 
     def update(self, role: Role, now_s: float) -> None:
         """Decide; for a moment without a new position the last decision stands."""
@@ -61,7 +59,8 @@ class Deciding:
         if self.frame is None:
             return
         self.own = aircraft.ownship(self.frame)
-        self.tracks = self._picture.tracks(now_s, self.frame, aircraft.home_altitude_m())
+        self.tracks = self._picture.tracks(now_s, self.frame)
+        self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.home_altitude_m())
         self.goal = self._goal_now(self.frame, now_s)
         if self.own is None or role is Role.OFF or not self._may_decide():
             self._do_without("off" if role is Role.OFF else "not flying")
@@ -119,10 +118,7 @@ class Deciding:
         limits = self._queries.envelope, heights, home_m, aircraft.terrain.altitude_m(now_s)
         if limits != self._limits:  # on most ticks they are the same
             self._limits, self.avoider.envelope = limits, limit_heights(*limits)
-        local = self._queries.local_fence(frame, home_m, now_s)
-        if local is not self._local_fence:
-            self._local_fence = local
-            self.avoider.fence = _fence_of(local)
+        self.avoider.fence = self._queries.local_fence(frame, home_m, now_s)
 
 
 def _checked(decision: Decision) -> Decision:
@@ -133,11 +129,3 @@ def _checked(decision: Decision) -> Decision:
     ):
         raise ValueError("guidance is not finite")
     return decision
-
-
-def _fence_of(local: LocalFence) -> Fence | None:
-    """The fence for the avoidance, with a margin in which the aircraft can be held."""
-    if not local.zones:
-        return None
-    zones = tuple(Zone(*zone) for zone in local.zones)
-    return Fence(zones, max(local.margin_m, _FENCE_MARGIN_M), any_inclusion=local.any_inclusion)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 
+from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
 from companion.control.commanding import Commanding
@@ -48,8 +49,7 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import HEEDED, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Tracker
-from companion.traffic.picture import TrafficPicture
+from companion.traffic import Tracker, TrafficPicture
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion)
@@ -84,7 +84,7 @@ class Engine:
         # What the autopilot answers to our questions; shown by `companion check --link`.
         self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = MessageRates()
-        self._picture = TrafficPicture(config.traffic, config.known_obstacles, config.obstacles)
+        self._picture = TrafficPicture(config.traffic)
         self.operator = GcsRequests(
             self._settings,
             lambda: self.sender,
@@ -105,6 +105,7 @@ class Engine:
             self.aircraft,
             self.queries,
             self._picture,
+            ObstacleMap(config.known_obstacles, config.obstacles),
             self._settings,
             self._handover,
             avoider or Avoider(config.avoidance),
@@ -243,7 +244,7 @@ class Engine:
             self.foreign += 1
             return self._is_of_another_system(fact) and self._receive_traffic(fact, now_s)
         self._rates.observe(fact, now_s)
-        self._picture.observe_own(fact, now_s)
+        self._picture.observe_ownship(fact, now_s)
         match fact:
             case Heartbeat():
                 if back:
@@ -264,7 +265,7 @@ class Engine:
 
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
-        track_id = self._picture.hear(fact, now_s)
+        track_id = self._picture.receive(fact, now_s)
         if track_id is None:
             return False
         self._prompted = any(threat.track_id == track_id for threat in self.decision.threats)

@@ -6,15 +6,14 @@ At most five requests a second are sent, and none is repeated without need.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 from companion.airspace.altitude_limits import HeightLimits
-from companion.airspace.autopilot_fences import FenceSettings
-from companion.airspace.fence_items import zones_of
-from companion.airspace.fence_zones import FenceZone, LocalFence
+from companion.airspace.autopilot_fences import AutopilotFence, FenceSettings, zones_of
+from companion.airspace.fence_in_force import FenceInForce
+from companion.airspace.fence_zones import FenceZone
 from companion.autopilots import Adapter
 from companion.autopilots.parameters import ReportedLimits, reported_limits
-from companion.avoidance import Envelope
+from companion.avoidance import Envelope, Fence
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -45,16 +44,6 @@ _SETTLED_S = 3.0
 _REREAD_INTERVAL_S = 120.0
 
 
-class _FenceSource(NamedTuple):
-    """All that the fence in the local frame is made from, besides the configuration."""
-
-    frame: LocalFrame
-    home_altitude_m: float
-    settings: FenceSettings
-    uploaded: tuple[FenceZone, ...]
-    home: HomePosition | None
-
-
 class AutopilotQueries:
     """Requests, stores the answers, and announces the limits in effect with their sources."""
 
@@ -74,7 +63,7 @@ class AutopilotQueries:
         self._uploaded_zones: tuple[FenceZone, ...] = ()
         self._fence_settings = FenceSettings()  # by the parameters alone
         self._fence_heard_s = -math.inf
-        self._fence: tuple[_FenceSource, LocalFence] | None = None
+        self._fence_in_force = FenceInForce(zones)
         self._home: HomePosition | None = None
         self._next_request_s = -math.inf
         self._reread_s = -math.inf
@@ -155,42 +144,16 @@ class AutopilotQueries:
 
     def heights(self, min_height_m: float, max_height_m: float | None, now_s: float) -> HeightLimits:
         """The heights to keep between: those given, and those of the autopilot's fence within its margin."""
-        fence = self._settings(now_s)
-        low, high = fence.min_height_m, fence.max_height_m
-        return HeightLimits(
-            min_height_m,
-            max_height_m,
-            None if low is None else low + fence.margin_m,
-            None if high is None else high - fence.margin_m,
-        )
+        return HeightLimits.within_fence(min_height_m, max_height_m, self._settings(now_s))
 
-    def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> LocalFence:
-        """All zones in force, in the local frame: those of the configuration and those of the autopilot.
+    def autopilot_fence(self, now_s: float) -> AutopilotFence:
+        """The autopilot's own fence as known at present."""
+        home_deg = None if self._home is None else (self._home.lat_deg, self._home.lon_deg)
+        return AutopilotFence(self._settings(now_s), self._uploaded_zones, home_deg)
 
-        The same object until something about them changes.
-        """
-        # Barometer and home move by centimetres all the time, and the fence with them.
-        source = _FenceSource(
-            frame, float(round(home_altitude_m)), self._settings(now_s), self._uploaded_zones, self._home
-        )
-        if self._fence is None or self._fence[0] != source:
-            self._fence = source, self._in_frame(source)
-        return self._fence[1]
-
-    def _in_frame(self, source: "_FenceSource") -> LocalFence:
-        settings = source.settings
-        uploaded = source.uploaded if settings.zones else ()
-        others = [*self._configured_zones]
-        if settings.home_radius_m is not None and source.home is not None:
-            home = source.home.lat_deg, source.home.lon_deg
-            others.append(FenceZone(True, centre_deg=home, radius_m=settings.home_radius_m))
-        any_inclusion = settings.any_inclusion and sum(zone.inclusion for zone in uploaded) > 1
-        if any_inclusion and any(zone.inclusion for zone in others):
-            # "Inside any of these, and inside that" cannot be said: the autopilot looks after its own.
-            uploaded = tuple(zone for zone in uploaded if not zone.inclusion)
-            any_inclusion = False
-        zones = tuple(zone.in_frame(source.frame, source.home_altitude_m) for zone in (*others, *uploaded))
-        return LocalFence(zones, settings.margin_m, any_inclusion)
+    def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> Fence | None:
+        """The fence in force in the local frame, see `FenceInForce`."""
+        return self._fence_in_force.in_frame(frame, home_altitude_m, self.autopilot_fence(now_s))
 
     def _settings(self, now_s: float) -> FenceSettings:
         """What the autopilot makes of its fence; one that is known to be off is none at all."""

@@ -6,7 +6,7 @@ import pytest
 
 from companion.airspace.fence_zones import FenceZone
 from companion.autopilots import Adapter, ArduPlane, Px4FixedWing
-from companion.avoidance import Envelope
+from companion.avoidance import Envelope, Fence
 from companion.engine import AircraftLimits
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
@@ -82,6 +82,15 @@ class Talk:
         return [str(message.param_id) for message in self.requests("PARAM_REQUEST_READ")]
 
 
+FRAME = LocalFrame(47.0, 8.0)
+
+
+def local_fence(talk: Talk, frame: LocalFrame = FRAME) -> Fence:
+    fence = talk.queries.local_fence(frame, 500.0, talk.now_s)
+    assert fence is not None
+    return fence
+
+
 def complete() -> Responder:
     return Responder(dict(PARAMETERS), {MISSION: ROUTE, FENCE: ZONES})
 
@@ -97,13 +106,13 @@ def test_everything_is_known_within_20_seconds() -> None:
     assert queries.mission is not None
     assert [item.command for item in queries.mission.items] == [16, 22, 16, 16]
     assert queries.mission.items[3].lat_deg == pytest.approx(47.02)
-    fence = queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
+    fence = local_fence(talk)
     assert [(zone.inclusion, len(zone.vertices_m), zone.radius_m) for zone in fence.zones] == [
         (True, 4, None),
         (False, 0, 300.0),
     ]
     assert queries.local_fence(LocalFrame(47.0, 8.0), 500.2, talk.now_s + 1.0) is fence
-    assert queries.local_fence(LocalFrame(47.0, 8.1), 500.0, talk.now_s) != fence
+    assert local_fence(talk, LocalFrame(47.0, 8.1)) != fence
 
 
 def test_at_most_five_messages_a_second_and_none_without_need() -> None:
@@ -176,7 +185,7 @@ def test_px4_is_queried_by_its_own_names() -> None:
     talk = Talk(Responder(values, {MISSION: (), FENCE: ZONES}), Px4FixedWing(AUTOPILOT)).run(20.0)
     assert talk.queries.envelope.max_airspeed_mps == 25.0
     assert "ROLL_LIMIT_DEG" not in talk.requested_names()
-    assert talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s).zones == (), "switched off"
+    assert talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s) is None, "switched off"
 
 
 # --- lists
@@ -223,7 +232,7 @@ def test_a_changed_total_parameter_reads_its_list_again() -> None:
     responder.parameters["FENCE_TOTAL"] = 4.0
     talk.receive(responder.parameter("FENCE_TOTAL"))
     talk.run(5.0)
-    assert len(talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s).zones) == 1
+    assert len(local_fence(talk).zones) == 1
 
 
 def test_a_ground_stations_upload_is_read_after_it_has_ended() -> None:
@@ -303,10 +312,10 @@ def fence_talk(zones: tuple[FenceZone, ...] = (), items: list[Item] | None = Non
 def test_a_fence_that_is_off_counts_only_when_its_status_is_heard() -> None:
     talk = fence_talk(FENCE_ENABLE=0.0)
     frame = LocalFrame(47.0, 8.0)
-    assert talk.queries.local_fence(frame, 500.0, talk.now_s).zones == ()
+    assert talk.queries.local_fence(frame, 500.0, talk.now_s) is None
     talk.receive(mavlink.MAVLink_fence_status_message(0, 0, 0, 0))
-    assert len(talk.queries.local_fence(frame, 500.0, talk.now_s).zones) == 2
-    assert talk.queries.local_fence(frame, 500.0, talk.now_s + 10.0).zones == ()
+    assert len(local_fence(talk).zones) == 2
+    assert talk.queries.local_fence(frame, 500.0, talk.now_s + 10.0) is None
 
 
 def test_heights_and_circle_of_the_fence_parameters_are_kept_within_the_margin() -> None:
@@ -314,8 +323,8 @@ def test_heights_and_circle_of_the_fence_parameters_are_kept_within_the_margin()
     talk = fence_talk(FENCE_TYPE=15.0, **limits)
     heights = talk.queries.heights(30.0, None, talk.now_s)
     assert (heights.fence_min_height_m, heights.fence_max_height_m) == (50.0, 290.0)
-    fence = talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
-    assert fence.margin_m == 10.0
+    fence = local_fence(talk)
+    assert fence.margin_m == 30.0, "at least"
     assert (fence.zones[0].centre_m, fence.zones[0].radius_m) == ((0.0, 0.0), 2000.0)
     unlimited = fence_talk(FENCE_TYPE=4.0, **limits).queries.heights(30.0, None, talk.now_s)
     assert (unlimited.fence_min_height_m, unlimited.fence_max_height_m) == (None, None)
@@ -323,17 +332,14 @@ def test_heights_and_circle_of_the_fence_parameters_are_kept_within_the_margin()
 
 def test_inclusion_zones_of_which_one_is_enough() -> None:
     two = [*ZONES[:4], Item(5003, (47.5, 8.0), params=(900.0, 0.0, 0.0, 0.0))]
-    frame = LocalFrame(47.0, 8.0)
-    talk = fence_talk(items=two, FENCE_OPTIONS=2.0)
-    assert talk.queries.local_fence(frame, 500.0, talk.now_s).any_inclusion
-    talk = fence_talk(items=two, FENCE_OPTIONS=1.0)
-    assert not talk.queries.local_fence(frame, 500.0, talk.now_s).any_inclusion
+    assert local_fence(fence_talk(items=two, FENCE_OPTIONS=2.0)).any_inclusion
+    assert not local_fence(fence_talk(items=two, FENCE_OPTIONS=1.0)).any_inclusion
 
 
 def test_a_configured_inclusion_zone_is_not_loosened_by_those_of_the_autopilot() -> None:
     two = [*ZONES[:4], Item(5003, (47.5, 8.0), params=(900.0, 0.0, 0.0, 0.0))]
     ours = FenceZone(True, centre_deg=(47.0, 8.0), radius_m=500.0, max_height_m=120.0)
     talk = fence_talk((ours,), two, FENCE_OPTIONS=2.0)
-    fence = talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s)
+    fence = local_fence(talk)
     assert not fence.any_inclusion
     assert [(zone.radius_m, zone.max_altitude_m) for zone in fence.zones] == [(500.0, 620.0)]
