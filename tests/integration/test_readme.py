@@ -21,7 +21,7 @@ from companion.config import Config, load_config, load_obstacles
 from companion.control.state_machine import SupervisorParams
 from companion.model import Role
 from companion.traffic import TrafficParams
-from sim.scenario import scenario_names
+from sim.scenario import load_scenario, scenario_names
 from tests.support.paths import ROOT
 from tests.tools.documents import README, REFERENCE, parameter_rows, parameter_rows_in
 from tests.tools.pictures import Terminal, demo_words, panel_in, shape_of
@@ -247,6 +247,12 @@ def test_the_demo_shows_what_the_readme_promises(tmp_path: Path) -> None:
         terminal.process.kill()
     assert "outer:" in shown
     assert shape_of(panel_in(README_TEXT)) == shape_of(shown), "make pictures redraws the panel"
+
+
+def test_the_demo_takes_about_the_minute_that_the_readme_promises() -> None:
+    (speedup,) = re.findall(r"(\d+) x ─", panel_in(README_TEXT))
+    assert "After about a minute" in README_TEXT
+    assert 45.0 <= load_scenario("two-intruders").duration_s / float(speedup) <= 90.0
 
 
 def test_the_version_is_the_newest_release_of_the_changelog() -> None:
