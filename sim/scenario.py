@@ -24,7 +24,7 @@ from sim.vehicle import (
     waypoint_item,
 )
 
-SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
+SCENARIO_FOLDER = Path(__file__).with_name("scenarios")
 DEFAULT_SCENARIO = "two-intruders"
 
 Autopilot = Literal["ardupilot", "px4"]
