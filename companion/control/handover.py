@@ -181,8 +181,8 @@ class Handover:
         """Act on the decision and on the operator's orders, by the state machine."""
         context, supervisor = self._context, self.supervisor
         context.decision, context.role = decision, orders.role
-        self._unattended.note_mode()
-        suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
+        if supervisor.data.suppressed_s:
+            suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
             supervisor.data.suppressed_s = {}  # when the role is fly again, everyone is avoided again
         if supervisor.state in WATCHING:
@@ -267,6 +267,7 @@ class Handover:
 
     def _watch(self, now_s: float) -> Outgoing:
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
+        self._unattended.note_mode()
         self._note_choices()
         if self._is_invalid_outside(now_s) and supervisor.handle(Event.INVALID_OUTSIDE):
             return self._take_over.re_enter(now_s)

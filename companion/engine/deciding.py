@@ -44,11 +44,19 @@ class Deciding:
         self._obstacles = obstacles
         self._settings = settings
         self._handover = handover
+        self._conflict_over = False
         self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
+
+    def forget_conflict(self) -> None:
+        """Begin the next decision without the memory of this conflict."""
+        self._conflict_over = True
 
     def update(self, role: Role, now_s: float) -> None:
         """Decide; for a moment without a new position the last decision stands."""
         aircraft = self._aircraft
+        if self._conflict_over:
+            self._conflict_over = False
+            self.avoider.reset()
         if aircraft.blind(now_s):
             self.own, self.tracks = None, ()
             self._do_without("no position")

@@ -290,14 +290,13 @@ class Engine:
         overridden = self._handover.check_overrides(now_s)
         effects = self._emit(overridden or (), now_s)
         effects += self._apply_settings()
-        effects += self._emit(self._notices.tick(now_s), now_s)
         orders = Orders(self.operator.role, self.operator.take_resume())
         if overridden is None:
             self._deciding.update(orders.role, now_s)
             effects += self._emit(self._handover.step(self.decision, orders, now_s), now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A conflict that the operator decided about goes on to be the same one.
-            self.avoider.reset()
+            self._deciding.forget_conflict()
         self.aircraft.ours = self._handover.holds
         effects += self._command(now_s)
         effects += self._housekeeping(now_s)
@@ -332,7 +331,7 @@ class Engine:
 
     def _housekeeping(self, now_s: float) -> list[Effect]:
         """Repetitions, rates, questions, answers, COLLISION, our own heartbeat, state for the next run."""
-        outgoing: list[Message | AnyNotice] = []
+        outgoing: list[Message | AnyNotice] = [*self._notices.tick(now_s)]
         adapter, flying = self.aircraft.adapter, self.supervisor.flying
         if adapter is not None:
             if self._left is not None:
