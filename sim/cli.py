@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.cli import guarded, writable
+from companion.cli.common import VersionFlag, run_app, show_version, writable
 from companion.errors import CompanionError, ConfigError, LinkError, alone
 from companion.links import open_link
 from companion.web.settings import Settings
@@ -36,6 +36,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: VersionFlag = False) -> None:
+    if version:
+        show_version("companion-sim")
 
 
 class Autopilot(StrEnum):
@@ -396,4 +402,4 @@ async def _serve(server: VehicleServer) -> None:
 
 def main() -> None:
     """Entry point."""
-    sys.exit(guarded(app))
+    sys.exit(run_app(app))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from companion import __version__
 from tests.support.paths import CONFIGS
 from tests.support.paths import TLOGS as LOGS
 
@@ -97,6 +98,21 @@ def test_help_has_an_example_for_every_command(module: str) -> None:
         text = call(command, "--help", module=module)
         assert text.returncode == 0
         assert "Example:" in text.stdout
+
+
+@pytest.mark.parametrize(("module", "name"), [("companion", "companion"), ("sim", "companion-sim")])
+def test_version_prints_name_and_version(module: str, name: str) -> None:
+    result = call("--version", module=module)
+    assert result.returncode == 0
+    assert result.stdout == f"{name} {__version__}\n"
+
+
+@pytest.mark.parametrize("option", ["--report", "--decisions"])
+def test_a_replay_refuses_an_impossible_output_path_before_it_reads_the_log(
+    tmp_path: Path, option: str
+) -> None:
+    out = tmp_path / "no such folder" / "out"
+    assert_one_line(call("replay", "nowhere.tlog", option, str(out)), 2, "there is no folder")
 
 
 @pytest.mark.parametrize("words", [["fly"], ["run"], ["replay", "x.tlog", "--unknown"]])
