@@ -8,7 +8,7 @@ from companion.autopilots import Adapter
 from companion.clock import Clock
 from companion.config import Config
 from companion.engine import Engine
-from companion.errors import alone
+from companion.errors import ungrouped
 from companion.links import Link
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
@@ -48,7 +48,7 @@ async def look(
     engine = Engine(advising)
     engine.operator.at_most = Role.ADVISE
     runtime = Runtime(engine, links, clock=clock)
-    with alone():
+    with ungrouped():
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(runtime.run(), name="preflight")
             until_us = runtime.clock.now_us() + round(seconds * 1e6)

@@ -14,8 +14,8 @@ from collections.abc import Callable, Coroutine, Sequence
 from companion.clock import Clock, SteadyClock
 from companion.control.state_machine import State
 from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
-from companion.errors import CompanionError, alone
-from companion.links import Link, Reconnect, open_at_start
+from companion.errors import CompanionError, ungrouped
+from companion.links import Link, Reconnect, open_all
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.heartbeat_sequence import HeartbeatSequence
@@ -90,7 +90,7 @@ class Runtime:
     async def run(self, *, on_signals: bool = False) -> None:
         """Run until `stop` (`on_signals`: also SIGINT, SIGTERM); `CompanionError` when it cannot go on."""
         try:
-            await open_at_start(self.links)
+            await open_all(self.links)
             with contextlib.ExitStack() as undo:
                 if on_signals:
                     self._catch_signals(undo)
@@ -110,7 +110,7 @@ class Runtime:
             raise CompanionError(f"the autopilot did not confirm that it took {what} back")
 
     async def _run_tasks(self) -> None:
-        with alone():
+        with ungrouped():
             async with asyncio.TaskGroup() as tasks:
                 owned = [
                     tasks.create_task(

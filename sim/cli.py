@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.cli.common import VersionFlag, run_app, show_version, writable
-from companion.errors import CompanionError, ConfigError, LinkError, alone
+from companion.errors import CompanionError, ConfigError, LinkError, ungrouped
 from companion.links import open_link
 from companion.web.settings import Settings
 from sim.bench import run as run_bench
@@ -396,7 +396,7 @@ async def _relay_until_interrupted(between: Relay) -> None:
 async def _serve(server: VehicleServer) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, server.close)
-    with alone():
+    with ungrouped():
         await server.run()
 
 

@@ -16,7 +16,7 @@ from companion.cli.display import display_settings_in_flight
 from companion.config import Config, describe_saved, load_config, load_obstacles, load_saved
 from companion.engine import Engine
 from companion.errors import LogError
-from companion.links import open_at_start, open_link
+from companion.links import open_all, open_link
 from companion.recording.recorder import MB, Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.runtime import Runtime
@@ -43,7 +43,7 @@ def run(
 
 async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display | None) -> None:
     links = [open_link(address) for address in config.links]
-    await open_at_start(links)
+    await open_all(links)
     _log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder, not_recorded = _recorder(config)
     saved = load_saved(config)

@@ -29,7 +29,7 @@ from companion.report.pieces import (
     thinned,
     without_wraps,
 )
-from companion.separation import WELL_CLEAR_HORIZONTAL_M
+from companion.units import WELL_CLEAR_HORIZONTAL_M
 
 Style = dict[str, Any]
 

@@ -17,7 +17,7 @@ from companion.model import Layer
 from companion.report.drawing import BANDS, COLOURS, DASHES, INK, dress
 from companion.report.encounters import Encounter
 from companion.report.flight import LAYERS, Flight, Floats
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
