@@ -77,7 +77,7 @@ class Runtime:
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._orders: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
+        self._sequences: dict[str, HeartbeatSequence] = {}  # by link
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
@@ -234,10 +234,10 @@ class Runtime:
     def _on_frames(self, frames: list[Frame], link: Link) -> None:
         if self._failure is None:
             self._guarded(
-                lambda: self._take_in(frames, self._orders.setdefault(link.address, HeartbeatSequence()))
+                lambda: self._take_in(frames, self._sequences.setdefault(link.address, HeartbeatSequence()))
             )
 
-    def _take_in(self, frames: list[Frame], order: HeartbeatSequence) -> None:
+    def _take_in(self, frames: list[Frame], sequence: HeartbeatSequence) -> None:
         now_us = self.clock.now_us()
         self._arrived_s = time.perf_counter()
         for frame in frames:
@@ -246,7 +246,7 @@ class Runtime:
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
             # A mode that is not any more would look as if somebody had chosen it.
-            if order.is_overtaken(frame, now_us / 1e6) or frame.message_id not in WANTED:
+            if sequence.is_outdated(frame, now_us / 1e6) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
             if fact is None:
