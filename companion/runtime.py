@@ -53,7 +53,7 @@ class Runtime:
         recorder: Recorder | None = None,
         clock: Clock | None = None,
         watchdog: Watchdog | None = None,
-        keeper: StateFile | None = None,
+        state_file: StateFile | None = None,
         display: Display | None = None,
         not_recorded: str | None = None,
         settings: DurableStateFile | None = None,
@@ -67,7 +67,7 @@ class Runtime:
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
         self._watchdog = watchdog or Watchdog({})
-        self._keeper = keeper
+        self._state_file = state_file
         self._display = display
         self._not_recorded = not_recorded  # why, from the beginning
         if display is not None:
@@ -136,7 +136,7 @@ class Runtime:
             self._stop.set()
 
     async def _tick_until_stopped(self) -> None:
-        kept = None if self._keeper is None else self._keeper.read()
+        kept = None if self._state_file is None else self._state_file.read()
         if kept is not None:
             text, age_s = kept
             self.engine.recover(text, self.clock.now_us() / 1e6, age_s)
@@ -264,11 +264,11 @@ class Runtime:
                     if self.recorder is not None:
                         self.recorder.decision(time_us, effect.line)
                 case Keep():
-                    if self._keeper is not None:
-                        self._keeper.keep(effect.text)
+                    if self._state_file is not None:
+                        self._state_file.write(effect.text)
                 case Save():
                     if self._settings is not None:
-                        self._settings.keep(effect.text)
+                        self._settings.write(effect.text)
                 case Say():
                     if self.recorder is not None:
                         self.recorder.text(time_us, effect.severity, effect.text)

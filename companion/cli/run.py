@@ -57,7 +57,7 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
         recorder=recorder,
         not_recorded=not_recorded,
         watchdog=Watchdog(os.environ),
-        keeper=StateFile(config.state_file),
+        state_file=StateFile(config.state_file),
         settings=DurableStateFile(config.settings_file),
         display=display,
     )

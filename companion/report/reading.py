@@ -46,7 +46,7 @@ def _from_mcap(path: Path, on_progress: Progress) -> Log:
                 on_progress(before_bytes + log.read_bytes)
             _take(flight, entry)
         before_bytes += log.read_bytes
-        if not log.whole:
+        if not log.closed:
             flight.notes.append(f"{part.name} was cut off; what is before the cut is reported")
     _note_missing(flight)
     tlogs = [part.with_suffix(".tlog") for part in files_of(path)]

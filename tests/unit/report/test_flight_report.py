@@ -17,7 +17,7 @@ from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.tlog import TlogWriter
-from companion.recording import DECISION, STATE, TEXT, McapFile, Note
+from companion.recording import DECISION, STATE, TEXT, McapMessage, McapWriter
 from companion.report.encounters import encounters_of
 from companion.report.flight import Flight
 from companion.report.link import LinkLog
@@ -282,15 +282,15 @@ def test_clock() -> None:
 
 
 def recording(path: Path, *, close: bool = True) -> Path:
-    file = McapFile(path)
+    file = McapWriter(path)
     mission = {"items": [{"sequence": 1, "lat_deg": 47.0, "lon_deg": 8.0, "altitude_m": 500.0}]}
     for one in avoided():
-        notes = [Note(DECISION, one["time_us"], json.dumps(one))]
-        notes.append(Note(STATE, one["time_us"], json.dumps({"version": 1, "mission": mission})))
+        notes = [McapMessage(DECISION, one["time_us"], json.dumps(one))]
+        notes.append(McapMessage(STATE, one["time_us"], json.dumps({"version": 1, "mission": mission})))
         if one["time_us"] == START_US + 20_000_000:
             text = json.dumps({"time_us": one["time_us"], "severity": 4, "text": "Traffic <N1>"})
-            notes.append(Note(TEXT, one["time_us"], text))
-        file.flush(notes)
+            notes.append(McapMessage(TEXT, one["time_us"], text))
+        file.write(notes)
     if close:
         file.close()
     return path
