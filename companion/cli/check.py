@@ -12,13 +12,13 @@ from rich.console import Console
 from companion.cli.display import display_settings
 from companion.config import (
     Config,
+    apply_saved,
     describe,
     describe_saved,
     load_config,
     load_obstacles,
     load_saved,
     reference,
-    tuned,
 )
 from companion.control.state_machine import printed
 from companion.errors import CompanionError, ConfigError
@@ -60,7 +60,7 @@ def check(
     if table:
         console.print(printed(), markup=False)
     elif link:
-        _check_link(console, tuned(config, saved), seconds)
+        _check_link(console, apply_saved(config, saved), seconds)
     else:
         console.print(describe(config), markup=False, end="")
         if config.obstacle_files:
