@@ -23,7 +23,7 @@ from companion.config import (
 from companion.control.state_machine import printed
 from companion.errors import CompanionError, ConfigError
 from companion.links import open_link
-from companion.preflight import DEFAULT_SECONDS, look
+from companion.preflight import DEFAULT_SECONDS, run_preflight
 
 
 def check(
@@ -31,13 +31,13 @@ def check(
         Path | None, typer.Argument(metavar="CONFIG", help="Configuration file, YAML.", show_default=False)
     ] = None,
     link: Annotated[
-        bool, typer.Option("--link", help="Connect, list what is found, say whether it would fly.")
+        bool, typer.Option("--link", help="Connect, list what is found, and say whether it would fly.")
     ] = False,
     seconds: Annotated[
         float, typer.Option(min=3.0, max=600.0, help="How long to listen, with --link.")
     ] = DEFAULT_SECONDS,
     table: Annotated[
-        bool, typer.Option("--table", help="Print the supervisor's table: who may fly, and when.")
+        bool, typer.Option("--table", help="Print the supervisor's table of states and events.")
     ] = False,
     all_keys: Annotated[
         bool, typer.Option("--reference", help="Print every key, its default and its range.")
@@ -77,14 +77,16 @@ def _check_link(console: Console, config: Config, seconds: float) -> None:
     # The findings include what the runtime logs, but not why a link does not open.
     logging.getLogger("companion").addFilter(lambda record: record.module != "runtime")
     links = [open_link(address) for address in config.links]
-    found = asyncio.run(look(config, links, seconds))
+    found = asyncio.run(run_preflight(config, links, seconds))
     width = max(len(finding.topic) for finding in found.findings)
     for finding in found.findings:
         style = "" if finding.good else "yellow"
-        console.print(f"{finding.topic:{width}}  {finding.words}", markup=False, style=style)
+        console.print(f"{finding.topic:{width}}  {finding.text}", markup=False, style=style)
     if not found.heard:
-        raise CompanionError("would not fly: no autopilot is heard")
-    if found.hindrances:
-        console.print(f"would not fly now: {'; '.join(found.hindrances)}", markup=False, style="yellow")
+        raise CompanionError("would not fly: no autopilot heard")
+    if found.reasons_not_to_fly:
+        console.print(
+            f"would not fly now: {'; '.join(found.reasons_not_to_fly)}", markup=False, style="yellow"
+        )
     else:
-        console.print("would fly: in a conflict it takes the aircraft over", markup=False, style="green")
+        console.print("would fly: in a conflict it takes over the aircraft", markup=False, style="green")
