@@ -52,7 +52,7 @@ class Table:
 Node = Leaf | Items | Table
 
 
-def shown(text: str, longest: int = 60) -> str:
+def quoted(text: str, longest: int = 60) -> str:
     """A text from a file for use in a message: one line, of limited length, printable characters only."""
     text = "".join(c if c.isprintable() else "?" for c in " ".join(text[: 2 * longest].split()))
     return text if len(text) <= longest else f"{text[:longest]}..."
@@ -70,10 +70,12 @@ def parse_document(text: str, name: str) -> Table:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = name if mark is None else f"{name}:{mark.line + 1}"
-        raise ConfigError(f"{where}: not valid YAML: {shown(str(error.problem or error.context))}") from error
+        raise ConfigError(
+            f"{where}: not valid YAML: {quoted(str(error.problem or error.context))}"
+        ) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        raise ConfigError(f"{name}:{line}: not valid YAML: {shown(error.reason)}") from error
+        raise ConfigError(f"{name}:{line}: not valid YAML: {quoted(error.reason)}") from error
     if root is None:
         raise ConfigError(f"{name}: is empty")
     tree = _tree(root, name)
@@ -165,7 +167,7 @@ def _tree(node: yaml.Node, name: str) -> Node:
         return Items(line, tuple(_tree(item, name) for item in node.value))
     if isinstance(node, yaml.ScalarNode):
         return Leaf(line, _scalar(node, f"{name}:{line}"), node.value)
-    raise ConfigError(f"{name}:{line}: tags ({shown(node.tag)}) are not supported")
+    raise ConfigError(f"{name}:{line}: tags ({quoted(node.tag)}) are not supported")
 
 
 def _entries(node: yaml.MappingNode, name: str) -> dict[str, tuple[int, Node]]:
@@ -176,7 +178,7 @@ def _entries(node: yaml.MappingNode, name: str) -> dict[str, tuple[int, Node]]:
             raise ConfigError(f"{name}:{line}: a key must be text")
         key: str = key_node.value
         if key in entries:
-            raise ConfigError(f"{name}:{line}: {shown(key)}: is a duplicate of line {entries[key][0]}")
+            raise ConfigError(f"{name}:{line}: {quoted(key)}: is a duplicate of line {entries[key][0]}")
         entries[key] = line, _tree(value_node, name)
     return entries
 
@@ -190,4 +192,4 @@ def _scalar(node: yaml.ScalarNode, where: str) -> Scalar:
     for tag, pattern, _, convert in _SCALARS:
         if node.tag == tag and pattern.match(text):
             return convert(text)
-    raise ConfigError(f"{where}: tags ({shown(node.tag)}) are not supported")
+    raise ConfigError(f"{where}: tags ({quoted(node.tag)}) are not supported")

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from companion.config.document import Items, Leaf, Node, Table, load_document, shown
+from companion.config.document import Items, Leaf, Node, Table, load_document, quoted
 from companion.config.keys import dataclass_in, field_types, file_key, is_angle, item_type, with_file_keys
 from companion.config.schema import Config
 from companion.errors import ConfigError
@@ -103,7 +103,7 @@ class _FileReader:
         fields = {file_key(name): name for name in types}
         values = {}
         for written, (line, node) in table.entries.items():
-            full_key = f"{key}.{shown(written)}" if key else shown(written)
+            full_key = f"{key}.{quoted(written)}" if key else quoted(written)
             name = fields.get(written)
             if name is None:
                 raise self._error(line, full_key, f"is unknown, {_hint(written, list(fields))}")
@@ -149,14 +149,14 @@ def _message(errors: Sequence[ErrorDetails], path: FieldPath, node: Node) -> str
     for error in errors:
         context: Mapping[str, Any] = error.get("ctx", {})
         if error["type"] == "value_error":
-            return shown(with_file_keys(str(context["error"])), _MAX_REASON_LENGTH)
+            return quoted(with_file_keys(str(context["error"])), _MAX_REASON_LENGTH)
         if error["type"] == "missing":
             allowed.append("a longer list")
         elif error["type"] in _MUST_BE:
             allowed.append(_MUST_BE[error["type"]].format_map(_in_file_units(context, angle=is_angle(name))))
         else:
-            return shown(with_file_keys(error["msg"]), _MAX_REASON_LENGTH)
-    got = f" (got {shown(node.text) or 'nothing'})" if isinstance(node, Leaf) else ""
+            return quoted(with_file_keys(error["msg"]), _MAX_REASON_LENGTH)
+    got = f" (got {quoted(node.text) or 'nothing'})" if isinstance(node, Leaf) else ""
     return f"must be {' or '.join(allowed)}{got}"
 
 

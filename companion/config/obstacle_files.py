@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Le, MinLen
 
 from companion.airspace.obstacles import LatLon, Obstacle, along, within
-from companion.config.document import load_document, shown
+from companion.config.document import load_document, quoted
 from companion.config.loader import read_checked
 from companion.config.schema import Config
 from companion.errors import ConfigError
@@ -65,7 +65,7 @@ def load_obstacles(config: Config) -> tuple[Obstacle, ...]:
         for obstacle in _read(path, config.obstacles.margin_m):
             if len(obstacles) >= _MAX_OBSTACLES:
                 raise ConfigError(
-                    f"{path}: {shown(obstacle.name)}: more than {_MAX_OBSTACLES} obstacles in all; "
+                    f"{path}: {quoted(obstacle.name)}: more than {_MAX_OBSTACLES} obstacles in all; "
                     "lines and areas count by their points; a larger obstacles.margin_m needs fewer of them"
                 )
             obstacles.append(obstacle)
@@ -105,7 +105,7 @@ class _GeoJson:
         properties = feature.get("properties") or {}
         if not isinstance(properties, dict):
             raise self._error("properties must be an object")
-        name = shown(str(properties.get("name", feature.get("id", self._where))))
+        name = quoted(str(properties.get("name", feature.get("id", self._where))))
         self._where += f" ({name})" if name != self._where else ""
         mast = self._mast(name, properties)
         spacing_m = mast.radius_m + self._margin_m
@@ -119,7 +119,7 @@ class _GeoJson:
         for key, value in given.items():
             low, high = limits[key]
             if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise self._error(f"{key} must be from {low:g} to {high:g} (got {shown(str(value))})")
+                raise self._error(f"{key} must be from {low:g} to {high:g} (got {quoted(str(value))})")
         try:
             return Mast(name, 0.0, 0.0, **given)
         except ValueError as error:
@@ -160,7 +160,7 @@ class _GeoJson:
             lon_deg, lat_deg = numbers
             if abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0:
                 return float(lat_deg), float(lon_deg)
-        raise self._error(f"must be longitude and latitude in degrees: {shown(str(position))}")
+        raise self._error(f"must be longitude and latitude in degrees: {quoted(str(position))}")
 
     def _list(self, value: Any) -> list[Any]:
         if not isinstance(value, list) or not value:
@@ -175,7 +175,7 @@ class _GeoJson:
         except OSError as error:
             raise self._error(f"cannot be read: {error.strerror}") from error
         except (ValueError, RecursionError) as error:
-            raise self._error(f"not valid JSON: {shown(str(error))}") from error
+            raise self._error(f"not valid JSON: {quoted(str(error))}") from error
 
     def _error(self, message: str) -> ConfigError:
         where = f"{self._path}: {self._where}" if self._where else str(self._path)

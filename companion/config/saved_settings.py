@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from companion.config.document import shown
+from companion.config.document import quoted
 from companion.config.keys import file_key
 from companion.config.schema import Config
 from companion.gcs.parameters import BY_NAME, values_changed, with_values
@@ -42,7 +42,7 @@ def load_saved(config: Config, path: Path | None = None) -> SavedSettings:
         return SavedSettings(problem=f"{path}: damaged, not used")
     configured = config.for_engine()
     changed, refused = with_values(configured, values)
-    problem = f"{path}: not used: {shown('; '.join(refused), 200)}" if refused else None
+    problem = f"{path}: not used: {quoted('; '.join(refused), 200)}" if refused else None
     return SavedSettings(values_changed(changed, configured), problem)
 
 
