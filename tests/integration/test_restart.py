@@ -33,14 +33,16 @@ class Aircraft:
         self._config = config
         self._process: asyncio.subprocess.Process | None = None
 
-    async def start(self) -> None:
-        """Start the companion, and wait for its first line of log."""
+    async def start(self) -> float:
+        """Start the companion, and wait for its first line of log; returns how long that took [s]."""
+        began_s = time.monotonic()
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "companion", "run", str(self._config),
             stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
         )  # fmt: skip
         assert self._process.stderr is not None
         await asyncio.wait_for(self._process.stderr.readline(), 30.0)
+        return time.monotonic() - began_s
 
     async def end(self, number: int) -> tuple[int | None, str]:
         """Send a signal to the companion; returns its exit code and its log."""
@@ -91,6 +93,11 @@ async def aircraft(
         await flying
 
 
+def longest_recovery_s(start_s: float) -> float:
+    """The limit from the first line of log to control of the aircraft; a busy machine also starts slowly."""
+    return 2.0 + 2.0 * start_s
+
+
 @both
 async def test_a_companion_killed_while_flying_gives_the_aircraft_back_after_a_restart(
     autopilot: Autopilot, tmp_path: Path
@@ -106,11 +113,11 @@ async def test_a_companion_killed_while_flying_gives_the_aircraft_back_after_a_r
         assert not truth.uncontrolled
         if autopilot == "ardupilot":
             assert abs(truth.heading_rad - course_rad) < 0.6, "it keeps or reaches its commanded course"
-        killed_s = flight.vehicle.time_s
-        await flight.start()
+        start_s = await flight.start()
+        started_s = flight.vehicle.time_s
         # Given back after the restart; then flown again, as the conflict still lasts.
         await flight.until(lambda: flight.vehicle.truth.on_mission)
-        assert flight.vehicle.time_s - killed_s < 5.0
+        assert flight.vehicle.time_s - started_s < longest_recovery_s(start_s)
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
         code, log = await flight.end(signal.SIGTERM)
         assert code == 0
@@ -129,10 +136,10 @@ async def test_px4_left_in_a_climb_is_uncontrolled_until_the_next_run_recovers_i
         await flight.end(signal.SIGKILL)
         await flight.until(lambda: flight.vehicle.truth.mode == "HOLD")
         assert flight.vehicle.truth.uncontrolled
-        restarted_s = flight.vehicle.time_s
-        await flight.start()
+        start_s = await flight.start()
+        started_s = flight.vehicle.time_s
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
-        assert flight.vehicle.time_s - restarted_s < 5.0
+        assert flight.vehicle.time_s - started_s < longest_recovery_s(start_s)
         await flight.until(lambda: not flight.vehicle.truth.uncontrolled)
         await asyncio.sleep(1.0)
         assert not flight.vehicle.truth.uncontrolled
