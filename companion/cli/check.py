@@ -1,4 +1,4 @@
-"""`companion check`: shows what a configuration means, and what is at the other end of its links."""
+"""`companion check`: shows the values of a configuration, and the autopilot at the other end of its links."""
 
 import asyncio
 import logging
@@ -45,7 +45,7 @@ def check(
 ) -> None:
     """Read a configuration and show the values in effect, defaults included.
 
-    With --link the autopilot is asked many questions but never commanded; exit code 1 when none is heard.
+    With --link the autopilot is queried but never commanded; exit code 1 if no autopilot is heard.
     """
     if all_keys:
         sys.stdout.write(reference())

@@ -65,7 +65,7 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
 
 
 def _recorder(config: Config) -> tuple[Recorder | None, str | None]:
-    """The recorder, or the reason why there is none; a card that cannot be written to does not stop us."""
+    """The recorder, or the reason why there is none; a full or broken card must not stop the flight."""
     recording = config.recording
     if not recording.enabled:
         return None, None

@@ -18,7 +18,7 @@ from companion.errors import ConfigError
 MAX_BYTES = 1 << 20
 _MAX_DEPTH = 20
 _MAX_NODES = 10_000
-# Longer numbers make no sense: 64-bit floats with exponent have less than 25 characters.
+# 64-bit floats with exponent have less than 25 characters.
 _MAX_NUMBER_LENGTH = 40
 
 Scalar = bool | int | float | str | None

@@ -87,7 +87,7 @@ class _FileReader:
         section = dataclass_in(hint)
         if isinstance(node, Leaf):
             if section is not None and node.value is None:
-                return {} if section is hint else None  # a section of which all lines are comments
+                return {} if section is hint else None  # a section with comments only
             return self._scalar(node, key, line, angle=angle)
         if isinstance(node, Items):
             return [

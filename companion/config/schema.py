@@ -1,4 +1,4 @@
-"""The content of a configuration file, composed of the parameters that are defined beside their use."""
+"""The content of a configuration file, composed of parameters that are defined next to their use."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

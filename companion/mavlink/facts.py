@@ -15,7 +15,7 @@ OWN_ICAO_PARAMETER = "ADSB_ICAO_ID"
 
 
 class Sender(NamedTuple):
-    """The MAVLink address a message came from."""
+    """The MAVLink address of the sender of a message."""
 
     system_id: int
     component_id: int

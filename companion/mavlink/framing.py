@@ -1,7 +1,7 @@
 """Frames: where each MAVLink message begins and ends in a run of bytes, verified by its checksum.
 
 Reads MAVLink 1 and 2, including signed frames (signatures are kept, not verified), in live streams and logs.
-After bytes that are not a frame the search goes on one byte later, so that junk never hides a good frame.
+After bytes that are not a frame the search continues one byte later, so that junk never hides a good frame.
 """
 
 import re

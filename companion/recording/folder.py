@@ -42,7 +42,7 @@ class PartName:
         return replace(self, part=self.part + 1)
 
     def next_free(self, directory: Path) -> "PartName":
-        """The next part of which the folder has no file."""
+        """The first later part without a file in the folder."""
         name = self.next()
         while name.exists_in(directory):
             name = name.next()

@@ -1,6 +1,6 @@
 """Reads the MCAP files of recordings; of a truncated or damaged file, everything before the damage.
 
-A file may hold anything: a length is accepted only if there are as many bytes, a chunk only with the right
+A file may hold anything: a length is accepted only if the file has as many bytes, a chunk only with the right
 checksum. The first error ends the file.
 """
 

@@ -40,7 +40,7 @@ def repair_all(
     """Repair the unfinished files in a folder that are not being written; returns the repaired files.
 
     A file that cannot be repaired, for example on a full disk, is left as it is. `go_on` is called between
-    chunks; when it returns false, the repair is given up.
+    chunks; when it returns false, the repair is abandoned.
     """
     repaired: list[Path] = []
     for left in directory.glob(f"companion-*.mcap{_TEMPORARY_SUFFIX}"):
@@ -102,7 +102,7 @@ def _copy(file: BinaryIO, copy: BinaryIO, size: int) -> None:
 
 
 class _Summary:
-    """Collects from the records of a file what belongs into its end."""
+    """Collects the indexes and counts of the records of a file, for the summary at its end."""
 
     def __init__(self) -> None:
         self.end = len(MCAP0_MAGIC)

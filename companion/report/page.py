@@ -91,8 +91,8 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _bad(words: str) -> str:
-    return f"<b class=bad>{words}</b>"
+def _bad(text: str) -> str:
+    return f"<b class=bad>{text}</b>"
 
 
 def _date(time_us: int | None) -> str:
@@ -239,5 +239,5 @@ def _fine_print(flight: Flight) -> str:
     )
 
 
-def _why(words: str) -> str:
-    return f"<p class=why>{words}</p>"
+def _why(text: str) -> str:
+    return f"<p class=why>{text}</p>"

@@ -1,4 +1,4 @@
-"""Whatever the damage to an MCAP file, reading it gives a prefix of what was written."""
+"""Properties of damaged MCAP files: reading gives a prefix of the written messages."""
 
 import tempfile
 from pathlib import Path

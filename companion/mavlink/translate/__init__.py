@@ -1,4 +1,4 @@
-"""From messages to facts: the one place that knows the units, sentinels, flags and traps of MAVLink fields.
+"""From messages to facts: the one place for the units, sentinels, flags and traps of MAVLink fields.
 
 A field that its sender marked as invalid, left unset, or filled with an implausible value becomes `None`; a
 message without anything usable gives no fact. No message that can be decoded raises an error. One file for

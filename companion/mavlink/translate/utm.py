@@ -14,7 +14,7 @@ _SHOWN_DIGITS = 6
 def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
     """A field is used if its flag is set; `alt` is above the ellipsoid, velocities are north-east-down.
 
-    `relative_alt` is above a ground that only the sender knows, so it is not used. `time` is the sender's
+    `relative_alt` is above a ground level that is not sent, so it is not used. `time` is the sender's
     clock, whose offset from ours is unknown: the time of reception is used.
     """
     flags = message.flags

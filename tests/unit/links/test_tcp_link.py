@@ -165,7 +165,7 @@ async def test_a_flood_is_read_in_small_pieces() -> None:
 
 async def test_a_connection_without_an_answer_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp, "_LONGEST_CONNECTING_S", 0.05)
-    with socket.socket() as full:  # a queue of connections that nobody accepts
+    with socket.socket() as full:  # a full queue of connections that are never accepted
         full.bind(("127.0.0.1", 0))
         full.listen(0)
         waiting = [socket.socket() for _ in range(4)]
