@@ -27,8 +27,8 @@ from companion.engine import (
     Stepper,
     Transmit,
 )
-from companion.errors import CompanionError, alone
-from companion.links import Link, Reconnect, open_at_start
+from companion.errors import CompanionError, ungrouped
+from companion.links import Link, Reconnect, open_all
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.heartbeat_sequence import HeartbeatSequence
@@ -67,7 +67,7 @@ class Runtime:
         recorder: Recorder | None = None,
         clock: Clock | None = None,
         watchdog: Watchdog | None = None,
-        keeper: StateFile | None = None,
+        state_file: StateFile | None = None,
         display: Display | None = None,
         not_recorded: str | None = None,
         settings: DurableStateFile | None = None,
@@ -81,7 +81,7 @@ class Runtime:
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
         self._watchdog = watchdog or Watchdog({})
-        self._keeper = keeper
+        self._state_file = state_file
         self._display = display
         self._not_recorded = not_recorded  # the reason, when nothing is recorded from the start
         if display is not None:
@@ -107,7 +107,7 @@ class Runtime:
     async def run(self, *, on_signals: bool = False) -> None:
         """Run until `stop` (`on_signals`: also SIGINT, SIGTERM); `CompanionError` when it cannot go on."""
         try:
-            await open_at_start(self.links)
+            await open_all(self.links)
             with contextlib.ExitStack() as undo:
                 if on_signals:
                     self._catch_signals(undo)
@@ -127,7 +127,7 @@ class Runtime:
             raise CompanionError(f"the autopilot did not confirm that it took {what} back")
 
     async def _run_tasks(self) -> None:
-        with alone():
+        with ungrouped():
             async with asyncio.TaskGroup() as tasks:
                 owned = [
                     tasks.create_task(
@@ -153,7 +153,7 @@ class Runtime:
             self._stop.set()
 
     async def _tick_until_stopped(self) -> None:
-        kept = None if self._keeper is None else self._keeper.read()
+        kept = None if self._state_file is None else self._state_file.read()
         if kept is not None:
             text, age_s = kept
             self.engine.recover(text, self.clock.now_us() / 1e6, age_s)
@@ -261,7 +261,7 @@ class Runtime:
             frame, sequence = self._unheard.popleft()
             if self.recorder is not None:
                 self._guarded(partial(self.recorder.received, now_us, frame.raw))
-            if not sequence.is_overtaken(frame, now_us / 1e6) and frame.message_id in WANTED:
+            if not sequence.is_outdated(frame, now_us / 1e6) and frame.message_id in WANTED:
                 fact = frame_to_fact(frame, now_us / 1e6)
                 if fact is not None:
                     self._guarded(partial(release.observe, fact, now_us / 1e6))
@@ -287,7 +287,7 @@ class Runtime:
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
             # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
-            if sequence.is_overtaken(frame, now_us / 1e6) or frame.message_id not in WANTED:
+            if sequence.is_outdated(frame, now_us / 1e6) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
             if fact is None:
@@ -305,11 +305,11 @@ class Runtime:
                     if self.recorder is not None:
                         self.recorder.decision(time_us, effect.line)
                 case Keep():
-                    if self._keeper is not None:
-                        self._keeper.keep(effect.text)
+                    if self._state_file is not None:
+                        self._state_file.write(effect.text)
                 case Save():
                     if self._settings is not None:
-                        self._settings.keep(effect.text)
+                        self._settings.write(effect.text)
                 case Say():
                     if self.recorder is not None:
                         self.recorder.text(time_us, effect.severity, effect.text)

@@ -16,8 +16,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.cli import guarded, writable
-from companion.errors import CompanionError, ConfigError, LinkError, alone, require
+from companion.cli.common import VersionFlag, run_app, show_version, writable
+from companion.errors import CompanionError, ConfigError, LinkError, require, ungrouped
 from companion.links import open_link
 from companion.web.settings import Settings
 from sim.bench import run as run_bench
@@ -36,6 +36,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: VersionFlag = False) -> None:
+    if version:
+        show_version("companion-sim")
 
 
 class Autopilot(StrEnum):
@@ -393,10 +399,10 @@ async def _relay_until_interrupted(between: Relay) -> None:
 async def _serve(server: VehicleServer) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, server.close)
-    with alone():
+    with ungrouped():
         await server.run()
 
 
 def main() -> None:
     """Entry point."""
-    sys.exit(guarded(app))
+    sys.exit(run_app(app))

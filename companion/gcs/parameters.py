@@ -125,8 +125,8 @@ GCS_PARAMETERS: tuple[GcsParam, ...] = (
     GcsParam(
         "CA_DOMAIN", "avoidance.delta_beta_rad", "deg", 0, 180, "width of the transition domain", _DEGREES
     ),
-    GcsParam("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "begin below this miss distance, soon"),
-    GcsParam("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "begin below this miss distance, later"),
+    GcsParam("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "begin below this miss, soon"),
+    GcsParam("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "begin below this miss, later"),
     GcsParam("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "extra margin to give back"),
     GcsParam("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "time clear before giving back"),
     GcsParam("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "largest change of height"),
@@ -139,7 +139,7 @@ GCS_PARAMETERS: tuple[GcsParam, ...] = (
     GcsParam(
         "CA_CONTROLS", "avoidance.controls", "", 1, 7, "1 course + 2 speed + 4 height", _CONTROLS
     ),
-    GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "cost of a climb, PX4 before 1.17"),
+    GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "cost of a climb, PX4 to 1.16"),
     GcsParam("CA_UNITS", "engine.text_units", "", 0, 1, "units of texts: 0 metric, 1 aviation", _TEXT_UNITS),
 )  # fmt: skip
 BY_NAME: Mapping[str, GcsParam] = {tunable.name: tunable for tunable in GCS_PARAMETERS}

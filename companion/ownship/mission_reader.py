@@ -13,7 +13,7 @@ from companion.mavlink.facts import (
     MissionCount,
     MissionItem,
     MissionProgress,
-    MissionTalk,
+    OtherMissionMessage,
     Sender,
 )
 from companion.ownship.mission_download import DownloadOutcome, MissionDownload
@@ -25,8 +25,8 @@ _QUIET_S = 3.0
 _REREAD_S = 300.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 10.0, 300.0
 
-MISSION_PROTOCOL = (MissionCount, MissionItem, MissionAck, MissionTalk)
-_Protocol = MissionCount | MissionItem | MissionAck | MissionTalk
+MISSION_PROTOCOL = (MissionCount, MissionItem, MissionAck, OtherMissionMessage)
+_Protocol = MissionCount | MissionItem | MissionAck | OtherMissionMessage
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ class MissionReader:
         match fact:
             case MissionProgress() if fact.sender == autopilot:
                 self._compare(fact, now_s)
-            case MissionCount() | MissionItem() | MissionAck() | MissionTalk():
+            case MissionCount() | MissionItem() | MissionAck() | OtherMissionMessage():
                 if fact.sender == autopilot and fact.target == us:
                     self._answered(fact, now_s)
                 elif fact.sender == autopilot or fact.target == autopilot:
@@ -113,7 +113,7 @@ class MissionReader:
         one.failures, one.due_s = 0, now_s + _REREAD_S
 
     def _answered(self, fact: _Protocol, now_s: float) -> None:
-        if self._download is not None and not isinstance(fact, MissionTalk):
+        if self._download is not None and not isinstance(fact, OtherMissionMessage):
             self._download.observe(fact, now_s)
 
     def _overheard(self, fact: _Protocol, autopilot: Sender, now_s: float) -> None:

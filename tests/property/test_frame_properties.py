@@ -1,4 +1,4 @@
-"""Where the frame lies, and which way it is turned, decides nothing."""
+"""Decisions do not depend on the origin and orientation of the local frame."""
 
 import math
 
@@ -25,7 +25,7 @@ from tests.support.avoidance_cases import (
 
 
 class Listening(Avoider):
-    """Keeps the prices of its last decision."""
+    """Stores the costs of its last decision."""
 
     priced: Priced | None = None
 
@@ -35,7 +35,7 @@ class Listening(Avoider):
 
 
 def without_u_turns(priced: Priced, own: Ownship) -> NDArray[np.bool_]:
-    """Rows that are no turn by exactly 180 degrees: that goes either way round, as rounding has it."""
+    """Rows that are not a turn by 180 degrees, whose direction depends on rounding."""
     course_rad = math.atan2(own.velocity_mps[1], own.velocity_mps[0])
     turn_rad = np.abs((priced.commands.course_rad - course_rad + math.pi) % (2.0 * math.pi) - math.pi)
     grounds: NDArray[np.bool_] = turn_rad < math.pi - 1e-6
@@ -43,7 +43,7 @@ def without_u_turns(priced: Priced, own: Ownship) -> NDArray[np.bool_]:
 
 
 def clear_choice(priced: Priced, usable: NDArray[np.bool_], gap: float) -> bool:
-    """Whether every row that flies differently from the best one is dearer by more than rounding is worth."""
+    """Whether each row that flies differently from the best one costs more by at least `gap`."""
     best = priced.best()
     if not usable[best]:
         return False
@@ -58,19 +58,19 @@ def clear_choice(priced: Priced, usable: NDArray[np.bool_], gap: float) -> bool:
     return True
 
 
-# Single precision of a prediction over some kilometres, times the price of depth.
+# Single precision of a prediction over some kilometres, times the weight of depth.
 PRICE_ROUNDING = 0.05
 
 
 @pytest.mark.parametrize("params", ALL_STRATEGIES, ids=named)
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(case=cases(), frame=frames())
-def test_a_turned_and_shifted_frame_turns_every_guidance(
+def test_guidance_turns_with_a_turned_and_shifted_frame(
     params: AvoidanceParams, case: Case, frame: tuple[float, Vec3]
 ) -> None:
-    """Two decisions, so that memory (cones entered, guidance held, rule's course) is turned too.
+    """Two decisions in a row, so that remembered values (cones, guidance, rule's course) are turned too.
 
-    Where two rows that fly differently cost the same, rounding may choose: then prices are compared alone.
+    If rows that fly differently cost the same, the choice depends on rounding, and only costs are compared.
     """
     one, other = Listening(params), Listening(params)
     for moment_s in (0.0, 1.0):

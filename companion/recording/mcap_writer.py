@@ -1,7 +1,7 @@
-"""The MCAP file of a recording: JSON messages with their schemas, in compressed chunks.
+"""Writes the MCAP file of a recording: JSON messages with their schemas, in compressed chunks.
 
-A file that ends after any whole chunk is readable; one that was closed has its summary too, by which other
-programs open it at once.
+A file that ends after a whole chunk is readable. A file that was closed also has a summary, with which other
+programs open it quickly.
 """
 
 import io
@@ -19,48 +19,48 @@ LIBRARY = f"companion {__version__}"
 _LAST_NS = 0xFFFF_FFFF_FFFF_FFFF
 
 
-class Note(NamedTuple):
-    """A message to be: what there is to say on a topic at a time, in JSON."""
+class McapMessage(NamedTuple):
+    """A JSON message on a topic, with its time."""
 
     topic: Topic
     time_us: int
     text: str
 
 
-class McapFile:
-    """A new file, as safe as `AppendOnlyFile`; what is noted reaches it by `flush`, one chunk a time.
+class McapWriter:
+    """A new file, as safe as an `AppendOnlyFile`; `LogError` if it cannot be created.
 
-    `LogError` when it cannot be created. One thread at a time.
+    Not thread-safe.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = AppendOnlyFile(path)
-        self._made = _Made()
-        self._whole = True  # nothing that the writer made is missing in the file
+        self._buffer = _Buffer()
+        self._complete = True  # the file has everything that the writer wrote
         self._closed = False
         self._begin()
         self._append()
 
     @property
     def path(self) -> Path:
-        """Where it is."""
+        """The path of the file."""
         return self._file.path
 
     @property
     def size(self) -> int:
-        """How many bytes it has."""
+        """The size of the file in bytes."""
         return self._file.size
 
     @property
     def problem(self) -> str | None:
-        """The newest error of the disk."""
+        """The newest disk error."""
         return self._file.problem
 
-    def flush(self, notes: Sequence[Note]) -> None:
-        """Append these as a chunk, whole or not at all."""
+    def write(self, messages: Sequence[McapMessage]) -> None:
+        """Append the messages as one chunk, whole or not at all."""
         if self._closed:
             return
-        for topic, time_us, text in notes:
+        for topic, time_us, text in messages:
             time_ns = min(max(time_us, 0) * 1000, _LAST_NS)
             data = text.encode(errors="backslashreplace")
             self._writer.add_message(self._channels[topic.name], time_ns, data, time_ns)
@@ -68,23 +68,23 @@ class McapFile:
         self._append()
 
     def sync(self) -> None:
-        """Bring everything onto the disk; slow."""
+        """Write everything to the disk; slow."""
         self._file.sync()
 
     def close(self) -> None:
-        """Add the summary and close; a second time does nothing."""
-        if not self._closed and self._whole:
+        """Add the summary and close; a second call does nothing."""
+        if not self._closed and self._complete:
             self._writer.finish()
             self._append()
         self._closed = True
         self._file.close()
 
     def _begin(self) -> None:
-        """A writer, which says its schemas in its first chunk."""
-        self._made.clear()
-        self._writer = Writer(self._made, compression=CompressionType.LZ4)
+        """Start a new library writer, whose first chunk has the schemas."""
+        self._buffer.clear()
+        self._writer = Writer(self._buffer, compression=CompressionType.LZ4)
         self._writer.start(library=LIBRARY)
-        self._head = self._made.take()
+        self._head = self._buffer.take()
         self._channels = {
             topic.name: self._writer.register_channel(
                 topic.name,
@@ -95,37 +95,37 @@ class McapFile:
         }
 
     def _append(self) -> None:
-        """What was made, onto the file."""
-        made = self._made.take()
+        """Move the buffered bytes to the file."""
+        data = self._buffer.take()
         failures = self._file.failures
-        self._file.append(made if self._file.size else self._head + made)
+        self._file.append(data if self._file.size else self._head + data)
         if self._file.failures > failures:
-            # A summary would count bytes that are not there. Without it the file is one that was cut off, and
-            # its next chunk stands for itself.
-            self._whole = False
+            # A summary would count bytes that are missing. Without one the file is like a truncated file; its
+            # next chunk must be readable without the missing one.
+            self._complete = False
             self._begin()
 
 
-class _Made(io.BytesIO):
-    """What the writer made and nobody took yet; it counts from the beginning of the file."""
+class _Buffer(io.BytesIO):
+    """Bytes of the library writer that are not in the file yet; positions count from the file's start."""
 
     def __init__(self) -> None:
         super().__init__()
         self._taken = 0
 
     def tell(self) -> int:
-        """Where in the file the next byte goes."""
+        """The position of the next byte in the file."""
         return self._taken + super().tell()
 
     def take(self) -> bytes:
-        """Everything since the last time."""
-        made = self.getvalue()
-        self._taken += len(made)
+        """Remove and return the buffered bytes."""
+        data = self.getvalue()
+        self._taken += len(data)
         self._empty()
-        return made
+        return data
 
     def clear(self) -> None:
-        """Begin a file anew."""
+        """Start a new file."""
         self._taken = 0
         self._empty()
 

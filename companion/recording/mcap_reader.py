@@ -1,7 +1,7 @@
-"""Reads the MCAP files of recordings, also one that was cut off: everything before the cut.
+"""Reads the MCAP files of recordings; of a truncated or damaged file, everything before the damage.
 
-A file from elsewhere may hold anything. Lengths are believed only as far as there are bytes, chunks only with
-the right checksum; the first place that is wrong is the end.
+A file may hold anything: a length is accepted only if the file has as many bytes, a chunk only with the right
+checksum. The first error ends the file.
 """
 
 import io
@@ -23,14 +23,14 @@ from companion.errors import LogError
 
 _HEAD = struct.Struct("<BQ")
 _KNOWN = frozenset(Opcode)
-# A second of a thousand tracks is a tenth of this; what is larger nobody of ours wrote.
-_LONGEST_RECORD_BYTES = 32 << 20
-# What the library and the decompressors raise for bytes that are something else.
+# A second of a thousand tracks is a tenth of this. Larger records were not written by Companion.
+_MAX_RECORD_BYTES = 32 << 20
+# The errors of the library and of the decompressors for bytes that they cannot read.
 _DAMAGE = (McapError, ZstdError, struct.error, ValueError, RuntimeError, MemoryError, OverflowError)
 
 
 class Entry(NamedTuple):
-    """One message: its topic, its time and its JSON."""
+    """One message: topic, time and JSON."""
 
     topic: str
     time_us: int
@@ -38,7 +38,7 @@ class Entry(NamedTuple):
 
 
 class RawRecord(NamedTuple):
-    """A record as it stands in the file, and where."""
+    """A record as written in the file, and its position."""
 
     offset: int
     opcode: int
@@ -46,29 +46,29 @@ class RawRecord(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Where the next one begins."""
+        """The position of the next record."""
         return self.offset + _HEAD.size + len(self.body)
 
 
-class McapLog:
-    """The messages of a file, in its order. After a pass, `whole` says whether it was properly ended."""
+class McapReader:
+    """The messages of a file, in file order. After a pass, `closed` is true if the file has its end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.whole = False
+        self.closed = False
         self.read_bytes = 0  # for a progress bar
         if not is_mcap(path):
-            raise LogError(f"{path}: this is no MCAP file")
+            raise LogError(f"{path}: is not an MCAP file")
 
     def __iter__(self) -> Iterator[Entry]:
-        self.whole = False
+        self.closed = False
         channels: dict[int, str] = {}
         with _opened(self.path) as file:
-            for record in _readable(file, self.path):
+            for record in _records(file, self.path):
                 self.read_bytes = record.end
-                self.whole = record.opcode == Opcode.FOOTER
-                inside = parsed(record)
-                if inside is None or self.whole:
+                self.closed = record.opcode == Opcode.FOOTER
+                inside = parse(record)
+                if inside is None or self.closed:
                     break
                 for _, each in inside:
                     if isinstance(each, Channel):
@@ -77,13 +77,13 @@ class McapLog:
                         yield Entry(channels[each.channel_id], each.log_time // 1000, each.data)
 
 
-def read_mcap(path: Path) -> McapLog:
-    """Open a recording; `LogError` says why it cannot be."""
-    return McapLog(path)
+def read_mcap(path: Path) -> McapReader:
+    """Open a recording; `LogError` if it cannot be read."""
+    return McapReader(path)
 
 
 def is_mcap(path: Path) -> bool:
-    """Whether a file begins as one; `LogError` when it cannot be read."""
+    """Whether a file begins like an MCAP file; `LogError` if it cannot be read."""
     with _opened(path) as file:
         try:
             return file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
@@ -91,7 +91,7 @@ def is_mcap(path: Path) -> bool:
             raise LogError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _readable(file: BinaryIO, path: Path) -> Iterator[RawRecord]:
+def _records(file: BinaryIO, path: Path) -> Iterator[RawRecord]:
     try:
         yield from raw_records(file)
     except OSError as error:
@@ -99,13 +99,13 @@ def _readable(file: BinaryIO, path: Path) -> Iterator[RawRecord]:
 
 
 def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
-    """The records of a file behind its magic, up to the first that is not whole or cannot be one."""
+    """The records of a file after its magic bytes, up to the first that is truncated or impossible."""
     size = file.seek(0, io.SEEK_END)
     offset = file.seek(len(MCAP0_MAGIC))
     while offset + _HEAD.size <= size:
         opcode, length = _HEAD.unpack(file.read(_HEAD.size))
         end = offset + _HEAD.size + length
-        if opcode not in _KNOWN or length > _LONGEST_RECORD_BYTES or end > size:
+        if opcode not in _KNOWN or length > _MAX_RECORD_BYTES or end > size:
             return
         body = file.read(length)
         if len(body) < length:
@@ -114,15 +114,15 @@ def raw_records(file: BinaryIO) -> Iterator[RawRecord]:
         offset = end
 
 
-def parsed(record: RawRecord) -> list[tuple[int, McapRecord]] | None:
-    """What a record holds, of a chunk all that is in it, each with its offset; `None` when it is damaged."""
+def parse(record: RawRecord) -> list[tuple[int, McapRecord]] | None:
+    """The contents of a record, for a chunk all records in it, each with its offset; `None` if damaged."""
     try:
         if record.opcode == Opcode.CHUNK:
             return list(_in_chunk(chunk_of(record)))
-        one = _one(record.opcode, record.body)
+        content = _content(record.opcode, record.body)
     except _DAMAGE:
         return None
-    return [] if one is None else [(0, one)]
+    return [] if content is None else [(0, content)]
 
 
 def chunk_of(record: RawRecord) -> Chunk:
@@ -132,7 +132,7 @@ def chunk_of(record: RawRecord) -> Chunk:
 
 
 def index_of(record: RawRecord) -> MessageIndex | None:
-    """The index behind a chunk; `None` when it is damaged."""
+    """The index of messages after a chunk; `None` if damaged."""
     try:
         index: MessageIndex = MessageIndex.read(ReadDataStream(io.BytesIO(record.body)))
     except _DAMAGE:
@@ -141,7 +141,7 @@ def index_of(record: RawRecord) -> MessageIndex | None:
 
 
 def _in_chunk(chunk: Chunk) -> Iterator[tuple[int, McapRecord]]:
-    if chunk.uncompressed_size > _LONGEST_RECORD_BYTES:
+    if chunk.uncompressed_size > _MAX_RECORD_BYTES:
         raise ValueError("too long")
     stream, size = get_chunk_data_stream(chunk)
     data = stream.read(size)
@@ -152,26 +152,26 @@ def _in_chunk(chunk: Chunk) -> Iterator[tuple[int, McapRecord]]:
         opcode, length = _HEAD.unpack_from(data, at)
         begin, end = at + _HEAD.size, at + _HEAD.size + length
         if end > size:
-            raise ValueError("cut off")
-        one = _one(opcode, data[begin:end])
-        if one is not None:
-            yield at, one
+            raise ValueError("truncated")
+        content = _content(opcode, data[begin:end])
+        if content is not None:
+            yield at, content
         at = end
 
 
-def _one(opcode: int, body: bytes) -> McapRecord | None:
+def _content(opcode: int, body: bytes) -> McapRecord | None:
     stream = ReadDataStream(io.BytesIO(body))
-    one: McapRecord | None = None
+    content: McapRecord | None = None
     match opcode:
         case Opcode.CHANNEL:
-            one = Channel.read(stream)
+            content = Channel.read(stream)
         case Opcode.SCHEMA:
-            one = Schema.read(stream)
+            content = Schema.read(stream)
         case Opcode.MESSAGE:
-            one = Message.read(stream, len(body))
+            content = Message.read(stream, len(body))
         case _:
             pass
-    return one
+    return content
 
 
 def _opened(path: Path) -> BinaryIO:

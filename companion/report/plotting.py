@@ -1,4 +1,4 @@
-"""What the figures of a report are put together from: phases of a flight, paths, bands, lines, axes."""
+"""The parts of a report's figures: phases of a flight, paths, bands, lines and axes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,7 +17,7 @@ from companion.model import Layer
 from companion.report.drawing import BANDS, COLOURS, DASHES, INK, dress
 from companion.report.encounters import Encounter
 from companion.report.flight import LAYERS, Flight, Floats
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
@@ -28,15 +28,15 @@ Indices = NDArray[np.int64]
 Style = dict[str, Any]
 
 _WIDTH_IN = 10.5
-MOST_POINTS = 3000  # of a line: more cannot be seen, and make a page of many megabytes
+MAX_POINTS = 3000  # of a line; more are not visible, and would make a page of many megabytes
 _ROUND_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 86400)
-AROUND_S = 75.0  # of an encounter's closest moment
+AROUND_S = 75.0  # before and after the closest point of an encounter
 _APART_M = (4.0 * WELL_CLEAR_HORIZONTAL_M, 4.0 * WELL_CLEAR_VERTICAL_M)
 
 
 @dataclass(frozen=True)
 class Phase:
-    """Who flew, by which layer, and how that is drawn."""
+    """Whether the companion flew, which layer decided, and how that is drawn."""
 
     flying: bool
     layer: Layer
@@ -48,9 +48,9 @@ class Phase:
 _OUTER: Style = {"color": "#C77700", "ls": DASHES[1]}
 _INNER: Style = {"color": "#B3261E", "ls": DASHES[3]}
 PHASES = (
-    Phase(False, Layer.CLEAR, "not flown by us", {"color": COLOURS[0], "ls": "-", "lw": 1.4}),
+    Phase(False, Layer.CLEAR, "not flown by Companion", {"color": COLOURS[0], "ls": "-", "lw": 1.4}),
     Phase(
-        True, Layer.CLEAR, "way back, flown", {"color": COLOURS[1], "ls": DASHES[2], "lw": 2.4},
+        True, Layer.CLEAR, "rejoin, flown", {"color": COLOURS[1], "ls": DASHES[2], "lw": 2.4},
         {"color": "#CFE8DF", "hatch": None},
     ),
     Phase(
@@ -62,18 +62,18 @@ PHASES = (
         {"color": BANDS[Layer.INNER], "hatch": None},
     ),
     Phase(
-        False, Layer.OUTER, "outer layer, decided only", _OUTER | {"lw": 1.4},
+        False, Layer.OUTER, "outer layer, advice only", _OUTER | {"lw": 1.4},
         {"color": BANDS[Layer.OUTER], "hatch": "//"},
     ),
     Phase(
-        False, Layer.INNER, "inner layer, decided only", _INNER | {"lw": 1.6},
+        False, Layer.INNER, "inner layer, advice only", _INNER | {"lw": 1.6},
         {"color": BANDS[Layer.INNER], "hatch": "//"},
     ),
 )  # fmt: skip
 
 
 def draw_path(axes: Axes, flight: Flight, at: Indices, unit_m: float) -> list[Line2D]:
-    """Our path at these moments in lengths of `unit_m`; keys of what occurs."""
+    """Draw our path at these rows, in units of `unit_m`; returns legend entries of the phases that occur."""
     east, north = flight.column("east_m") / unit_m, flight.column("north_m") / unit_m
     used = {}
     for phase, first, end in runs(flight, at):
@@ -86,12 +86,12 @@ def draw_path(axes: Axes, flight: Flight, at: Indices, unit_m: float) -> list[Li
 def draw_other(
     axes: Axes, flight: Flight, one: Encounter, number: int, unit_m: float, shown: Indices | None = None
 ) -> Line2D:
-    """An aircraft near its closest moment, that moment, and us at it."""
+    """Draw an aircraft near its closest point, and both positions there."""
     style = other_style(number)
     if shown is None:
         near = np.abs(flight.time_s[one.at] - flight.time_s[one.closest_at]) <= AROUND_S
         shown = np.flatnonzero(near)
-    north_m, east_m = places_m(flight, one)
+    north_m, east_m = positions_m(flight, one)
     points = thinned(shown)
     axes.plot(east_m[points] / unit_m, north_m[points] / unit_m, lw=1.3, zorder=3, **style)
     ours = flight.column("east_m")[one.closest_at], flight.column("north_m")[one.closest_at]
@@ -100,42 +100,42 @@ def draw_other(
         [ours[0] / unit_m, theirs[0] / unit_m], [ours[1] / unit_m, theirs[1] / unit_m],
         "o-", color=INK, lw=0.8, ms=5, mfc="white", zorder=6,
     )  # fmt: skip
-    words = f"{one.closest_slant_m:.0f} m"
+    distance = f"{one.closest_slant_m:.0f} m"
     axes.annotate(
-        words, (theirs[0] / unit_m, theirs[1] / unit_m), xytext=(6, 6), textcoords="offset points",
+        distance, (theirs[0] / unit_m, theirs[1] / unit_m), xytext=(6, 6), textcoords="offset points",
         fontsize=8, color=INK, zorder=8,
     )  # fmt: skip
-    return Line2D([], [], lw=1.3, **style, label=f"{one.name}, near its closest")
+    return Line2D([], [], lw=1.3, **style, label=f"{one.name}, near its closest point")
 
 
 def draw_well_clear(axes: Axes, flight: Flight, one: Encounter) -> None:
-    """The well clear volume around the other aircraft at the closest moment, from above."""
-    north_m, east_m = places_m(flight, one)
-    place = east_m[one.closest], north_m[one.closest]
+    """Draw the well clear volume around the other aircraft at the closest point, from above."""
+    north_m, east_m = positions_m(flight, one)
+    centre = east_m[one.closest], north_m[one.closest]
     axes.add_patch(
-        Circle(place, WELL_CLEAR_HORIZONTAL_M, fill=False, color=INK, lw=1.0, ls=(0, (8, 2)), zorder=2)
+        Circle(centre, WELL_CLEAR_HORIZONTAL_M, fill=False, color=INK, lw=1.0, ls=(0, (8, 2)), zorder=2)
     )
 
 
-def places_m(flight: Flight, one: Encounter) -> tuple[Floats, Floats]:
-    """Where the other aircraft was, north and east."""
-    chosen = np.searchsorted(one.trail.at, one.at)
-    north_m, east_m = (relative[chosen] for relative in one.trail.relative_m)
+def positions_m(flight: Flight, one: Encounter) -> tuple[Floats, Floats]:
+    """The positions of the other aircraft, north and east [m]."""
+    chosen = np.searchsorted(one.history.at, one.at)
+    north_m, east_m = (relative[chosen] for relative in one.history.relative_m)
     return north_m + flight.column("north_m")[one.at], east_m + flight.column("east_m")[one.at]
 
 
 def mark_times(axes: Axes, flight: Flight, at: Indices, unit_m: float) -> None:
-    """Dots on our path at round times, no more than ten."""
+    """Draw dots on our path at round times, about ten of them."""
     times_s = flight.time_s[at]
     span_s = float(times_s[-1] - times_s[0])
     every_s = next((n for n in _ROUND_S if span_s / n <= 10.0), 86_400)
     for mark_s in np.arange(math.ceil(times_s[0] / every_s) * every_s, times_s[-1], every_s)[:12]:
         here = at[min(int(np.searchsorted(times_s, mark_s)), len(at) - 1)]
-        place = flight.column("east_m")[here] / unit_m, flight.column("north_m")[here] / unit_m
-        axes.plot(*place, ".", color=INK, ms=5, zorder=6)
+        position = flight.column("east_m")[here] / unit_m, flight.column("north_m")[here] / unit_m
+        axes.plot(*position, ".", color=INK, ms=5, zorder=6)
         axes.annotate(
             clock(float(mark_s)),
-            place,
+            position,
             xytext=(5, -9),
             textcoords="offset points",
             fontsize=7.5,
@@ -145,7 +145,7 @@ def mark_times(axes: Axes, flight: Flight, at: Indices, unit_m: float) -> None:
 
 
 def runs(flight: Flight, at: Indices) -> Iterator[tuple[Phase, int, int]]:
-    """Stretches of one phase: first and last of `at`."""
+    """The runs of rows in one phase, as first and last index into `at`."""
     if not at.size:
         return
     codes = flight.column("layer")[at].astype(int) + len(LAYERS) * flight.flying[at]
@@ -159,7 +159,7 @@ def runs(flight: Flight, at: Indices) -> Iterator[tuple[Phase, int, int]]:
 def shade(
     flight: Flight, panels: Sequence[Axes], begin_s: float = -math.inf, end_s: float = math.inf
 ) -> list[Patch]:
-    """Bands where a layer decided; keys of those that occur."""
+    """Draw bands behind the times when a layer decided; returns legend entries of those that occur."""
     used = {}
     for phase, first, end in runs(flight, np.arange(len(flight))):
         from_s, to_s = float(flight.time_s[first]), float(flight.time_s[end])
@@ -172,13 +172,13 @@ def shade(
 
 
 def band(style: Style) -> Style:
-    """Filled where it was flown, hatched where it was only decided."""
+    """The style of a band: filled if flown, hatched if advice only."""
     hatch = style["hatch"]
     return {"facecolor": "white" if hatch else style["color"], "edgecolor": style["color"], "hatch": hatch}
 
 
 def separation_lines(across: Axes, aloft: Axes) -> list[Line2D]:
-    """Well clear and near mid-air collision, and what is worth seeing."""
+    """Draw lines at well clear and at near mid-air collision, and limit the axes to distances of interest."""
     lines = (
         (across, WELL_CLEAR_HORIZONTAL_M, NMAC_HORIZONTAL_M, _APART_M[0]),
         (aloft, WELL_CLEAR_VERTICAL_M, NMAC_VERTICAL_M, _APART_M[1]),
@@ -198,7 +198,7 @@ def separation_lines(across: Axes, aloft: Axes) -> list[Line2D]:
 
 
 def over_time(axes: Axes, begin_s: float, end_s: float) -> None:
-    """A time axis in minutes and seconds."""
+    """Set up a time axis in minutes and seconds."""
     end_s = max(end_s, begin_s + 1.0)
     every_s = next((n for n in _ROUND_S if (end_s - begin_s) / n <= 10.0), (end_s - begin_s) / 10.0)
     axes.set_xlim(begin_s, end_s)
@@ -208,33 +208,33 @@ def over_time(axes: Axes, begin_s: float, end_s: float) -> None:
 
 
 def clock(time_s: float) -> str:
-    """Seconds as people read them, 1:02:03."""
+    """Seconds as text such as 1:02:03."""
     sign, whole = "-" if time_s < -0.5 else "", abs(round(time_s))
     hours, minutes, seconds = whole // 3600, whole // 60 % 60, whole % 60
     return f"{sign}{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{sign}{minutes}:{seconds:02d}"
 
 
 def other_style(number: int) -> Style:
-    """Of the aircraft with this number among those drawn; the first of the palette is ours."""
+    """The style of the drawn aircraft with this number; the first colour of the palette is ours."""
     each = len(COLOURS) - 1
     return {"color": COLOURS[1 + number % each], "ls": DASHES[1 + number % each]}
 
 
 def without_wraps(course_deg: Floats) -> Floats:
-    """The same with gaps where it goes round through north."""
+    """The course with gaps where it passes through north."""
     course_deg = course_deg.copy()
     course_deg[1:][np.abs(np.diff(course_deg)) > 180.0] = np.nan
     return course_deg
 
 
 def thinned(at: Indices) -> Indices:
-    """No more of them than can be seen; the last one stays."""
-    every = math.ceil(len(at) / MOST_POINTS)
+    """At most about `MAX_POINTS` of the rows, including the last one."""
+    every = math.ceil(len(at) / MAX_POINTS)
     return at if every <= 1 else np.append(at[:-1:every], at[-1])
 
 
 def extent(east: Floats, north: Floats) -> tuple[Floats, Floats]:
-    """Lower left and upper right corner around all, with room; never narrower than a third of its length."""
+    """Lower left and upper right corner of a frame with a margin; at most three times as long as wide."""
     low, high = np.array([east.min(), north.min()]), np.array([east.max(), north.max()])
     longer = max(float((high - low).max()), 0.5)
     half = np.maximum((high - low) / 2.0, longer / 6.0) + 0.12 * longer
