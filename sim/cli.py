@@ -24,11 +24,11 @@ from sim.bench import run as run_bench
 from sim.campaign.plan import Part, Plan
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, DemoState, fly_demo
+from sim.demo_view import DemoView, print_result
 from sim.faults import Faults
 from sim.relay import Relay
 from sim.scenario import DEFAULT_SCENARIO, build_world, load_scenario, scenario_names
 from sim.server import VehicleServer
-from sim.view import DemoView, print_result
 
 app = typer.Typer(
     help="A fake fixed wing that speaks MAVLink, traffic, and demonstrations of the companion.",

@@ -13,8 +13,7 @@ from rich.table import Table
 
 from companion.avoidance.strategies import TABLE, Course, Speed
 from companion.errors import ConfigError
-from sim import plots
-from sim.paper import methods, report, studies
+from sim.paper import methods, plots, report, studies
 from sim.paper.flight import Flight
 from sim.paper.measures import Measures
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from sim import plots
-from sim.paper import methods
+from sim.paper import methods, plots
 from sim.paper.flight import Flight, UavFlight, fly
 from sim.paper.scene import Scene, Sphere, Uav, load_scene
 from sim.paper.studies import TransitionPoint
