@@ -7,15 +7,8 @@ import pytest
 
 from companion.errors import ConfigError
 from sim.files import checked_from
-from sim.scenario import (
-    SCENARIO_FOLDER,
-    Autopilot,
-    Scenario,
-    build_world,
-    load_scenario,
-    scenario_names,
-    undisturbed,
-)
+from sim.scenario import SCENARIO_FOLDER, Autopilot, Scenario, load_scenario, scenario_names
+from sim.world import build_world, undisturbed
 
 START_S = 1_800_000_000.0
 NMAC_HORIZONTAL_M, NMAC_VERTICAL_M = 152.4, 30.48

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message
-from sim.traffic import ADSB_RECEIVER, ALL_VALID, AdsbReceiver, Intruder, Manoeuvre, ReceiverModel
+from sim.traffic import ADSB_RECEIVER, ALL_VALID, AdsbReceiver, Intruder, Maneuver, ReceiverModel
 
 START_S = 1_800_000_000.0
 FRAME = LocalFrame(-35.0, 149.0)
@@ -29,7 +29,7 @@ def collect(receiver: AdsbReceiver, seconds: float, period_s: float = 0.05) -> l
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(-300.0, 300.0))
-def test_without_manoeuvres_it_flies_straight_before_and_after(seconds: float) -> None:
+def test_without_maneuvers_it_flies_straight_before_and_after(seconds: float) -> None:
     position_m, velocity_mps = STRAIGHT.state_at(START_S + seconds)
     assert position_m == pytest.approx(
         (1000.0 - 60.0 * seconds, 200.0 + 10.0 * seconds, -500.0 - 2.0 * seconds), abs=1e-3
@@ -39,14 +39,14 @@ def test_without_manoeuvres_it_flies_straight_before_and_after(seconds: float) -
 
 @settings(derandomize=True, deadline=None)
 @given(at=st.floats(1.0, 59.0), rate=st.floats(-0.2, 0.2), climb_mps=st.floats(-10.0, 10.0))
-def test_the_way_fits_the_velocity_through_manoeuvres(at: float, rate: float, climb_mps: float) -> None:
+def test_the_way_fits_the_velocity_through_maneuvers(at: float, rate: float, climb_mps: float) -> None:
     intruder = Intruder(
         1,
         "TURN",
         START_S,
         (0.0, 0.0, -300.0),
         (50.0, 0.0, 0.0),
-        manoeuvres=(Manoeuvre(START_S + 10.0, 0.05), Manoeuvre(START_S + 30.0, rate, climb_mps)),
+        maneuvers=(Maneuver(START_S + 10.0, 0.05), Maneuver(START_S + 30.0, rate, climb_mps)),
     )
     step_s = 1e-3
     before_m, _ = intruder.state_at(START_S + at - step_s)
@@ -62,7 +62,7 @@ def test_the_way_fits_the_velocity_through_manoeuvres(at: float, rate: float, cl
 def test_a_turn_is_to_the_right_and_comes_round() -> None:
     rate_rps = math.radians(3.0)
     intruder = Intruder(
-        1, "TURN", START_S, (0.0, 0.0, 0.0), (50.0, 0.0, 0.0), manoeuvres=(Manoeuvre(START_S, rate_rps),)
+        1, "TURN", START_S, (0.0, 0.0, 0.0), (50.0, 0.0, 0.0), maneuvers=(Maneuver(START_S, rate_rps),)
     )
     position_m, velocity_mps = intruder.state_at(START_S + 30.0)
     assert velocity_mps[1] == pytest.approx(50.0)
