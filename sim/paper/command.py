@@ -1,4 +1,4 @@
-"""What `companion-sim paper` does: flies the studies, draws, writes, and shows how far it is."""
+"""`companion-sim paper`: flies the studies, draws figures, writes reports, shows progress."""
 
 import json
 import math
@@ -19,7 +19,7 @@ from sim.paper.measures import Measures
 
 
 def run_experiments(out: Path, console: Console) -> bool:
-    """Section 4 and the local minima: `report.json`, `table.md`, figures 7 to 12; true if all went well."""
+    """Fly section 4 and the local minima; write reports and figures 7 to 12; True on success."""
     with _bar(console, "experiments") as progress:
         flights = studies.fly_experiments(progress)
     with _bar(console, "local minima") as progress:
@@ -37,7 +37,7 @@ def run_experiments(out: Path, console: Console) -> bool:
 
 
 def run_transition(out: Path, fields: int | None, console: Console) -> None:
-    """The sweep over the width of the transition domain: `transition.json`, `.md` and `.png`."""
+    """Sweep the width of the transition domain; write `transition.json`, `.md` and `.png`."""
     with _bar(console, "transition domain") as progress:
         points = studies.study_transition(fields, progress)
     chosen_deg = studies.best_delta_beta_deg(points)
@@ -49,7 +49,7 @@ def run_transition(out: Path, fields: int | None, console: Console) -> None:
 
 
 def run_fields(out: Path, fields: int | None, console: Console) -> None:
-    """Every strategy over random fields: `fields.json`, `.md` and `.png`."""
+    """Fly every strategy over random fields; write `fields.json`, `.md` and `.png`."""
     with _bar(console, "random fields") as progress:
         shares, closed = studies.study_fields(fields, progress)
     _write_json(out / "fields.json", report.fields_report(shares, closed))
@@ -66,7 +66,7 @@ def run_fields(out: Path, fields: int | None, console: Console) -> None:
 
 
 def folder(path: Path) -> Path:
-    """The folder to write to, made if it is not there; `ConfigError` if it cannot be."""
+    """The output folder, created if missing; `ConfigError` if it is not writable."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".writable"
@@ -78,7 +78,7 @@ def folder(path: Path) -> Path:
 
 
 def print_strategy_table(console: Console) -> None:
-    """Every row of the strategy table that flies."""
+    """Print every row of the strategy table."""
     table = Table(title=f"Strategy table, {len(TABLE)} rows", title_justify="left")
     for heading in ("row", "course", "speed", "height", "controls"):
         table.add_column(heading, justify="right" if heading == "row" else "left")
@@ -141,7 +141,7 @@ def _summary(name: str, rows: Mapping[str, Measures]) -> Table:
 
 @contextmanager
 def _bar(console: Console, what: str) -> Iterator[studies.Progress]:
-    """A progress bar on a terminal; nothing elsewhere."""
+    """A progress bar on a terminal, nothing elsewhere."""
     columns = (TextColumn(f"{what:18s}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(what, total=None)
@@ -153,7 +153,7 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def _finite(content: Any) -> Any:
-    """The same with null for what is not a number: means of flights that never arrived."""
+    """The content with None for NaN, the mean of flights that never arrived."""
     if isinstance(content, dict):
         return {key: _finite(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
