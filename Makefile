@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.locked
 BUILT := $(VENV)/.built
 
-.PHONY: run test check setup compiler browser orca lock clean
+.PHONY: run test check setup compiler browser orca lock clean pictures
 
 run: setup
 	$(BIN)/companion-sim demo
@@ -54,3 +54,8 @@ lock: $(STAMP)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis
+
+# Redraws display.png, the terminal in README.md and the tables in REFERENCE.md from what runs now.
+pictures: setup
+	$(BIN)/python -m tests.tools.documents
+	$(BIN)/python -m tests.tools.pictures

@@ -24,6 +24,8 @@ from companion.config import (
     WebParams,
     describe,
     describe_saved,
+    example,
+    example_names,
     load_config,
     load_obstacles,
     load_saved,
@@ -32,7 +34,7 @@ from companion.config import (
 )
 from companion.control.state_machine import printed
 from companion.engine import Engine
-from companion.errors import CompanionError, ConfigError, LogError
+from companion.errors import CompanionError, ConfigError, LogError, require
 from companion.links import open_at_start, open_link
 from companion.model import Layer
 from companion.preflight import DEFAULT_SECONDS, look
@@ -162,6 +164,10 @@ def check(
     all_keys: Annotated[
         bool, typer.Option("--reference", help="Print every key that there is, its default and range.")
     ] = False,
+    example_name: Annotated[
+        str | None,
+        typer.Option("--example", metavar="NAME", help=f"Print an example: {', '.join(example_names())}."),
+    ] = None,
 ) -> None:
     """Read a configuration and show it as it would be used, every default included.
 
@@ -169,6 +175,9 @@ def check(
     """
     if all_keys:
         sys.stdout.write(reference())
+        return
+    if example_name is not None:
+        sys.stdout.write(example(example_name))
         return
     if config_file is None:
         raise ConfigError("CONFIG is missing: the configuration file")
@@ -296,6 +305,7 @@ def report_command(
     An MCAP recording tells what was decided in flight, with the tlog beside it also what came over the link.
     A tlog is driven through the engine, as by replay. Later parts of the same recording are read too.
     """
+    require("matplotlib", "companion report", "report")
     # Drawing takes longer to import than the other commands take to start.
     from companion.report.page import page_of
     from companion.report.reading import files_of, read_log

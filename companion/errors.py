@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 
 
 class CompanionError(Exception):
@@ -22,6 +23,12 @@ class LinkDownError(LinkError):
 
 class LogError(CompanionError):
     """A log cannot be read or written."""
+
+
+def require(package: str, command: str, extra: str) -> None:
+    """Raise `ConfigError` that says what to install if the optional `package` of a command is missing."""
+    if find_spec(package) is None:
+        raise ConfigError(f"{command} needs {package}: pip install 'mavlink-companion[{extra}]'")
 
 
 @contextmanager

@@ -58,7 +58,7 @@ async def look(
             result = Preflight(
                 engine.aircraft.adapter is not None,
                 (*_findings(runtime, now_s), Finding("role", wanted.name.lower(), wanted is Role.FLY)),
-                tuple(engine.readiness.hindrances(now_s, role=wanted)),
+                tuple(engine.hindrances(now_s, wanted)),
             )
             runtime.stop()
     return result
@@ -91,10 +91,10 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield from _rates(engine.rates_hz, adapter)
     mission = engine.queries.mission
     yield Finding("mission", "not read" if mission is None else f"{len(mission.items)} items")
-    for taken in engine.queries.limits.taken:
-        yield Finding("limit", str(taken))
-    for doubt in (*engine.queries.limits.doubts, *adapter.advice(engine.queries.parameters)):
-        yield Finding("set otherwise", doubt, good=False)
+    for limit in engine.queries.limits.sourced:
+        yield Finding("limit", str(limit))
+    for warning in (*engine.queries.limits.warnings, *adapter.advice(engine.queries.parameters)):
+        yield Finding("set otherwise", warning, good=False)
     other = adapter.other_avoider(engine.queries.parameters)
     yield Finding("second avoider", other or "none acts", other is None)
     offset_s = aircraft.clock_offset_s

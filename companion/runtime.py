@@ -10,10 +10,23 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 
 from companion.clock import Clock, SteadyClock
+from companion.control.emergency import EmergencyRelease
 from companion.control.state_machine import State
-from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
+from companion.engine import (
+    LONGEST_CATCH_UP_US,
+    TICK_US,
+    Effect,
+    Engine,
+    Keep,
+    Record,
+    Save,
+    Say,
+    Stepper,
+    Transmit,
+)
 from companion.errors import CompanionError, alone
 from companion.links import Link, Reconnect, open_at_start
 from companion.mavlink.dialect import Encoder, mavlink
@@ -32,7 +45,8 @@ _log = logging.getLogger("companion")
 
 # How long the autopilot gets to take the aircraft back before the service ends regardless.
 _LONGEST_GIVING_BACK_US = 8_000_000
-_LETTING_GO_S, _LETTING_GO_TIMES = 1.4, 14
+# How long an emergency release may take, in ticks: a heartbeat a second shows what became of a request.
+_EMERGENCY_TICKS = 30
 _SILENCE_TOLD_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
 # What a browser asks for comes from this component of our system.
@@ -77,7 +91,10 @@ class Runtime:
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._orders: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
+        self._sequences: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
+        # Frames that the engine has not taken in yet; when it fails, the emergency release hears them.
+        self._unheard: deque[tuple[Frame, HeartbeatSequence]] = deque()
+        self._release: EmergencyRelease | None = None
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
@@ -152,7 +169,7 @@ class Runtime:
         if self._failure is None:
             await self._await_given_back()
         if self._failure is not None:
-            await self._let_go()
+            await self._give_back_in_emergency()
 
     def _tick(self) -> None:
         """Make the ticks that are due; who watches us hears of it."""
@@ -199,7 +216,7 @@ class Runtime:
         )
         raw = self._encoder.encode(message, us.system_id, _BROWSER)
         frames = FrameSplitter().feed_datagram(raw)
-        self._guarded(lambda: self._take_in(frames, HeartbeatSequence()))
+        self._hear(frames, HeartbeatSequence())
 
     def _ask_back(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
@@ -221,32 +238,56 @@ class Runtime:
             self._failure = self._failure or error
             self._stop.set()
 
-    async def _let_go(self) -> None:
-        """The engine broke: ask for the former mode without it; several times, as nobody awaits answers."""
+    async def _give_back_in_emergency(self) -> None:
+        """Give the aircraft back without the engine, which failed; everything sent and heard is recorded."""
         _log.critical("internal error, giving the aircraft back: %r", self._failure)
-        for _ in range(_LETTING_GO_TIMES):
-            for message in self.engine.emergency_release(self.clock.now_us() / 1e6):
-                raw = self._encoder.encode(message, *_address(self.engine))
-                for link in self.links:
-                    link.send(raw)
-            await asyncio.sleep(_LETTING_GO_S / _LETTING_GO_TIMES)
+        release = self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
+        self._guarded(partial(self._listen, release))
+        for _ in range(_EMERGENCY_TICKS):
+            self._guarded(partial(self._send_release, release))
+            if release.finished:
+                break
+            await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
+
+    def _send_release(self, release: EmergencyRelease) -> None:
+        now_us = self.clock.now_us()
+        for message in release.messages(now_us / 1e6):
+            self._guarded(partial(self._send, now_us, Transmit(self.engine.sender, message)))
+
+    def _listen(self, release: EmergencyRelease) -> None:
+        """Let the emergency release hear what the engine does not hear any more."""
+        now_us = self.clock.now_us()
+        while self._unheard:
+            frame, sequence = self._unheard.popleft()
+            if self.recorder is not None:
+                self._guarded(partial(self.recorder.received, now_us, frame.raw))
+            if not sequence.is_overtaken(frame, now_us / 1e6) and frame.message_id in WANTED:
+                fact = frame_to_fact(frame, now_us / 1e6)
+                if fact is not None:
+                    self._guarded(partial(release.observe, fact, now_us / 1e6))
 
     def _on_frames(self, frames: list[Frame], link: Link) -> None:
-        if self._failure is None:
-            self._guarded(
-                lambda: self._take_in(frames, self._orders.setdefault(link.address, HeartbeatSequence()))
-            )
+        self._hear(frames, self._sequences.setdefault(link.address, HeartbeatSequence()))
 
-    def _take_in(self, frames: list[Frame], order: HeartbeatSequence) -> None:
+    def _hear(self, frames: list[Frame], sequence: HeartbeatSequence) -> None:
+        self._unheard.extend((frame, sequence) for frame in frames)
+        if self._failure is None:
+            self._guarded(self._take_in)
+        elif self._release is not None:
+            self._guarded(partial(self._listen, self._release))
+
+    def _take_in(self) -> None:
+        """Frames to facts, and facts into the engine."""
         now_us = self.clock.now_us()
         self._arrived_s = time.perf_counter()
-        for frame in frames:
+        while self._unheard:
             # The ticks that are due come before this frame, in the record too.
             self._advance(now_us)
+            frame, sequence = self._unheard.popleft()
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            # A mode that is not any more would look as if somebody had chosen it.
-            if order.is_overtaken(frame, now_us / 1e6) or frame.message_id not in WANTED:
+            # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
+            if sequence.is_overtaken(frame, now_us / 1e6) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
             if fact is None:
@@ -346,7 +387,3 @@ async def _beside(work: Coroutine[None, None, None]) -> None:
         await work
     except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
         _log.exception("display: switched off")
-
-
-def _address(engine: Engine) -> tuple[int, int]:
-    return engine.sender.system_id, engine.sender.component_id

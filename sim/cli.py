@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.cli import guarded, writable
-from companion.errors import CompanionError, ConfigError, LinkError, alone
+from companion.errors import CompanionError, ConfigError, LinkError, alone, require
 from companion.links import open_link
 from companion.web.settings import Settings
 from sim.bench import run as run_bench
@@ -218,7 +218,8 @@ def paper(
 
     Exit code 0 only if the two layers arrive in both experiments without collision.
     """
-    # Drawing takes longer to import than the other commands take to start.
+    if out is not None:
+        require("matplotlib", "companion-sim paper --out", "sim")
     from sim.paper import command
 
     console = Console(highlight=False)
@@ -301,7 +302,8 @@ def campaign(
     ] = None,
 ) -> None:
     """Fly thousands of encounters through the product's engine, and report the remaining risk."""
-    # Figures take longer to import than the other commands take to start.
+    if page is not None:
+        require("matplotlib", "companion-sim campaign --page", "sim")
     from sim.campaign import command
 
     for path in (page, report):
@@ -339,6 +341,7 @@ def encounter(
     from sim.campaign import command
 
     if out is not None:
+        require("matplotlib", "companion-sim encounter --out", "sim")
         writable(out)
     models = tuple(map(str, model or ()))
     plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height)

@@ -13,7 +13,7 @@ from sim.files import STRICT, read_checked
 from sim.traffic import ALL_VALID
 from sim.vehicle import MissionItem, takeoff_item, waypoint_item
 
-SCENARIO_FOLDER = Path(__file__).parents[1] / "configs" / "scenarios"
+SCENARIO_FOLDER = Path(__file__).with_name("scenarios")
 DEFAULT_SCENARIO = "two-intruders"
 
 Autopilot = Literal["ardupilot", "px4"]

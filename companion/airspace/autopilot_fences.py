@@ -1,19 +1,35 @@
-"""What the autopilots' parameters say of their fence; its zones come over the mission protocol."""
+"""The autopilot's own fence: its settings from parameters, its zones from the items of its fence mission."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
+
+from companion.airspace.fence_zones import FenceZone
+from companion.mavlink.dialect import mavlink
+from companion.mavlink.facts import MissionItem
+from companion.model import LatLon
 
 # ArduPilot's bits of FENCE_TYPE and FENCE_OPTIONS
-_HIGHEST, _CIRCLE, _ZONES, _LOWEST = 1, 2, 4, 8
+_MAX_ALTITUDE, _CIRCLE, _ZONES, _MIN_ALTITUDE = 1, 2, 4, 8
 _UNION_OF_INCLUSIONS = 2
+
+_POLYGONS = {
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION: True,
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION: False,
+}
+_CIRCLES = {
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION: True,
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION: False,
+}
 
 
 @dataclass(frozen=True, slots=True)
 class FenceSettings:
-    """What an autopilot makes of its fence; heights are above home, `None`: no such limit.
+    """An autopilot's fence parameters; heights are above home, `None`: no such limit.
 
-    `on` is `None` while nobody knows. `any_inclusion`: inside one of several inclusion zones is enough.
-    `zones`: whether the zones count that were uploaded. `home_radius_m` is a circle around home to stay in.
+    `on` is `None` while unknown. With `any_inclusion` it is enough to be inside one of several inclusion
+    zones. `zones` states whether the uploaded zones are enforced. `home_radius_m` is the radius of a circle
+    around home to stay in.
     """
 
     on: bool | None = None
@@ -25,26 +41,37 @@ class FenceSettings:
     margin_m: float = 0.0
 
 
+class AutopilotFence(NamedTuple):
+    """The autopilot's fence as known at present; `home_deg` is `None` until home is known."""
+
+    settings: FenceSettings = FenceSettings()
+    zones: tuple[FenceZone, ...] = ()
+    home_deg: LatLon | None = None
+
+
 def ardupilot_fence(values: Mapping[str, float]) -> FenceSettings:
-    """FENCE_* parameters; what was not answered limits nothing but the zones, which count until known off."""
+    """Settings from FENCE_* parameters. A parameter that was not answered sets no limit.
+
+    Uploaded zones are enforced unless the parameters exclude them.
+    """
     enabled, automatic = values.get("FENCE_ENABLE"), values.get("FENCE_AUTOENABLE")
     on = None if enabled is None else bool(enabled or automatic)
-    kinds = values.get("FENCE_TYPE")
-    bits = _ZONES if kinds is None else _bits(kinds)
+    types = values.get("FENCE_TYPE")
+    bits = _ZONES if types is None else _bits(types)
     options = _bits(values.get("FENCE_OPTIONS", 0.0))
     return FenceSettings(
         on=on,
         any_inclusion=bool(options & _UNION_OF_INCLUSIONS),
         zones=bool(bits & _ZONES),
         home_radius_m=_positive(values.get("FENCE_RADIUS")) if bits & _CIRCLE else None,
-        min_height_m=values.get("FENCE_ALT_MIN") if bits & _LOWEST else None,
-        max_height_m=_positive(values.get("FENCE_ALT_MAX")) if bits & _HIGHEST else None,
+        min_height_m=values.get("FENCE_ALT_MIN") if bits & _MIN_ALTITUDE else None,
+        max_height_m=_positive(values.get("FENCE_ALT_MAX")) if bits & _MAX_ALTITUDE else None,
         margin_m=_positive(values.get("FENCE_MARGIN")) or 0.0,
     )
 
 
 def px4_fence(values: Mapping[str, float]) -> FenceSettings:
-    """GF_* parameters; PX4 wants to be inside one of the inclusion zones, and 0 switches a limit off."""
+    """Settings from GF_* parameters. PX4 requires one of the inclusion zones; 0 switches a limit off."""
     action = values.get("GF_ACTION")
     return FenceSettings(
         on=None if action is None else action != 0.0,
@@ -60,3 +87,63 @@ def _positive(value: float | None) -> float | None:
 
 def _bits(value: float) -> int:
     return int(value) if 0.0 <= value < 2**31 else 0
+
+
+def zones_of(items: Sequence[MissionItem]) -> tuple[tuple[FenceZone, ...], int]:
+    """The zones, and the number of items that form none: incomplete polygons, places off the globe.
+
+    The vertices of a polygon follow each other, and the first parameter of each is their number
+    (https://mavlink.io/en/services/mission.html#geofence-plan). Return points are not zones.
+    """
+    zones: list[FenceZone] = []
+    unusable = 0
+    at = 0
+    while at < len(items):
+        vertices = _polygon_items(items, at)
+        used = max(len(vertices), 1)
+        if items[at].command in _POLYGONS | _CIRCLES:
+            zone = _polygon(vertices) if vertices else _circle(items[at])
+            zones += [zone] if zone else []
+            unusable += 0 if zone else used
+        at += used
+    return tuple(zones), unusable
+
+
+def _polygon_items(items: Sequence[MissionItem], start: int) -> Sequence[MissionItem]:
+    """The items of the polygon that starts here; empty when it is incomplete, or this is no polygon."""
+    first = items[start]
+    if first.command not in _POLYGONS:
+        return ()
+    count = max(int(first.params[0] or 0), 1)
+    vertices = items[start : start + count]
+    complete = len(vertices) == count and all(
+        vertex.command == first.command and vertex.params[0] == first.params[0] for vertex in vertices
+    )
+    return vertices if complete else ()
+
+
+def _polygon(items: Sequence[MissionItem]) -> FenceZone | None:
+    places = tuple(
+        (item.lat_deg, item.lon_deg)
+        for item in items
+        if item.lat_deg is not None and item.lon_deg is not None
+    )
+    if len(places) < len(items):
+        return None
+    try:
+        return FenceZone(_POLYGONS[items[0].command], vertices_deg=places)
+    except ValueError:
+        return None
+
+
+def _circle(item: MissionItem) -> FenceZone | None:
+    if item.command not in _CIRCLES or item.lat_deg is None or item.lon_deg is None:
+        return None
+    if item.params[0] is None:
+        return None
+    try:
+        return FenceZone(
+            _CIRCLES[item.command], centre_deg=(item.lat_deg, item.lon_deg), radius_m=item.params[0]
+        )
+    except ValueError:
+        return None

@@ -1,6 +1,7 @@
 """Configuration: YAML to frozen dataclasses, with every mistake named by file, line and key."""
 
 from companion.config.description import describe
+from companion.config.examples import example, example_names
 from companion.config.loader import load_config
 from companion.config.obstacle_files import load_obstacles
 from companion.config.reference import reference
@@ -14,6 +15,8 @@ __all__ = [
     "WebParams",
     "describe",
     "describe_saved",
+    "example",
+    "example_names",
     "load_config",
     "load_obstacles",
     "load_saved",

@@ -13,11 +13,12 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le, MinLen
 
-from companion.airspace.obstacles import LatLon, Obstacle, along, within
+from companion.airspace.obstacles import Obstacle, along, within
 from companion.config.document import load_document, shown
 from companion.config.loader import read_checked
 from companion.config.schema import Config
 from companion.errors import ConfigError
+from companion.model import LatLon
 
 _LARGEST_GEOJSON_BYTES = 64 << 20
 # The service is to start within a second or two, and lines of that many points are drawn too finely.

@@ -26,15 +26,20 @@ class GcsRequests:
     are done again and answered alike, so that a lost answer does no harm.
     """
 
-    def __init__(self, settings: Settings, address: Callable[[], Sender]) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        address: Callable[[], Sender],
+        may_resume: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.settings = settings
         self.role = Role[settings.supervisor.role.upper()]
         self.at_most = Role.FLY  # whatever anybody asks for
-        self.may_resume: Callable[[], bool] = lambda: False
         self.refusals: list[str] = []  # to be told
         self.changes: list[str] = []
         self._configured = self.role
         self._address = address
+        self._may_resume = may_resume
         self._resumes = False
         self._listing: deque[GcsParam] = deque()
         self._listed_s = -math.inf
@@ -96,7 +101,7 @@ class GcsRequests:
         return True
 
     def _resume(self, continues: float | None) -> bool:
-        if continues != 1.0 or not self.may_resume():
+        if continues != 1.0 or not self._may_resume():
             return False  # pausing is not for us: whoever wants that takes the aircraft
         self._resumes = True
         return True

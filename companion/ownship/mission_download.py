@@ -1,4 +1,4 @@
-"""One list of mission items on its way from the autopilot: the download half of the mission protocol.
+"""One download of a list of mission items, by the mission protocol.
 
 https://mavlink.io/en/services/mission.html#download_mission: REQUEST_LIST, COUNT, then REQUEST_INT and
 ITEM_INT for each item, ACK. Datagrams may get lost, come twice, late, or in another order.
@@ -11,37 +11,37 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import MissionAck, MissionCount, MissionItem, Sender
 
 _FIRST_ANSWER_S, _LONGEST_ANSWER_S = 1.0, 4.0
-# Where three of ten datagrams get lost each way, one item in a thousand is not answered by then.
+# With 30 % of the datagrams lost in each direction, one item in a thousand is still not answered by then.
 _TRIES = 10
-# A list that changes again and again while it is read is being worked on.
+# A list that changes more often than this during its download is being edited.
 _RESTARTS = 3
-# More than any board stores; a count beyond it would keep us busy for nothing.
+# No board stores more; a larger count is wrong.
 _MOST_ITEMS = 3_000
 
 
-class Outcome(Enum):
-    """How a download ended."""
+class DownloadOutcome(Enum):
+    """The result of a download."""
 
     DONE = "done"
     UNSUPPORTED = "unsupported"  # the autopilot has no such list
-    FAILED = "failed"  # no answer, refused, or changing all the time
+    FAILED = "failed"  # not answered, refused, cancelled, or the list changed too often
 
 
-class Download:
-    """One transfer. `outcome` is `None` while it is under way; then `items` is the list, when it is done."""
+class MissionDownload:
+    """One download; `outcome` is `None` while it is under way, and `items` is the list when it is DONE."""
 
     def __init__(self, mission_type: int) -> None:
         self.mission_type = mission_type
         self.items: list[MissionItem] = []
-        self.outcome: Outcome | None = None
+        self.outcome: DownloadOutcome | None = None
         self._count: int | None = None
         self._tries = 0
         self._restarts = 0
         self._due_s = -math.inf
-        self._farewell: int | None = None
+        self._final_ack: int | None = None
 
     def observe(self, fact: MissionCount | MissionItem | MissionAck, now_s: float) -> None:
-        """Take an answer in that was meant for us; what does not fit is an echo of something older."""
+        """Process an answer that is addressed to us; one that does not fit is late and ignored."""
         if self.outcome is not None or fact.mission_type != self.mission_type:
             return
         match fact:
@@ -53,14 +53,14 @@ class Download:
                 self._refused(fact.result, now_s)
 
     def tick(self, target: Sender, now_s: float) -> Message | None:
-        """The message to send now, if any; after the outcome one more, which says farewell."""
+        """The message to send now, if any; after the outcome, one final MISSION_ACK."""
         if self.outcome is not None:
-            return self._goodbye(target)
+            return self._ack(target)
         if now_s < self._due_s:
             return None
         if self._tries >= _TRIES:
-            self._end(Outcome.FAILED, mavlink.MAV_MISSION_OPERATION_CANCELLED)
-            return self._goodbye(target)
+            self._end(DownloadOutcome.FAILED, mavlink.MAV_MISSION_OPERATION_CANCELLED)
+            return self._ack(target)
         self._due_s = now_s + min(_FIRST_ANSWER_S * 1.5**self._tries, _LONGEST_ANSWER_S)
         self._tries += 1
         if self._count is None:
@@ -72,9 +72,9 @@ class Download:
         )
 
     def cancel(self) -> None:
-        """Somebody else needs the autopilot's attention."""
+        """End the download, because a ground station transfers a list."""
         if self.outcome is None:
-            self._end(Outcome.FAILED, mavlink.MAV_MISSION_OPERATION_CANCELLED)
+            self._end(DownloadOutcome.FAILED, mavlink.MAV_MISSION_OPERATION_CANCELLED)
 
     def _counted(self, count: int, now_s: float) -> None:
         if count == self._count:
@@ -82,7 +82,7 @@ class Download:
         if self._count is not None and not self._may_restart():
             return
         if count > _MOST_ITEMS:
-            self._end(Outcome.FAILED, mavlink.MAV_MISSION_NO_SPACE)
+            self._end(DownloadOutcome.FAILED, mavlink.MAV_MISSION_NO_SPACE)
             return
         self._count = count
         self.items.clear()
@@ -95,34 +95,34 @@ class Download:
 
     def _refused(self, result: int, now_s: float) -> None:
         if result == mavlink.MAV_MISSION_UNSUPPORTED:
-            self._end(Outcome.UNSUPPORTED, None)
+            self._end(DownloadOutcome.UNSUPPORTED, None)
         elif result == mavlink.MAV_MISSION_INVALID_SEQUENCE:
             if self._count is not None and self._may_restart():
-                # There are fewer items than there were.
+                # The list became shorter during the download.
                 self._count = None
                 self.items.clear()
                 self._go_on(now_s)
         elif result != mavlink.MAV_MISSION_ACCEPTED:
-            self._end(Outcome.FAILED, None)
+            self._end(DownloadOutcome.FAILED, None)
 
     def _go_on(self, now_s: float) -> None:
         self._tries, self._due_s = 0, now_s
         if self._count is not None and len(self.items) >= self._count:
-            self._end(Outcome.DONE, mavlink.MAV_MISSION_ACCEPTED)
+            self._end(DownloadOutcome.DONE, mavlink.MAV_MISSION_ACCEPTED)
 
     def _may_restart(self) -> bool:
         self._restarts += 1
         if self._restarts > _RESTARTS:
-            self._end(Outcome.FAILED, mavlink.MAV_MISSION_OPERATION_CANCELLED)
+            self._end(DownloadOutcome.FAILED, mavlink.MAV_MISSION_OPERATION_CANCELLED)
         return self._restarts <= _RESTARTS
 
-    def _end(self, outcome: Outcome, farewell: int | None) -> None:
-        self.outcome, self._farewell = outcome, farewell
+    def _end(self, outcome: DownloadOutcome, final_ack: int | None) -> None:
+        self.outcome, self._final_ack = outcome, final_ack
 
-    def _goodbye(self, target: Sender) -> Message | None:
-        farewell, self._farewell = self._farewell, None
-        if farewell is None:
+    def _ack(self, target: Sender) -> Message | None:
+        result, self._final_ack = self._final_ack, None
+        if result is None:
             return None
         return mavlink.MAVLink_mission_ack_message(
-            target.system_id, target.component_id, farewell, mission_type=self.mission_type
+            target.system_id, target.component_id, result, mission_type=self.mission_type
         )

@@ -1,7 +1,6 @@
-"""Mission and fence of the autopilot, read over the mission protocol, and again when they may have changed.
+"""The autopilot's mission and fence, downloaded again whenever they may have changed.
 
-Everybody else comes first: while a ground station transfers a list nothing is asked for, and a download of
-ours is given up for it.
+Ground stations have precedence: while one transfers a list nothing is requested, and our download ends.
 """
 
 import math
@@ -17,11 +16,11 @@ from companion.mavlink.facts import (
     MissionTalk,
     Sender,
 )
-from companion.ownship.mission_download import Download, Outcome
+from companion.ownship.mission_download import DownloadOutcome, MissionDownload
 
 MISSION, FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
 _ALL_TYPES = mavlink.MAV_MISSION_TYPE_ALL
-# So long after the last word of somebody else's transfer it is over.
+# A ground station's transfer is over this long after its last message.
 _QUIET_S = 3.0
 _REREAD_S = 300.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 10.0, 300.0
@@ -32,7 +31,7 @@ _Protocol = MissionCount | MissionItem | MissionAck | MissionTalk
 
 @dataclass(slots=True)
 class _List:
-    """What is known of one list, and when to read it next. `items` is `None` while it is not known."""
+    """One list, `None` while it is unknown, and the time of its next download."""
 
     items: tuple[MissionItem, ...] | None = None
     due_s: float = -math.inf
@@ -40,42 +39,42 @@ class _List:
 
 
 class MissionReader:
-    """Keeps copies of the autopilot's mission and fence, as tuples of their items; `None`: not known."""
+    """Copies of the autopilot's mission and fence, as tuples of items; `None`: unknown."""
 
     def __init__(self) -> None:
         self._lists = {MISSION: _List(), FENCE: _List()}
-        self._download: Download | None = None
+        self._download: MissionDownload | None = None
         self._busy_until_s = -math.inf
         self._progress: MissionProgress | None = None
 
     @property
     def mission(self) -> tuple[MissionItem, ...] | None:
-        """The mission; home is the first item where the autopilot keeps it there."""
+        """The mission; with ArduPilot its first item is home."""
         return self._lists[MISSION].items
 
     @property
     def fence(self) -> tuple[MissionItem, ...] | None:
-        """The items of the fence. The last one known stays while a newer one is read."""
+        """The items of the fence; they stay known while they are read again."""
         return self._lists[FENCE].items
 
     def restart(self) -> None:
-        """The autopilot started anew, or came back: what it holds may be another, and no transfer goes on."""
+        """Read both lists again, because the autopilot restarted or was out of contact."""
         self._download = None
         for one in self._lists.values():
             one.due_s, one.failures = -math.inf, 0
 
     def changed(self, mission_type: int, now_s: float) -> None:
-        """Something says that a list is another one now."""
+        """Read the lists of this type again, as they may have changed; until then the mission is unknown."""
         for kind, one in self._lists.items():
             if mission_type in (kind, _ALL_TYPES):
                 one.due_s, one.failures = now_s, 0
                 if kind == MISSION:
-                    one.items = None  # its numbers mean other items now
+                    one.items = None  # sequence numbers may mean other items now
                 if self._download is not None and self._download.mission_type == kind:
                     self._download = None
 
     def observe(self, fact: Fact, us: Sender, autopilot: Sender, now_s: float) -> None:
-        """Take any fact in, whoever it came from."""
+        """Process a fact from any sender; `us` and `autopilot` are addresses."""
         match fact:
             case MissionProgress() if fact.sender == autopilot:
                 self._compare(fact, now_s)
@@ -98,14 +97,14 @@ class MissionReader:
             self._finish(self._download, now_s)
         return message
 
-    def _start(self, now_s: float) -> Download | None:
+    def _start(self, now_s: float) -> MissionDownload | None:
         due = [(one.due_s, kind) for kind, one in self._lists.items() if now_s >= one.due_s]
-        return Download(min(due)[1]) if due else None
+        return MissionDownload(min(due)[1]) if due else None
 
-    def _finish(self, download: Download, now_s: float) -> None:
+    def _finish(self, download: MissionDownload, now_s: float) -> None:
         self._download = None
         one = self._lists[download.mission_type]
-        if download.outcome is Outcome.FAILED:
+        if download.outcome is DownloadOutcome.FAILED:
             wait_s = min(_FIRST_RETRY_S * 2.0**one.failures, _LONGEST_RETRY_S)
             one.failures += 1
             one.due_s = now_s + wait_s
@@ -118,7 +117,7 @@ class MissionReader:
             self._download.observe(fact, now_s)
 
     def _overheard(self, fact: _Protocol, autopilot: Sender, now_s: float) -> None:
-        """A transfer of somebody else: an upload begins with a COUNT and ends with the autopilot's ACK."""
+        """Wait while a ground station transfers a list; an upload begins with COUNT and ends with an ACK."""
         self._busy_until_s = now_s + _QUIET_S
         if self._download is not None:
             self._download.cancel()

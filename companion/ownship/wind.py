@@ -1,4 +1,4 @@
-"""The wind: as the autopilot reports it, or else from velocity over ground and through the air."""
+"""The wind as the autopilot reports it, otherwise estimated from ground and air velocity."""
 
 import math
 
@@ -8,16 +8,16 @@ from companion.model import Vec2
 # Time constant of the estimate: longer than a gust or the swing of the nose.
 _TIME_CONSTANT_S = 10.0
 _FRESH_S = 5.0
-# The estimate is renewed with every position; without airspeed it soon says nothing any more.
+# The estimate is updated with every position, unless airspeed or heading is missing.
 _ESTIMATE_FRESH_S = 30.0
-# More than this share of the airspeed is no wind but a wrong airspeed, as on the ground.
+# An estimate above this share of the airspeed comes from a wrong airspeed, as on the ground.
 _LARGEST_SHARE = 0.6
-# A report comes from a filter that has seen the aircraft turn: it may be stronger, up to a hurricane.
+# Reports come from a filter that has observed turns, and may be stronger; this is hurricane force.
 _STRONGEST_REPORTED_MPS = 40.0
 
 
 class WindEstimator:
-    """The newest report and a running estimate; whichever is fresh and makes sense, the report first."""
+    """The newest report and a running estimate."""
 
     def __init__(self) -> None:
         self._report: Wind | None = None
@@ -26,16 +26,13 @@ class WindEstimator:
         self._estimate_s = -math.inf
 
     def report(self, fact: Wind, now_s: float) -> None:
-        """Take a report in.
-
-        ArduPilot reports exactly 0 while its filter has no estimate: that says nothing.
-        """
+        """Store a report, unless it is implausible or exactly 0, as ArduPilot sends without an estimate."""
         speed_mps = math.hypot(fact.north_mps, fact.east_mps)
         if 0.0 < speed_mps <= _STRONGEST_REPORTED_MPS:
             self._report, self._report_s = fact, now_s
 
     def observe(self, position: OwnPosition, airspeed_mps: float | None, now_s: float) -> None:
-        """Velocity over ground less velocity through the air, smoothed."""
+        """Update the estimate: velocity over ground minus velocity through the air, smoothed."""
         if airspeed_mps is None or position.heading_rad is None or airspeed_mps < 1.0:
             return
         north = position.velocity_mps[0] - airspeed_mps * math.cos(position.heading_rad)
@@ -49,10 +46,13 @@ class WindEstimator:
         self._estimate_s = now_s
 
     def wind_mps(self, airspeed_mps: float, now_s: float) -> Vec2 | None:
-        """Velocity of the air over the ground, north and east; `None` when nobody knows."""
+        """Velocity of the air over the ground, north and east; `None` when unknown or too strong.
+
+        A fresh report takes precedence over the estimate.
+        """
         report = self._report
         if report is not None and 0.0 <= now_s - self._report_s <= _FRESH_S:
-            # The prediction needs an aircraft that gets ahead against its wind.
+            # The prediction needs an aircraft that makes headway against the wind.
             if math.hypot(report.north_mps, report.east_mps) < airspeed_mps:
                 return report.north_mps, report.east_mps
             return None

@@ -14,11 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from companion.errors import CompanionError, ConfigError
+from companion.errors import CompanionError, ConfigError, require
 from sim.campaign.avoiders import NONE
 from sim.campaign.cluster import parse_scheduler_address, run_on
 from sim.campaign.flight import EncounterResult, fly, unmitigated
-from sim.campaign.page import figure_of, page
 from sim.campaign.plan import Plan
 from sim.campaign.results import Key, ResultLine, Results, key_of, read_results
 from sim.campaign.runner import run_here
@@ -41,6 +40,7 @@ def run(
         if workers is not None:
             raise ConfigError("--workers: only for this machine; a scheduler's workers are started elsewhere")
         parse_scheduler_address(scheduler)
+        require("distributed", "companion-sim campaign --scheduler", "sim")
     plan.check()
     results = Results.open(out, plan.identity())
     before, begun = len(results.done), time.perf_counter()
@@ -143,6 +143,8 @@ def write_report(path: Path, report: dict[str, Any]) -> None:
 
 def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
     """The page of a flown campaign; its worst encounters are flown again for the drawings."""
+    from sim.campaign.page import page  # matplotlib takes long to import, and is optional
+
     source, figures = plan.source(), gather(_wanted(plan, out))
     worst = {
         name: [_fly_again(plan, source, key_of(line)) for line in _worst(_wanted(plan, out, name))]
@@ -188,4 +190,6 @@ def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) 
     for time_s, words in flown.reasons:
         console.print(f"{time_s:6.1f} s  {words}", markup=False)
     if out is not None:
+        from sim.campaign.page import figure_of  # matplotlib takes long to import, and is optional
+
         figure_of(encounter, flown).savefig(out, dpi=110)

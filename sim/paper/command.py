@@ -13,7 +13,7 @@ from rich.table import Table
 
 from companion.avoidance.strategies import TABLE, Course, Speed
 from companion.errors import ConfigError
-from sim.paper import methods, plots, report, studies
+from sim.paper import methods, report, studies
 from sim.paper.flight import Flight
 from sim.paper.measures import Measures
 
@@ -38,6 +38,8 @@ def run_experiments(out: Path, console: Console) -> bool:
 
 def run_transition(out: Path, fields: int | None, console: Console) -> None:
     """Sweep the width of the transition domain; write `transition.json`, `.md` and `.png`."""
+    from sim.paper import plots  # matplotlib takes long to import, and is optional
+
     with _bar(console, "transition domain") as progress:
         points = studies.study_transition(fields, progress)
     chosen_deg = studies.best_delta_beta_deg(points)
@@ -50,6 +52,8 @@ def run_transition(out: Path, fields: int | None, console: Console) -> None:
 
 def run_fields(out: Path, fields: int | None, console: Console) -> None:
     """Fly every strategy over random fields; write `fields.json`, `.md` and `.png`."""
+    from sim.paper import plots  # matplotlib takes long to import, and is optional
+
     with _bar(console, "random fields") as progress:
         shares, closed = studies.study_fields(fields, progress)
     _write_json(out / "fields.json", report.fields_report(shares, closed))
@@ -103,6 +107,8 @@ def _turn(turn_deg: float) -> str:
 def _draw(
     out: Path, flights: dict[str, list[Flight]], scenes: dict[str, list[Flight]], progress: studies.Progress
 ) -> None:
+    from sim.paper import plots  # matplotlib takes long to import, and is optional
+
     by_name = {name: {flight.method.name: flight for flight in flown} for name, flown in flights.items()}
     single, group = by_name["single"], by_name["group"]
     reported = [method.name for method in methods.REPORTED]

@@ -17,8 +17,7 @@ from companion.errors import ConfigError
 from companion.model import Vec2, Vec3
 from sim.files import STRICT, read_checked
 
-PAPER_FOLDER = Path(__file__).parents[2] / "configs" / "paper"
-
+SCENE_FOLDER = Path(__file__).with_name("scenes")
 
 Length = Annotated[float, Ge(-1e4), Le(1e4)]
 Positive = Annotated[float, Gt(0.0), Le(1e4)]
@@ -152,15 +151,15 @@ class Scale:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """Read a scene by its name or from a file; `ConfigError` names file and key."""
+    """Read a scene by its name in `sim/paper/scenes` or from a file; `ConfigError` names file and key."""
     path = Path(name_or_path)
     if path.suffix not in (".yaml", ".yml"):
-        path = PAPER_FOLDER / f"{name_or_path}.yaml"
+        path = SCENE_FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
-            raise ConfigError(f"{name_or_path}: no such scene in {PAPER_FOLDER}")
+            raise ConfigError(f"{name_or_path}: no such scene in {SCENE_FOLDER}")
     return read_checked(path, Scene)
 
 
 def minima_scenes() -> dict[str, Scene]:
     """The scenes of local minima, by name."""
-    return {path.stem: load_scene(path) for path in sorted((PAPER_FOLDER / "minima").glob("*.yaml"))}
+    return {path.stem: load_scene(path) for path in sorted((SCENE_FOLDER / "minima").glob("*.yaml"))}

@@ -21,7 +21,8 @@ def test_a_mode_that_the_pilot_chooses_ends_ours_at_once(mode: Mode) -> None:
     flying(loop)
     loop.world.vehicle.set_mode(mode)
     loop.run(1.1)  # his choice is known by the next heartbeat
-    assert loop.engine.supervisor.state is State.HANDS_OFF
+    sent_back = mode is Mode.AUTO
+    assert loop.engine.supervisor.state is (State.SUPPRESSED if sent_back else State.HANDS_OFF)
     known_us = loop.now_us
     loop.run(4.0)
     assert loop.mode() is mode
@@ -271,7 +272,7 @@ def test_who_sends_the_aircraft_on_against_us_has_decided_about_this_conflict() 
     loop.world.vehicle.set_mode(Mode.AUTO)
     loop.run(40.0)
     assert loop.mode() is Mode.AUTO
-    assert loop.engine.supervisor.state is State.HANDS_OFF
+    assert loop.engine.supervisor.state is State.SUPPRESSED
     loop.run(60.0)
     assert loop.engine.supervisor.state is State.MONITOR, "the traffic is past"
 

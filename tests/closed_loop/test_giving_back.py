@@ -142,7 +142,7 @@ def test_another_target_in_guided_is_somebody_elses_word() -> None:
     loop.run(4.0)
     lat_e7, _ = guided(loop, -3000.0)
     loop.run(1.5)
-    assert loop.engine.supervisor.state is State.HANDS_OFF
+    assert loop.engine.supervisor.state is State.SUPPRESSED
     loop.run(3.0)
     assert loop.world.vehicle.flight.guided.centre.lat_deg == pytest.approx(lat_e7 / 1e7, abs=1e-6)
 

@@ -1,4 +1,4 @@
-"""Every scenario of `configs/scenarios`, engine and both fake autopilots in lockstep."""
+"""Every scenario of `sim/scenarios`, engine and both fake autopilots in lockstep."""
 
 import pytest
 

@@ -34,7 +34,7 @@ async def test_with_an_old_position_nothing_is_taken_over(autopilot: Autopilot) 
         flight.receiver.deaf = False
         flight.vehicle.withhold(POSITION, True)
         await flight.until(lambda: flight.engine.decision.layer is Layer.OUTER, 1.9)
-        assert flight.engine.readiness.hindrances(flight.now_s) == ["its position is old"]
+        assert flight.engine.hindrances(flight.now_s) == ["its position is old"]
         await flight.fly(2.0)
         assert flight.notes.commands() == []
         flight.vehicle.withhold(POSITION, False)

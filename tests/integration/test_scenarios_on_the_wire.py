@@ -1,4 +1,4 @@
-"""Every scenario of `configs/scenarios` on both autopilots over real UDP: vehicle, link and runtime."""
+"""Every scenario of `sim/scenarios` on both autopilots over real UDP: vehicle, link and runtime."""
 
 import asyncio
 

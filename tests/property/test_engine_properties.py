@@ -50,7 +50,7 @@ class Referee:
     def tick(self, now_s: float) -> list[Message]:
         engine = self.engine
         before = engine.supervisor.state
-        ready = not engine.readiness.hindrances(now_s)
+        ready = not engine.hindrances(now_s)
         messages = sent_by(engine.tick(now_s))
         after = engine.supervisor.state
         self.states[after] += 1

@@ -1,4 +1,4 @@
-"""No strategy asks for what cannot be flown."""
+"""No strategy commands anything beyond the limits of the aircraft."""
 
 import itertools
 import math
@@ -32,38 +32,38 @@ from tests.support.avoidance_cases import (
 @pytest.mark.parametrize("params", ALL_STRATEGIES, ids=named)
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(case=cases(), airspeed_mps=st.floats(5.0, 45.0), altitude_m=st.floats(-100.0, 900.0))
-def test_no_strategy_asks_for_what_cannot_be_flown(
+def test_no_strategy_commands_beyond_the_limits(
     params: AvoidanceParams, case: Case, airspeed_mps: float, altitude_m: float
 ) -> None:
-    """Not even when the mission itself asks for it."""
+    """This holds even if the mission itself is beyond the limits."""
     own, tracks, goal = case
-    asked = replace(goal, airspeed_mps=airspeed_mps, altitude_m=altitude_m)
-    decision = Avoider(params).decide(0.0, own, tracks, asked)
+    requested = replace(goal, airspeed_mps=airspeed_mps, altitude_m=altitude_m)
+    decision = Avoider(params).decide(0.0, own, tracks, requested)
     assert decision.guidance is None or within_limits(decision.guidance)
 
 
 def situations(seed: int) -> Situation:
-    chance = np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     own = OwnState(
-        (chance.uniform(-1e4, 1e4), chance.uniform(-1e4, 1e4), -chance.uniform(100.0, 600.0)),
-        chance.uniform(-math.pi, math.pi),
-        chance.uniform(ENVELOPE.min_airspeed_mps, ENVELOPE.max_airspeed_mps),
-        chance.uniform(-ENVELOPE.max_sink_mps, ENVELOPE.max_climb_mps),
+        (rng.uniform(-1e4, 1e4), rng.uniform(-1e4, 1e4), -rng.uniform(100.0, 600.0)),
+        rng.uniform(-math.pi, math.pi),
+        rng.uniform(ENVELOPE.min_airspeed_mps, ENVELOPE.max_airspeed_mps),
+        rng.uniform(-ENVELOPE.max_sink_mps, ENVELOPE.max_climb_mps),
         (0.0, 0.0),
     )
     return Situation(
         own=own,
-        mission=Guidance(chance.uniform(0.0, 6.28), chance.uniform(5.0, 40.0), chance.uniform(-100.0, 900.0)),
-        over_m=chance.uniform(0.0, 1500.0),
-        under_m=chance.uniform(-500.0, 600.0),
-        right_preferred=bool(chance.integers(2)),
+        mission=Guidance(rng.uniform(0.0, 6.28), rng.uniform(5.0, 40.0), rng.uniform(-100.0, 900.0)),
+        over_m=rng.uniform(0.0, 1500.0),
+        under_m=rng.uniform(-500.0, 600.0),
+        right_preferred=bool(rng.integers(2)),
         horizon_s=90.0,
         goal_distance=1.0,
         lost=0.87,
         envelope=ENVELOPE,
         weights=CostWeights(),
-        rule_course_rad=chance.uniform(0.0, 6.28),
-        rule_pace=list(Pace)[chance.integers(3)],
+        rule_course_rad=rng.uniform(0.0, 6.28),
+        rule_pace=list(Pace)[rng.integers(3)],
     )
 
 
@@ -71,14 +71,14 @@ def situations(seed: int) -> Situation:
     "controls", [frozenset(some) for n in range(4) for some in itertools.combinations(Control, n)], ids=len
 )
 @pytest.mark.parametrize("seed", range(4))
-def test_every_row_of_the_table_can_be_flown(seed: int, controls: frozenset[Control]) -> None:
+def test_every_row_of_the_table_is_within_the_limits(seed: int, controls: frozenset[Control]) -> None:
     at = situations(seed)
     commands = StrategyTable.within(controls).commands(at)
     paths, steps_s = fly_ahead(at.own, commands, ENVELOPE), np.diff(TIMES_S)
     middles_s = TIMES_S[:-1] + 0.5 * steps_s
     for row in range(len(commands)):
-        asked, path_m = commands.row(row), paths.row_m(row)
-        assert within_limits(asked)
+        commanded, path_m = commands.row(row), paths.row_m(row)
+        assert within_limits(commanded)
         legs_m = np.diff(path_m, axis=0)
         course_rad = np.unwrap(np.concatenate([[at.own.course_rad], np.arctan2(legs_m[:, 1], legs_m[:, 0])]))
         between_s = np.diff(np.concatenate([[0.0], middles_s]))
@@ -91,11 +91,11 @@ def test_every_row_of_the_table_can_be_flown(seed: int, controls: frozenset[Cont
         speed_mps = np.hypot(legs_m[:, 0], legs_m[:, 1]) / steps_s
         gained_mps = np.abs(speed_mps - at.own.airspeed_mps)
         assert (gained_mps <= ENVELOPE.max_acceleration_mps2 * middles_s + 1e-6).all()
-        assert speed_mps[-1] == pytest.approx(asked.airspeed_mps)
+        assert speed_mps[-1] == pytest.approx(commanded.airspeed_mps)
 
 
-def test_who_speeds_up_in_a_turn_is_not_predicted_to_bank_more_than_allowed() -> None:
-    """Half a circle to the right (eq. 11) at V_max (eq. 13), from 17 m/s: the same rate needs more bank."""
+def test_the_predicted_bank_stays_within_the_limit_while_accelerating_in_a_turn() -> None:
+    """Half a circle to the right (eq. 11) at V_max (eq. 13), from 17 m/s: faster turns need more bank."""
     own = OwnState((0.0, 0.0, -300.0), 0.0, 17.0, 0.0, (0.0, 0.0))
     path_m = fly_ahead(own, Commands.of([Guidance(math.radians(179.0), 28.0, 300.0)]), ENVELOPE).row_m(0)
     legs_m, steps_s = np.diff(path_m, axis=0), np.diff(TIMES_S)
@@ -106,7 +106,7 @@ def test_who_speeds_up_in_a_turn_is_not_predicted_to_bank_more_than_allowed() ->
     assert bank_rad.max() <= ENVELOPE.max_bank_rad + math.radians(1.0)
 
 
-def test_limits_that_become_known_in_a_conflict_are_kept_from_then_on() -> None:
+def test_limits_that_become_known_during_a_conflict_are_respected_from_then_on() -> None:
     own = Ownship(0.0, (0.0, 0.0, -300.0), (24.0, 0.0, 0.0), 24.0, 0.0, (0.0, 0.0))
     threat = Track("T", 0.0, (1200.0, 0.0, -300.0), (-10.0, 0.0, 0.0), protected_horizontal_m=300.0)
     avoider, goal = Avoider(PARAMS), Goal(0.0, 24.0, 300.0)
@@ -120,23 +120,23 @@ def test_limits_that_become_known_in_a_conflict_are_kept_from_then_on() -> None:
 @pytest.mark.parametrize("params", ALL_STRATEGIES, ids=named)
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(case=cases(), altitude_m=st.sampled_from([20.0, 95.0, 640.0, 1200.0]))
-def test_from_below_the_floor_and_above_the_ceiling_every_way_leads_back(
+def test_guidance_returns_from_below_the_floor_and_from_above_the_ceiling(
     params: AvoidanceParams, case: Case, altitude_m: float
 ) -> None:
     own, tracks, goal = case
 
-    def lifted(place: Vec3) -> Vec3:
+    def raised(place: Vec3) -> Vec3:
         return (place[0], place[1], place[2] + 300.0 - altitude_m)
 
-    own = replace(own, position_m=lifted(own.position_m))
-    tracks = [replace(track, position_m=lifted(track.position_m)) for track in tracks]
+    own = replace(own, position_m=raised(own.position_m))
+    tracks = [replace(track, position_m=raised(track.position_m)) for track in tracks]
     decision = Avoider(params).decide(0.0, own, tracks, replace(goal, altitude_m=altitude_m))
     assert decision.guidance is None or within_limits(decision.guidance)
 
 
 @pytest.mark.parametrize("altitude_m", [20.0, 640.0])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_row_goes_further_beyond_the_floor_or_ceiling(altitude_m: float, seed: int) -> None:
+def test_no_row_leads_further_beyond_the_floor_or_ceiling(altitude_m: float, seed: int) -> None:
     at = situations(seed)
     own = at.own._replace(position_m=(0.0, 0.0, -altitude_m), climb_mps=0.0)
     rows = StrategyTable.within(ALL_CONTROLS).commands(at._replace(own=own))
@@ -146,17 +146,17 @@ def test_no_row_goes_further_beyond_the_floor_or_ceiling(altitude_m: float, seed
     assert ((heights_m[:, -1] >= 100.0 - 1e-9) & (heights_m[:, -1] <= 600.0 + 1e-9)).all()
 
 
-def test_the_floor_may_rise_in_flight_above_the_aircraft() -> None:
+def test_the_floor_may_rise_above_the_aircraft_in_flight() -> None:
     own = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0, (0.0, 0.0))
     threat = Track("T", 0.0, (2500.0, 0.0, -300.0), (-40.0, 0.0, 0.0))
     avoider, goal = Avoider(AvoidanceParams()), Goal(0.0, 22.0, 300.0)
     for now_s, floor_m in enumerate((100.0, 250.0, 340.0, 420.0, 380.0)):
         avoider.envelope = replace(ENVELOPE, min_altitude_m=floor_m)
-        seen = replace(threat, time_s=now_s)
-        guidance = avoider.decide(now_s, replace(own, time_s=now_s), [seen], goal).guidance
+        current = replace(threat, time_s=now_s)
+        guidance = avoider.decide(now_s, replace(own, time_s=now_s), [current], goal).guidance
         assert guidance is not None
         assert guidance.altitude_m >= floor_m
     avoider.envelope = replace(ENVELOPE, min_altitude_m=500.0)
     held = avoider.decide(5.0, replace(own, time_s=5.0), [], goal).guidance
     assert held is not None
-    assert held.altitude_m >= 500.0, "also while only holding before the return"
+    assert held.altitude_m >= 500.0, "also while holding before the return"

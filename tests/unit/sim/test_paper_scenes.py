@@ -15,7 +15,7 @@ from sim.paper.fields import path_exists, random_field
 from sim.paper.flight import Flight, fly
 from sim.paper.measures import Measures, measure
 from sim.paper.methods import INNER, OUTER, TWO_LAYER
-from sim.paper.scene import PAPER_FOLDER, Scene, Sphere, load_scene
+from sim.paper.scene import SCENE_FOLDER, Scene, Sphere, load_scene
 
 UAV = {"id": "U1", "start": [0.0, 0.0], "goal": [3.0, 3.0], "step": 0.05}
 OTHER = {"id": "U2", "start": [1.0, 0.0], "goal": [0.0, 3.0], "step": 0.05}
@@ -145,7 +145,7 @@ def test_a_moving_obstacle_may_start_at_the_goal() -> None:
     assert scene(obstacles=[moving]).obstacles[0].centre(10) == pytest.approx((3.5, 3.0))
 
 
-@pytest.mark.parametrize("path", sorted(PAPER_FOLDER.rglob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(SCENE_FOLDER.rglob("*.yaml")), ids=lambda path: path.stem)
 def test_every_published_scene_loads(path: Path) -> None:
     assert load_scene(path).uavs
 
@@ -232,7 +232,7 @@ def test_a_clearance_that_leaves_no_room_is_refused() -> None:
 
 
 def test_reversed_ranges_are_refused() -> None:
-    drawn = yaml.safe_load((PAPER_FOLDER / "fields.yaml").read_text(encoding="utf-8"))
+    drawn = yaml.safe_load((SCENE_FOLDER / "fields.yaml").read_text(encoding="utf-8"))
     drawn["random"]["radius"] = [0.6, 0.2]
     with pytest.raises(ConfigError, match=r"random: .*radius: from 0\.6 to 0\.2"):
         checked_from(drawn, Scene, "fields.yaml")

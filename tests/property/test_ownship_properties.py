@@ -1,4 +1,4 @@
-"""Whatever the link loses, repeats or brings late: in the end all is known, and nothing wrong on the way."""
+"""Queries over a bad link: in the end everything is known, and nothing wrong is known before."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -6,13 +6,11 @@ from hypothesis import strategies as st
 from companion.autopilots import ArduPlane
 from companion.avoidance import Envelope
 from companion.engine import AircraftLimits
-from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
-from companion.output.effects import Transmit
 from companion.ownship.autopilot_queries import AutopilotQueries
 from tests.support.responder import AUTOPILOT, FENCE, MISSION, US, Item, Line, Responder, as_fact
 
-settings.register_profile("onboard", derandomize=True, deadline=None, max_examples=25)
+settings.register_profile("queries", derandomize=True, deadline=None, max_examples=25)
 
 PARAMETERS = {
     "ARSPD_FBW_MIN": 12.0,
@@ -28,11 +26,11 @@ def route(items: int, lat_deg: float) -> list[Item]:
 
 
 class Exchange:
-    """Onboard and responder with a bad line in each direction."""
+    """`AutopilotQueries` and a responder, with a bad line in each direction."""
 
     def __init__(self, responder: Responder, seed: int, loss: float) -> None:
         self.responder = responder
-        self.queries = AutopilotQueries(StatusText(lambda: US), Envelope(), AircraftLimits())
+        self.queries = AutopilotQueries(Envelope(), AircraftLimits())
         self._adapter = ArduPlane(AUTOPILOT)
         self._up, self._down = Line(seed, loss=loss), Line(seed + 1, loss=loss)
         self.now_s = 0.0
@@ -47,10 +45,10 @@ class Exchange:
             fact = as_fact(message)
             assert fact is not None
             self.queries.observe(fact, self._adapter, US, self.now_s)
-        for effect in self.queries.tick(self._adapter, self.now_s):
-            if isinstance(effect, Transmit):
-                self.sent += 1
-                self._down.put(effect.message, self.now_s)
+        messages, _ = self.queries.tick(self._adapter, self.now_s)
+        for message in messages:
+            self.sent += 1
+            self._down.put(message, self.now_s)
         for message in self._down.take(self.now_s):
             for answer in self.responder.answer(message):
                 self._up.put(answer, self.now_s)
@@ -65,8 +63,8 @@ def truth(responder: Responder) -> list[float]:
 
 
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.1, 0.3]), st.integers(0, 12))
-@settings(settings.get_profile("onboard"))
-def test_all_is_known_in_the_end_and_nothing_wrong_on_the_way(seed: int, loss: float, items: int) -> None:
+@settings(settings.get_profile("queries"))
+def test_everything_is_known_in_the_end_and_nothing_wrong_before(seed: int, loss: float, items: int) -> None:
     exchange = Exchange(Responder(dict(PARAMETERS), {MISSION: route(items, 47.0), FENCE: ()}), seed, loss)
     for _ in range(2_400):
         exchange.step()
@@ -79,11 +77,11 @@ def test_all_is_known_in_the_end_and_nothing_wrong_on_the_way(seed: int, loss: f
 
 
 @given(st.integers(0, 10_000), st.integers(0, 8), st.integers(0, 8), st.integers(0, 400))
-@settings(settings.get_profile("onboard"))
-def test_a_mission_that_changes_while_it_is_read_is_known_in_the_end(
+@settings(settings.get_profile("queries"))
+def test_a_mission_that_changes_during_the_download_is_known_in_the_end(
     seed: int, before: int, after: int, changed_at: int
 ) -> None:
-    """Where the number of items stays the same, nobody tells: the next reading finds it."""
+    """The number of items always changes; otherwise only the next periodic reading would show the change."""
     after += after == before
     exchange = Exchange(Responder(dict(PARAMETERS), {MISSION: route(before, 47.0), FENCE: ()}), seed, 0.3)
     for step in range(2_400):
