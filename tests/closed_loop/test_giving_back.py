@@ -11,7 +11,7 @@ from companion.mavlink.dialect import mavlink
 from companion.units import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, load_scenario
-from sim.traffic import Intruder, Manoeuvre
+from sim.traffic import Intruder, Maneuver
 from sim.vehicle import Mode, Px4Mode
 
 
@@ -228,10 +228,10 @@ def test_not_given_back_as_long_as_an_intruder_stays_beside_us(autopilot: Autopi
         began_s,
         (north_m + 200.0, east_m + side * 1100.0, down_m),
         (20.0, -15.0 * side, 0.0),
-        manoeuvres=(
-            Manoeuvre(began_s + 60.0, turn_rate_rps=turn_rps),
-            Manoeuvre(began_s + 60.0 + turning_s),
-            Manoeuvre(began_s + 90.0, climb_mps=-30.0),
+        maneuvers=(
+            Maneuver(began_s + 60.0, turn_rate_rps=turn_rps),
+            Maneuver(began_s + 60.0 + turning_s),
+            Maneuver(began_s + 90.0, climb_mps=-30.0),
         ),
         appears_s=began_s,
     )

@@ -12,7 +12,7 @@ from companion.model import Vec2
 from companion.units import WELL_CLEAR_HORIZONTAL_M
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
-from sim.traffic import AdsbReceiver, Intruder, Manoeuvre
+from sim.traffic import AdsbReceiver, Intruder, Maneuver
 
 BASE = load_scenario("head-on")
 ENCOUNTERS = 40
@@ -117,7 +117,7 @@ def test_one_that_comes_back_is_avoided_once_more(seed: int) -> None:
     rate_rps = chance.choice([-1.0, 1.0]) * math.radians(6.0)
     comes_back = replace(
         straight,
-        manoeuvres=(Manoeuvre(turns_s, turn_rate_rps=rate_rps), Manoeuvre(turns_s + math.pi / abs(rate_rps))),
+        maneuvers=(Maneuver(turns_s, turn_rate_rps=rate_rps), Maneuver(turns_s + math.pi / abs(rate_rps))),
     )
     loop.meet(comes_back)
     flight = loop.run(conflict.meet_at_s + 110.0)

@@ -26,8 +26,9 @@ from companion.recording.state_file import DurableStateFile
 from companion.runtime import Runtime
 from sim.clock import ScaledClock
 from sim.files import checked_from
-from sim.scenario import Scenario, build_world
+from sim.scenario import Scenario
 from sim.server import VehicleServer
+from sim.world import build_world
 from tests.integration.test_loop_over_udp import SOON, free_port
 
 pytest.importorskip("mavsdk", reason="MAVSDK's library cannot be loaded on this platform")

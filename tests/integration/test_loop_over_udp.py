@@ -21,9 +21,10 @@ from companion.replay import replay
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, fly_demo
 from sim.files import checked_from
-from sim.scenario import Scenario, build_world, load_scenario
+from sim.scenario import Scenario, load_scenario
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, Mode
+from sim.world import build_world
 
 pytestmark = pytest.mark.wire
 

@@ -27,10 +27,11 @@ from sim.faults import Faults
 from sim.files import checked_from
 from sim.metrics import FlightScore
 from sim.relay import Relay
-from sim.scenario import Autopilot, Scenario, World, build_world
+from sim.scenario import Autopilot, Scenario
 from sim.server import VehicleServer
 from sim.traffic import AdsbReceiver
 from sim.vehicle import FakeVehicle, Truth
+from sim.world import World, build_world
 
 START_S = 1_700_000_000.0
 GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
@@ -116,8 +117,8 @@ class DeafReceiver(AdsbReceiver):
 
     deaf = False
 
-    def reports(self, now_s: float, where_m: Vec3 | None = None) -> list[Message]:
-        heard = super().reports(now_s, where_m)
+    def reports(self, now_s: float, own_m: Vec3 | None = None) -> list[Message]:
+        heard = super().reports(now_s, own_m)
         return [] if self.deaf else heard
 
 

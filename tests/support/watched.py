@@ -12,7 +12,7 @@ from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.translate import frame_to_fact
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Scenario, load_scenario
-from sim.traffic import Intruder, Manoeuvre
+from sim.traffic import Intruder, Maneuver
 from sim.vehicle import Mode
 
 COMMANDS = {
@@ -168,7 +168,7 @@ class Watched(ClosedLoop):
         course_rad = truth.heading_rad if truth.on_ground else math.atan2(east_mps, north_mps)
         ahead = math.cos(course_rad), math.sin(course_rad)
         north_m, east_m, down_m = truth.position_m
-        away = () if goes_s is None else (Manoeuvre(self.now_s + goes_s, climb_mps=80.0),)
+        away = () if goes_s is None else (Maneuver(self.now_s + goes_s, climb_mps=80.0),)
         intruder = Intruder(
             *named,
             self.now_s,
@@ -178,7 +178,7 @@ class Watched(ClosedLoop):
                 down_m - above_m,
             ),
             (-speed_mps * ahead[0], -speed_mps * ahead[1], 0.0),
-            manoeuvres=away,
+            maneuvers=away,
             appears_s=self.now_s,
         )
         self.world.receiver.add(intruder)

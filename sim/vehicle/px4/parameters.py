@@ -1,7 +1,6 @@
-"""PX4's parameters, and what they say about how it flies."""
+"""PX4's parameters, and the limits that they set."""
 
-from sim.vehicle.limits import Limits
-from sim.vehicle.parameters import INT32, REAL32, Parameters, Row
+from sim.vehicle.parameters import INT32, REAL32, Limits, Parameters, Row
 
 _TABLE: tuple[Row, ...] = (
     ("COM_DISARM_LAND", 2, REAL32),
@@ -44,7 +43,7 @@ _TABLE: tuple[Row, ...] = (
 )
 _READ_ONLY = frozenset({"MAV_SYS_ID"})
 
-# The path follower turns to the next leg so far before a square corner, whatever NAV_ACC_RAD says.
+# Distance before a square corner at which the path follower turns, independent of NAV_ACC_RAD.
 _TURN_RADIUS_M = 60.0
 
 
@@ -54,7 +53,7 @@ def default_parameters() -> Parameters:
 
 
 def limits_of(values: Parameters) -> Limits:
-    """How it flies: heights are changed at the rates of FW_T_*_R_SET, which the *_MAX only bound."""
+    """The flight limits. Climb and sink rates are FW_T_*_R_SP; FW_T_*_MAX only bound them."""
     return Limits(
         airspeed_min_mps=values["FW_AIRSPD_MIN"],
         airspeed_cruise_mps=values["FW_AIRSPD_TRIM"],

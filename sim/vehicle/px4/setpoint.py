@@ -1,4 +1,4 @@
-"""What PX4 fixed wing makes of a SET_POSITION_TARGET_*: what it flies, freezes on or breaks on."""
+"""How a PX4 fixed wing interprets SET_POSITION_TARGET_*: flown, frozen, or invalid."""
 
 import math
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ _GLOBAL_FRAMES = frozenset({_ABSOLUTE_FRAME, _RELATIVE_FRAME})
 # type_mask: a set bit means that the field is ignored
 _X, _Y, _Z, _VX, _VY, _VZ, _AX, _AY, _AZ = (1 << bit for bit in range(9))
 
-# The path follower closes on its line over this time, and never at more than 45 degrees to it.
+# The path follower intercepts its line over this time, at no more than 45 degrees.
 _LINE_TIME_S = 3.0
 _SHORTEST_LOOK_AHEAD_M = 30.0
 _STEEPEST_CUT_RAD = math.radians(45.0)
 
 
 class Kind(Enum):
-    """What a setpoint makes the aircraft do."""
+    """The effect of a setpoint on the aircraft."""
 
-    LINE = auto()  # position + velocity: along the line through the position
-    CURVE = auto()  # the same with an acceleration: a turn without end
-    PLACE = auto()  # position: there, and around it
-    FROZEN = auto()  # velocity: attitude and thrust stay what they are
-    BROKEN = auto()  # the attitude setpoint becomes NaN
+    LINE = auto()  # position + velocity: follows the line through the position
+    CURVE = auto()  # position + velocity + acceleration: turns without end
+    PLACE = auto()  # position: flies there and circles
+    FROZEN = auto()  # velocity: keeps attitude and thrust
+    INVALID = auto()  # makes the attitude setpoint NaN
 
 
 ALONG_A_LINE = frozenset({Kind.LINE, Kind.CURVE})
@@ -39,7 +39,7 @@ ALONG_A_LINE = frozenset({Kind.LINE, Kind.CURVE})
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """A setpoint that PX4 accepts. Places are north and east from home; what it does not fly is 0."""
+    """A setpoint that PX4 accepts. Positions are north and east from home; unused fields are 0."""
 
     kind: Kind
     received_s: float
@@ -49,8 +49,8 @@ class Setpoint:
     lateral_mps2: float = 0.0
 
     def fly(self, aircraft: FixedWing, loiter_radius_m: float) -> None:
-        """Command the aircraft; FROZEN and BROKEN command nothing."""
-        if self.kind in (Kind.FROZEN, Kind.BROKEN):
+        """Command the aircraft; FROZEN and INVALID command nothing."""
+        if self.kind in (Kind.FROZEN, Kind.INVALID):
             return
         aircraft.hold_altitude(self.altitude_m)
         if self.kind is Kind.LINE:
@@ -72,7 +72,7 @@ class Setpoint:
 def setpoint_from(
     message: Message, received_s: float, frame: LocalFrame, home_altitude_m: float
 ) -> Setpoint | None:
-    """The setpoint in either message; None for a frame that is rejected, or when nothing in it is valid."""
+    """The setpoint in either message; None for a rejected frame or without any valid field."""
     mask = message.type_mask
     velocity = (_given(message.vx, mask, _VX), _given(message.vy, mask, _VY))
     if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
@@ -93,10 +93,10 @@ def setpoint_from(
     climb = _given(message.vz, mask, _VZ)
     if all(field is None for field in (*position, *velocity, climb, *acceleration)):
         return None
-    return _understood(received_s, position, velocity, acceleration)
+    return _interpreted(received_s, position, velocity, acceleration)
 
 
-def _understood(
+def _interpreted(
     received_s: float,
     position: tuple[float | None, float | None, float | None],
     velocity: tuple[float | None, float | None],
@@ -106,22 +106,22 @@ def _understood(
     vx_mps, vy_mps = velocity
     moving = bool(vx_mps or vy_mps) and vx_mps is not None and vy_mps is not None
     if all(field is None for field in position):
-        return Setpoint(Kind.FROZEN if moving else Kind.BROKEN, received_s)
+        return Setpoint(Kind.FROZEN if moving else Kind.INVALID, received_s)
     if north_m is None or east_m is None or down_m is None:
-        return Setpoint(Kind.BROKEN, received_s)
+        return Setpoint(Kind.INVALID, received_s)
     place_m = (north_m, east_m)
     if vx_mps is None and vy_mps is None:
         return Setpoint(Kind.PLACE, received_s, place_m, -down_m)
     if not moving or vx_mps is None or vy_mps is None:
-        return Setpoint(Kind.BROKEN, received_s)
+        return Setpoint(Kind.INVALID, received_s)
     course_rad = math.atan2(vy_mps, vx_mps)
     ax_mps2, ay_mps2 = acceleration
-    # The real one's sign differs between versions; here an acceleration to the right turns right.
+    # The sign differs between PX4 versions; here an acceleration to the right turns right.
     lateral_mps2 = (ay_mps2 or 0.0) * math.cos(course_rad) - (ax_mps2 or 0.0) * math.sin(course_rad)
     kind = Kind.CURVE if abs(lateral_mps2) > 1e-3 else Kind.LINE
     return Setpoint(kind, received_s, place_m, -down_m, course_rad, lateral_mps2)
 
 
 def _given(value: float, mask: int, bit: int) -> float | None:
-    """The field, None when it is masked or no number."""
+    """The field, None if it is masked or not finite."""
     return None if mask & bit or not math.isfinite(value) else float(value)

@@ -1,21 +1,51 @@
-"""What the fake ArduPlane tells about itself, with the real one's conventions of fields."""
+"""ArduPlane's telemetry: its own messages, default streams and stream groups."""
 
 import math
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.units import wrap_pi
-from sim.vehicle.ardupilot_flight import ArduPlaneFlight
-from sim.vehicle.ardupilot_modes import base_mode
-from sim.vehicle.ardupilot_parameters import Firmware
+from sim.vehicle.ardupilot.flight import ArduPlaneFlight
+from sim.vehicle.ardupilot.modes import base_mode
+from sim.vehicle.ardupilot.parameters import Firmware
 from sim.vehicle.telemetry import Builder, Telemetry
 
-_POSITION_ONLY = 65016  # POSITION_TARGET_GLOBAL_INT.type_mask of the real one
+_EXTENDED_STATUS = (
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+)
+_POSITION = (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
+_RC_CHANNELS = (mavlink.MAVLINK_MSG_ID_RC_CHANNELS,)
+_EXTRA_1 = (mavlink.MAVLINK_MSG_ID_ATTITUDE,)
+_EXTRA_2 = (mavlink.MAVLINK_MSG_ID_VFR_HUD,)
+_EXTRA_3 = (
+    mavlink.MAVLINK_MSG_ID_WIND,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+)
+_SENSORS = (mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,)
+
+DEFAULT_STREAM = (*_EXTENDED_STATUS, *_POSITION, *_EXTRA_1, *_EXTRA_2, *_EXTRA_3, *_SENSORS, *_RC_CHANNELS)
+STREAM_GROUPS: dict[int, tuple[int, ...]] = {  # of REQUEST_DATA_STREAM
+    mavlink.MAV_DATA_STREAM_ALL: DEFAULT_STREAM,
+    mavlink.MAV_DATA_STREAM_RAW_SENSORS: _SENSORS,
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: _EXTENDED_STATUS,
+    mavlink.MAV_DATA_STREAM_POSITION: _POSITION,
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: _RC_CHANNELS,
+    mavlink.MAV_DATA_STREAM_EXTRA1: _EXTRA_1,
+    mavlink.MAV_DATA_STREAM_EXTRA2: _EXTRA_2,
+    mavlink.MAV_DATA_STREAM_EXTRA3: _EXTRA_3,
+}
+
+_POSITION_ONLY = 65016  # POSITION_TARGET_GLOBAL_INT.type_mask as recorded
 _UINT16_MAX = 65535
 _VERSIONS: dict[Firmware, int] = {"4.7": 4 << 24 | 7 << 16, "4.3": 4 << 24 | 3 << 16 | 255}
 
 
 class ArduPlaneTelemetry(Telemetry):
-    """Messages about a fake ArduPlane."""
+    """Builds the messages of a fake ArduPlane."""
 
     autopilot = 3
     # Float parameters, int missions, COMMAND_INT, targets, MAVLink 2, fences
@@ -26,7 +56,7 @@ class ArduPlaneTelemetry(Telemetry):
     def __init__(
         self, flight: ArduPlaneFlight, boot_s: float, firmware: Firmware, geoid_height_m: float
     ) -> None:
-        """`firmware` is the version that AUTOPILOT_VERSION tells."""
+        """`firmware` is the version in AUTOPILOT_VERSION."""
         super().__init__(flight, boot_s, geoid_height_m, (_VERSIONS[firmware], 0))
         self._flight: ArduPlaneFlight = flight
 
@@ -34,7 +64,7 @@ class ArduPlaneTelemetry(Telemetry):
         return base_mode(self._flight.mode, armed=self._flight.armed)
 
     def wind(self, _time_s: float) -> Message:
-        """WIND: `direction` is where it comes from."""
+        """WIND: `direction` is the direction that the wind comes from."""
         north_mps, east_mps = self._flight.aircraft.wind_mps
         return mavlink.MAVLink_wind_message(
             direction=math.degrees(math.atan2(-east_mps, -north_mps)),
@@ -63,7 +93,7 @@ class ArduPlaneTelemetry(Telemetry):
         )
 
     def position_target_global_int(self, time_s: float) -> Message:
-        """POSITION_TARGET_GLOBAL_INT: the place being flown to, height above mean sea level."""
+        """POSITION_TARGET_GLOBAL_INT: the present target, height above mean sea level."""
         target = self._flight.target or self._flight.place
         return mavlink.MAVLink_position_target_global_int_message(
             time_boot_ms=self.boot_ms(time_s),

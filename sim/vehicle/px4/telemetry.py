@@ -1,10 +1,10 @@
-"""What the fake PX4 tells about itself, with the real one's conventions of fields."""
+"""PX4's telemetry: its own messages and default stream."""
 
 import math
 
 from companion.mavlink.dialect import Message, mavlink
-from sim.vehicle.px4_flight import Px4Flight
-from sim.vehicle.px4_modes import base_mode
+from sim.vehicle.px4.flight import Px4Flight
+from sim.vehicle.px4.modes import base_mode
 from sim.vehicle.telemetry import Builder, Telemetry
 
 _VERSION_1_15_0 = 1 << 24 | 15 << 16 | 255
@@ -32,7 +32,7 @@ DEFAULT_STREAM = (
 
 
 class Px4Telemetry(Telemetry):
-    """Messages about a fake PX4."""
+    """Builds the messages of a fake PX4."""
 
     autopilot = 12
     # Int missions, COMMAND_INT, parameters bytewise, local and global targets, MAVLink 2, fences
@@ -48,13 +48,13 @@ class Px4Telemetry(Telemetry):
         return base_mode(self._flight.mode, armed=self._flight.armed)
 
     def attitude_target(self, time_s: float) -> Message:
-        """ATTITUDE_TARGET: NaN when the controller has gone wrong, which nothing else shows."""
+        """ATTITUDE_TARGET: NaN while the setpoint is invalid; no other message shows that."""
         flight = self._flight
         attitude = _quaternion(flight.aircraft.bank_rad, self.pitch_rad(), flight.aircraft.heading_rad)
         return mavlink.MAVLink_attitude_target_message(
             time_boot_ms=self.boot_ms(time_s),
             type_mask=_RATES_IGNORED,
-            q=[math.nan] * 4 if flight.offboard.poisoned else attitude,
+            q=[math.nan] * 4 if flight.offboard.setpoint_invalid else attitude,
             body_roll_rate=0.0,
             body_pitch_rate=0.0,
             body_yaw_rate=0.0,
@@ -62,7 +62,7 @@ class Px4Telemetry(Telemetry):
         )
 
     def wind_cov(self, time_s: float) -> Message:
-        """WIND_COV: `wind_x`, `wind_y` are where the air goes."""
+        """WIND_COV: `wind_x`, `wind_y` are the velocity of the air, north and east."""
         north_mps, east_mps = self._flight.aircraft.wind_mps
         return mavlink.MAVLink_wind_cov_message(
             time_usec=self.boot_ms(time_s) * 1000,
@@ -77,7 +77,7 @@ class Px4Telemetry(Telemetry):
         )
 
     def position_target_global_int(self, time_s: float) -> Message:
-        """POSITION_TARGET_GLOBAL_INT: the place being flown to, height above mean sea level."""
+        """POSITION_TARGET_GLOBAL_INT: the present target, height above mean sea level."""
         target = self._flight.target or self._flight.place
         return mavlink.MAVLink_position_target_global_int_message(
             time_boot_ms=self.boot_ms(time_s),
@@ -105,7 +105,7 @@ class Px4Telemetry(Telemetry):
 
 
 def _quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]:
-    """w, x, y, z of the rotation yaw, then pitch, then roll."""
+    """Quaternion w, x, y, z of the rotation yaw, then pitch, then roll."""
     cr, sr = math.cos(roll_rad / 2.0), math.sin(roll_rad / 2.0)
     cp, sp = math.cos(pitch_rad / 2.0), math.sin(pitch_rad / 2.0)
     cy, sy = math.cos(yaw_rad / 2.0), math.sin(yaw_rad / 2.0)

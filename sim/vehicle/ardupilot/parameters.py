@@ -1,13 +1,12 @@
-"""ArduPlane's parameters, by the names of 4.7 or of 4.3, and what they say about how it flies."""
+"""ArduPlane's parameters, by the names of 4.7 or of 4.3, and the limits that they set."""
 
 from typing import Literal, get_args
 
-from sim.vehicle.limits import Limits
-from sim.vehicle.parameters import INT8, INT16, INT32, REAL32, Parameters, Row
+from sim.vehicle.parameters import INT8, INT16, INT32, REAL32, Limits, Parameters, Row
 
 Firmware = Literal["4.7", "4.3"]
 
-# A climb or sink demand of TECS_CLMB_MAX 5 came out as 4.5 m/s.
+# Measured: with TECS_CLMB_MAX 5, climbs and descents were flown at 4.5 m/s.
 _CLIMB_EFFICIENCY = 0.9
 
 _TABLE: tuple[Row, ...] = (
@@ -46,7 +45,7 @@ _TABLE: tuple[Row, ...] = (
 )
 _READ_ONLY = frozenset({"FENCE_TOTAL", "MIS_TOTAL", "STAT_RUNTIME", "SYSID_THISMAV"})
 
-# What 4.3 called them, with its types, and how much one of today's units was in its own.
+# The name in 4.3, its type, and the factor from the unit of 4.7 to that of 4.3.
 _OLD_NAMES: dict[str, tuple[str, int, float]] = {
     "AIRSPEED_CRUISE": ("TRIM_ARSPD_CM", INT32, 100.0),
     "AIRSPEED_MAX": ("ARSPD_FBW_MAX", INT16, 1.0),
@@ -57,7 +56,7 @@ _OLD_NAMES: dict[str, tuple[str, int, float]] = {
 
 
 def parameters_of(firmware: Firmware) -> Parameters:
-    """The defaults under the names of that version; ValueError for one that is not imitated."""
+    """The defaults under the names of that version; ValueError for an unsupported version."""
     if firmware not in get_args(Firmware):
         raise ValueError(f"firmware {firmware!r} is none of {', '.join(get_args(Firmware))}")
     rows = _TABLE if firmware == "4.7" else tuple(map(_as_of_4_3, _TABLE))
@@ -73,7 +72,7 @@ def _as_of_4_3(row: Row) -> Row:
 
 
 def limits_of(values: Parameters) -> Limits:
-    """How it flies by its parameters, whichever names they have."""
+    """The flight limits, by either version's names."""
     return Limits(
         airspeed_min_mps=_value(values, "AIRSPEED_MIN"),
         airspeed_cruise_mps=_value(values, "AIRSPEED_CRUISE"),

@@ -1,4 +1,4 @@
-"""How PX4 flies its modes as a fixed wing, and what it does on entering them."""
+"""PX4's flight modes as a fixed wing: what each flies, and what happens on entry."""
 
 import math
 from collections.abc import Sequence
@@ -6,19 +6,18 @@ from collections.abc import Sequence
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
 from sim.dynamics import Airframe
-from sim.vehicle.events import CRITICAL, INFO, WARNING, ModeChanged, Text
-from sim.vehicle.limits import Limits
 from sim.vehicle.mission import Mission, MissionItem
 from sim.vehicle.mission_flight import MissionFlight
-from sim.vehicle.parameters import Parameters
-from sim.vehicle.px4_modes import PILOTED, WITHOUT_POSITION_CONTROL, Px4Mode
-from sim.vehicle.px4_offboard import Offboard
-from sim.vehicle.px4_parameters import limits_of
-from sim.vehicle.px4_setpoint import Kind, Setpoint
+from sim.vehicle.outputs import CRITICAL, INFO, WARNING, ModeChanged, Text
+from sim.vehicle.parameters import Limits, Parameters
+from sim.vehicle.px4.modes import PILOTED, WITHOUT_POSITION_CONTROL, Px4Mode
+from sim.vehicle.px4.offboard import Offboard
+from sim.vehicle.px4.parameters import limits_of
+from sim.vehicle.px4.setpoint import Kind, Setpoint
 
-# With these and the dead time of `px4_offboard`, turns at 14 m/s come within 5 degrees of 30, 90, 180 in 1.9,
-# 3.2 and 5.0 s; measured were 1.9, 3.4 and 4.7, and no point mass turns the second 90 degrees that fast at
-# a bank of 50. A climb of 30 m takes the 20 s that were measured by FW_T_CLMB_R_SP 3 and FW_T_ALT_TC 5.
+# With these and the dead time in `offboard`, turns of 30, 90 and 180 degrees at 14 m/s come within 5 degrees
+# in 1.9, 3.2 and 5.0 s; measured were 1.9, 3.4 and 4.7 s. No point mass turns the second 90 degrees that fast
+# at a bank of 50 degrees. A climb of 30 m takes 20 s, as measured with FW_T_CLMB_R_SP 3 and FW_T_ALT_TC 5.
 AIRFRAME = Airframe(
     bank_limit_rad=math.radians(50.0),
     roll_rate_limit_rps=math.radians(90.0),
@@ -31,7 +30,7 @@ AIRFRAME = Airframe(
 )
 _FAR_BELOW_M = 20.0
 _LAND_SINK_MPS = 1.5
-# A controller gone wrong: it rolls slowly off and goes down. How fast was not measured.
+# With an invalid setpoint it rolls off slowly and descends; these rates were not measured.
 _ROLL_OFF_RPS = math.radians(3.0)
 _FALLING_MPS = 2.0
 
@@ -63,11 +62,11 @@ class Px4Flight(MissionFlight):
         airframe: Airframe | None = None,
         strict: bool = True,
     ) -> None:
-        """Stand disarmed in MANUAL at home, pointing along `heading_rad`; `strict` as for `Offboard`."""
+        """Start disarmed in MANUAL at home, pointing along `heading_rad`; `strict` as for `Offboard`."""
         self.mode: Px4Mode = Px4Mode.MANUAL
         self.offboard = Offboard(strict=strict)
-        self._was_poisoned = False
-        self._re_enters = False
+        self._setpoint_was_invalid = False
+        self._may_re_enter = False
         self._frozen = False
         self._climb_at: GeoPoint | None = None
         super().__init__(
@@ -91,13 +90,14 @@ class Px4Flight(MissionFlight):
 
     @property
     def piloted(self) -> bool:
-        """MANUAL and its assisted kin."""
+        """MANUAL and the assisted modes."""
         return self.mode in PILOTED
 
     @property
     def uncontrolled(self) -> bool:
-        """Poisoned, in a mode that the position controller flies."""
-        return self.offboard.poisoned and not self.on_ground and self.mode not in WITHOUT_POSITION_CONTROL
+        """True with an invalid setpoint in a mode that the position controller flies."""
+        invalid = self.offboard.setpoint_invalid
+        return invalid and not self.on_ground and self.mode not in WITHOUT_POSITION_CONTROL
 
     @property
     def taking_off_by_mode(self) -> bool:
@@ -106,55 +106,55 @@ class Px4Flight(MissionFlight):
 
     @property
     def landing(self) -> bool:
-        """On the way down, by the mode or the mission."""
+        """True while landing, by mode or by mission."""
         return self.mode is Px4Mode.LAND or super().landing
 
-    # --- what others tell it ---
+    # --- commands ---
 
     def set_mode(self, mode: Px4Mode) -> bool:
-        """Change the mode, as a pilot or a command does; False when it cannot be entered."""
+        """Change the mode, as a pilot or a command does; False if it cannot be entered."""
         if mode is Px4Mode.OFFBOARD and not self.offboard.may_enter(self.flown_s):
             return False
         if mode is Px4Mode.MISSION and not self.mission.items:
             return False
-        self._re_enters = False
+        self._may_re_enter = False
         self._change_mode(mode)
         return True
 
     def enter_mission(self) -> None:
-        """MISSION, when there is one."""
+        """MISSION, if a mission is stored."""
         self.set_mode(Px4Mode.MISSION)
 
     def return_home(self) -> None:
         """RETURN."""
         self.set_mode(Px4Mode.RETURN)
 
-    def take(self, setpoint: Setpoint) -> None:
-        """A valid setpoint came; one that ends a silence re-enters the OFFBOARD that was lost to it."""
+    def receive(self, setpoint: Setpoint) -> None:
+        """Handle a valid setpoint; the first one after a lost stream re-enters OFFBOARD."""
         self.offboard.receive(setpoint, self.aircraft.altitude_m)
-        if self._re_enters:
-            self._re_enters = False
+        if self._may_re_enter:
+            self._may_re_enter = False
             self._change_mode(Px4Mode.OFFBOARD)
 
     def reposition(self, place: GeoPoint) -> None:
-        """HOLD around a place."""
+        """Enter HOLD around a place."""
         self.set_mode(Px4Mode.HOLD)
         self.target = place
 
     def change_speed(self, airspeed_mps: float) -> None:
-        """DO_CHANGE_SPEED: flown by the modes that navigate by themselves, until the next mode."""
+        """DO_CHANGE_SPEED: flown in the modes that navigate by themselves, until the mode changes."""
         if not (self.companion_flies or self.piloted):
             self.aircraft.hold_airspeed(airspeed_mps)
 
     def forget_commands(self) -> None:
-        """As after a reboot: no stream, a controller like new; without a stream OFFBOARD is lost."""
+        """Reset stream and controller, as a reboot does; without a stream OFFBOARD is lost."""
         self.offboard = Offboard(strict=self.offboard.strict)
-        self._re_enters = False
+        self._may_re_enter = False
         if self.companion_flies:
             self._change_mode(self._loss_action())
 
     def apply_parameters(self) -> None:
-        """Let the envelope parameters limit the aircraft; a new FW_AIRSPD_TRIM is flown at once."""
+        """Limit the aircraft by the envelope parameters; a new FW_AIRSPD_TRIM is flown at once."""
         before_mps = self.limits.airspeed_cruise_mps
         super().apply_parameters()
         if self.limits.airspeed_cruise_mps != before_mps:
@@ -163,20 +163,21 @@ class Px4Flight(MissionFlight):
     # --- time ---
 
     def advance(self) -> None:
-        """Fly on for one step."""
+        """Fly for one step; a lost stream ends OFFBOARD."""
         silent_s = self.offboard.silent_for_s(self.flown_s)
         if self.companion_flies and silent_s > self.parameters["COM_OF_LOSS_T"]:
             self.events.append(Text(CRITICAL, "Offboard control lost"))
             self._change_mode(self._loss_action())
-            self._re_enters = True
+            self._may_re_enter = True
         super().advance()
-        if self.offboard.poisoned != self._was_poisoned:
-            self._was_poisoned = self.offboard.poisoned
-            self._confess()
+        if self.offboard.setpoint_invalid != self._setpoint_was_invalid:
+            self._setpoint_was_invalid = self.offboard.setpoint_invalid
+            self._report_setpoint_validity()
 
-    def _confess(self) -> None:
-        """The real one says nothing of this; the fake is honest, so that a tester need not search."""
-        what = "attitude setpoint is NaN" if self.offboard.poisoned else "attitude setpoint is sane again"
+    def _report_setpoint_validity(self) -> None:
+        """Announce the change; the real autopilot is silent about it, which would hide it from a tester."""
+        invalid = self.offboard.setpoint_invalid
+        what = "attitude setpoint is NaN" if invalid else "attitude setpoint is sane again"
         self.events.append(Text(CRITICAL, f"FAKE VEHICLE: {what}"))
 
     def _command(self) -> None:
@@ -236,7 +237,7 @@ class Px4Flight(MissionFlight):
             return
         self._frozen = False
         setpoint.fly(aircraft, self.limits.loiter_radius_m)
-        if setpoint.kind is not Kind.BROKEN:
+        if setpoint.kind is not Kind.INVALID:
             self.target = self.frame.to_geo(*setpoint.place_m, -setpoint.altitude_m)
 
     # --- the mission ---
@@ -248,7 +249,7 @@ class Px4Flight(MissionFlight):
             super()._start_or_resume()
 
     def _climb_first(self) -> None:
-        """Well below the item's height: a loiter up to it, before going there."""
+        """Plan a climb in a loiter if the item is well above."""
         below_m = self.wanted_altitude_m - self.aircraft.altitude_m
         if not self.on_ground and not self.taking_off and below_m > _FAR_BELOW_M:
             here = self.place
@@ -263,7 +264,7 @@ class Px4Flight(MissionFlight):
         self.target = target
         if self._climb_at.altitude_m - self.aircraft.altitude_m <= self.parameters["NAV_FW_ALT_RAD"]:
             self._climb_at = None
-            self._start_item()  # from here, straight
+            self._start_item()  # straight from here
 
     def _takeoff_done(self) -> None:
         self._change_mode(Px4Mode.HOLD)
@@ -284,7 +285,7 @@ class Px4Flight(MissionFlight):
             self.set_mode(action)
 
     def _say(self, text: str) -> None:
-        """Says nothing of the mission's progress, as the real one."""
+        """Nothing: PX4 does not report mission progress."""
 
     def _read_limits(self) -> Limits:
         return limits_of(self.parameters)

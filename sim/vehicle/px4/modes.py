@@ -1,4 +1,4 @@
-"""PX4's flight modes, and what HEARTBEAT says about them."""
+"""PX4's flight modes, and their flags in HEARTBEAT."""
 
 from enum import IntEnum
 
@@ -26,7 +26,7 @@ class Px4Mode(IntEnum):
     STABILIZED = _custom_mode(7)
 
 
-# The sticks fly past the position controller in these, and with it past whatever has gone wrong there.
+# In these modes the sticks bypass the position controller, and so an invalid setpoint of it.
 WITHOUT_POSITION_CONTROL = frozenset({Px4Mode.MANUAL, Px4Mode.ACRO, Px4Mode.STABILIZED})
 PILOTED = WITHOUT_POSITION_CONTROL | {Px4Mode.ALTCTL, Px4Mode.POSCTL}
 
@@ -40,7 +40,7 @@ _UNSTABILIZED = frozenset({Px4Mode.MANUAL, Px4Mode.ACRO})
 
 
 def mode_of(main: float, sub: float) -> Px4Mode | None:
-    """The mode of DO_SET_MODE's two numbers, None when there is none; sub counts in AUTO alone."""
+    """The mode for DO_SET_MODE's two numbers, None if unknown; `sub` matters only in AUTO."""
     for mode in Px4Mode:
         if mode >> 16 & 0xFF == main and (main != _AUTO or mode >> 24 == sub):
             return mode

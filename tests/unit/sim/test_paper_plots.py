@@ -1,4 +1,4 @@
-"""The figures are drawn, not blank, and of a size that fits a page, for ordinary and for odd flights."""
+"""The figures are not blank and fit a page, for ordinary and for unusual flights."""
 
 import math
 import struct
@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from sim import plots
-from sim.paper import methods
+from sim.paper import methods, plots
 from sim.paper.flight import Flight, UavFlight, fly
 from sim.paper.scene import Scene, Sphere, Uav, load_scene
 from sim.paper.studies import TransitionPoint
@@ -36,7 +35,7 @@ def scene(*obstacles: Sphere, uavs: int = 1) -> Scene:
 
 
 def flown(of: Scene, steps: int, *, arrives: bool = True) -> Flight:
-    """Straight at the goals, every layer for a while, without the time that flying takes."""
+    """A synthetic flight straight to the goals, with every layer for a while."""
     ramp = np.linspace(0.0, 1.0, steps + 1)
     one = [
         UavFlight(
@@ -68,7 +67,7 @@ def many(count: int) -> tuple[Sphere, ...]:
     return tuple(one for one in spheres if min(math.dist(one.at, end) for end in _ENDS) > 1.0)
 
 
-ODD = {
+UNUSUAL = {
     "no obstacles": flown(scene(), 100),
     "one step": flown(scene(Sphere("S", (5.0, 5.0), 0.5), Sphere("M", (3.0, 3.0), 0.3, (0.1, 0.0))), 1),
     "never arrived": flown(scene(Sphere("M", (900.0, 900.0), 0.5, (0.1, 0.0))), 850, arrives=False),
@@ -78,26 +77,26 @@ ODD = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name in ODD if name != "large group"])
+@pytest.mark.parametrize("name", [name for name in UNUSUAL if name != "large group"])
 def test_odd_flights_are_drawn_from_above(name: str, tmp_path: Path) -> None:
-    plots.trajectory(ODD[name], tmp_path / "map.png")
+    plots.trajectory(UNUSUAL[name], tmp_path / "map.png")
     assert_drawn(tmp_path / "map.png")
 
 
 def test_periods_are_drawn(tmp_path: Path) -> None:
-    plots.trajectories_in_time(ODD["one step"], tmp_path / "periods.png")
+    plots.trajectories_in_time(UNUSUAL["one step"], tmp_path / "periods.png")
     assert_drawn(tmp_path / "periods.png")
 
 
 @pytest.mark.parametrize("name", ["one step", "large group"])
 def test_commands_are_drawn(name: str, tmp_path: Path) -> None:
-    plots.commands_over_time(ODD[name], tmp_path / "commands.png")
+    plots.commands_over_time(UNUSUAL[name], tmp_path / "commands.png")
     assert_drawn(tmp_path / "commands.png")
 
 
 @pytest.mark.parametrize("name", ["no obstacles", "group among obstacles"])
 def test_safety_is_drawn(name: str, tmp_path: Path) -> None:
-    plots.safety_over_time([ODD[name], ODD[name]], tmp_path / "safety.png")
+    plots.safety_over_time([UNUSUAL[name], UNUSUAL[name]], tmp_path / "safety.png")
     assert_drawn(tmp_path / "safety.png")
 
 
@@ -107,8 +106,8 @@ def test_a_flight_of_the_paper_is_drawn(tmp_path: Path) -> None:
 
 
 def test_minima_are_drawn_with_rows_of_different_lengths(tmp_path: Path) -> None:
-    trapped = ODD["never arrived"]
-    plots.minima({"in-line": [trapped, ODD["no obstacles"]], "gap": [trapped]}, tmp_path / "minima.png")
+    trapped = UNUSUAL["never arrived"]
+    plots.minima({"in-line": [trapped, UNUSUAL["no obstacles"]], "gap": [trapped]}, tmp_path / "minima.png")
     assert_drawn(tmp_path / "minima.png")
 
 

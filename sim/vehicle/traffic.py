@@ -1,4 +1,4 @@
-"""What the autopilot itself knows of other aircraft, for an avoidance of its own."""
+"""ADS-B reports inside a fake autopilot: the list for its own avoidance, and the copy that it forwards."""
 
 import math
 
@@ -10,18 +10,18 @@ _PLACED = mavlink.ADSB_FLAGS_VALID_COORDS | mavlink.ADSB_FLAGS_VALID_ALTITUDE
 
 
 class HeardTraffic:
-    """The last report of every address, for a few seconds."""
+    """The last report of each address, kept for five seconds."""
 
     def __init__(self) -> None:
         self._heard: dict[int, tuple[float, Message]] = {}
 
     def receive(self, report: Message, now_s: float) -> None:
-        """Take a report; one without a place or height is no use."""
+        """Store a report; one without position or height is ignored."""
         if report.flags & _PLACED == _PLACED:
             self._heard[int(report.ICAO_address)] = (now_s, report)
 
     def is_within(self, here: GeoPoint, horizontal_m: float, vertical_m: float, now_s: float) -> bool:
-        """Whether anybody is inside that cylinder around a place."""
+        """True if any aircraft is inside that cylinder around a place."""
         frame = LocalFrame(here.lat_deg, here.lon_deg)
         for heard_s, report in self._heard.values():
             if now_s - heard_s > _TIMEOUT_S:
@@ -34,5 +34,24 @@ class HeardTraffic:
         return False
 
     def clear(self) -> None:
-        """Forget everybody."""
+        """Delete all reports."""
         self._heard.clear()
+
+
+def copy_of(report: Message) -> Message:
+    """A new ADSB_VEHICLE with the same fields, to be sent from the autopilot's own address."""
+    return mavlink.MAVLink_adsb_vehicle_message(
+        ICAO_address=report.ICAO_address,
+        lat=report.lat,
+        lon=report.lon,
+        altitude_type=report.altitude_type,
+        altitude=report.altitude,
+        heading=report.heading,
+        hor_velocity=report.hor_velocity,
+        ver_velocity=report.ver_velocity,
+        callsign=report.callsign.encode("ascii", errors="replace"),
+        emitter_type=report.emitter_type,
+        tslc=report.tslc,
+        flags=report.flags,
+        squawk=report.squawk,
+    )

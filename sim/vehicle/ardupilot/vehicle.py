@@ -1,4 +1,4 @@
-"""A fake ArduPlane: MAVLink messages in, messages out, with the manners of the real one, good and bad."""
+"""A fake ArduPlane: MAVLink messages in, messages out; it behaves as the real one, quirks included."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,17 +9,15 @@ from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Vec2
 from sim.dynamics import Airframe
-from sim.vehicle.ardupilot_avoidance import ArduPlaneAvoidance
-from sim.vehicle.ardupilot_commands import ArduPlaneCommands
-from sim.vehicle.ardupilot_flight import ArduPlaneFlight
-from sim.vehicle.ardupilot_modes import Mode
-from sim.vehicle.ardupilot_parameters import Firmware, parameters_of
-from sim.vehicle.ardupilot_streams import DEFAULT_STREAM, GROUPS
-from sim.vehicle.ardupilot_telemetry import ArduPlaneTelemetry
-from sim.vehicle.ardupilot_traffic import TrafficList
-from sim.vehicle.events import INFO, WARNING, Text
+from sim.vehicle.ardupilot.commands import ArduPlaneCommands
+from sim.vehicle.ardupilot.flight import ArduPlaneFlight
+from sim.vehicle.ardupilot.modes import Mode
+from sim.vehicle.ardupilot.parameters import Firmware, parameters_of
+from sim.vehicle.ardupilot.telemetry import DEFAULT_STREAM, STREAM_GROUPS, ArduPlaneTelemetry
+from sim.vehicle.ardupilot.traffic import ArduPlaneAvoidance, TrafficList
 from sim.vehicle.mission import ABSOLUTE_FRAMES, GLOBAL_FRAMES, MissionItem
 from sim.vehicle.mission_protocol import MISSION
+from sim.vehicle.outputs import INFO, WARNING, Text
 from sim.vehicle.parameter_protocol import AsFloat
 from sim.vehicle.vehicle import BOOTED_BEFORE_S, FakeVehicle
 
@@ -45,9 +43,9 @@ class FakeArduPlane(FakeVehicle):
         parameters: Mapping[str, float] | None = None,
         geoid_height_m: float = 0.0,
     ) -> None:
-        """Stand disarmed in MANUAL at home at `now_s` [s, Unix], `mission` (without its home item) loaded.
+        """Start disarmed in MANUAL at home at `now_s` [s, Unix]; `mission` has no home item.
 
-        `firmware` is the version whose parameter names it has, `parameters` are set besides its defaults.
+        `firmware` is the imitated version, with its parameter names; `parameters` override its defaults.
         """
         values = parameters_of(firmware)
         for name, value in (parameters or {}).items():
@@ -75,7 +73,7 @@ class FakeArduPlane(FakeVehicle):
         sequence: int = 1,
         **options: Any,
     ) -> "FakeArduPlane":
-        """The same in the air: armed, in AUTO, level at cruise speed on the way to item `sequence`."""
+        """A vehicle in the air: armed, in AUTO, level at cruise speed on the way to item `sequence`."""
         vehicle = cls(home, now_s, **options)
         vehicle.flight.start_in_air(position, course_rad, sequence)
         return vehicle
@@ -86,34 +84,34 @@ class FakeArduPlane(FakeVehicle):
         return self._flight
 
     def set_mode(self, mode: IntEnum | str) -> None:
-        """The pilot changes the mode on his transmitter; `ValueError` for one that there is not."""
+        """Change the mode from the pilot's transmitter; `ValueError` for an unknown mode."""
         if isinstance(mode, str):
             if mode not in Mode.__members__:
                 raise ValueError(f"ArduPlane has no mode {mode!r}")
             mode = Mode[mode]
         self._flight.set_mode(Mode(mode))
 
-    def _hear_report(self, report: Message, now_s: float, channel: int) -> None:
+    def _receive_report(self, report: Message, now_s: float, channel: int) -> None:
         self._traffic.receive(report, self._flight.place, now_s, channel)
 
     def _reports_for(self, channel: int, now_s: float) -> list[Message]:
         report = self._traffic.next_for(channel, now_s)
         return [] if report is None else [report]
 
-    def _forget_reports(self) -> None:
+    def _clear_reports(self) -> None:
         self._traffic.clear()
 
     def _avoid_traffic(self, now_s: float) -> None:
         self._avoidance.step(now_s)
 
-    def _take_set_mode(self, message: Message) -> tuple[int, int]:
+    def _handle_set_mode(self, message: Message) -> tuple[int, int]:
         result = self._commands.set_mode(message.base_mode, message.custom_mode)
         return mavlink.MAVLINK_MSG_ID_SET_MODE, result
 
-    def _take_data_stream(self, message: Message, channel: int) -> None:
-        """REQUEST_DATA_STREAM: one rate for a group of messages; unknown groups are ignored."""
+    def _handle_data_stream(self, message: Message, channel: int) -> None:
+        """Handle REQUEST_DATA_STREAM: one rate for a group of messages; unknown groups are ignored."""
         rate_hz = message.req_message_rate if message.start_stop else 0
-        for message_id in GROUPS.get(message.req_stream_id, ()):
+        for message_id in STREAM_GROUPS.get(message.req_stream_id, ()):
             interval_s = 1.0 / rate_hz if rate_hz > 0 else 0.0
             self._streams[channel].set_interval(message_id, interval_s, self.time_s)
 
@@ -126,13 +124,13 @@ class FakeArduPlane(FakeVehicle):
         self._parameter_protocol.announce(self.parameters.record(name, len(items)))
 
     def _mode_changed(self) -> None:
-        """Told with the next heartbeat."""
+        """Nothing: the next heartbeat reports the mode."""
 
     def _fence_changed(self) -> None:
         self._send_all(self._telemetry.fence_status(self.time_s))
 
-    def _take_target(self, message: Message, _now_s: float) -> None:
-        """SET_POSITION_TARGET_*: of all that these carry, ArduPlane flies the height alone."""
+    def _handle_target(self, message: Message, _now_s: float) -> None:
+        """Handle SET_POSITION_TARGET_*: ArduPlane flies only the height in it."""
         flight = self._flight
         if flight.mode is not Mode.GUIDED:
             return

@@ -1,18 +1,17 @@
-"""How ArduPlane flies its modes, and what it does on entering them."""
+"""ArduPlane's flight modes: what each flies, and what happens on entry."""
 
 from collections.abc import Sequence
 
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
 from sim.dynamics import Airframe
-from sim.vehicle.ardupilot_guided import GuidedTargets
-from sim.vehicle.ardupilot_modes import PILOTED, Mode
-from sim.vehicle.ardupilot_parameters import limits_of
-from sim.vehicle.events import INFO, WARNING, ModeChanged, Text
-from sim.vehicle.limits import Limits
+from sim.vehicle.ardupilot.guided import GuidedTargets
+from sim.vehicle.ardupilot.modes import PILOTED, Mode
+from sim.vehicle.ardupilot.parameters import limits_of
 from sim.vehicle.mission import Mission, MissionItem
 from sim.vehicle.mission_flight import MissionFlight
-from sim.vehicle.parameters import Parameters
+from sim.vehicle.outputs import INFO, WARNING, ModeChanged, Text
+from sim.vehicle.parameters import Limits, Parameters
 
 _NO_MISSION_TEXT = "Aircraft in auto without a running mission"
 _RTL_ON_BREACH = 1  # FENCE_ACTION
@@ -31,7 +30,7 @@ class ArduPlaneFlight(MissionFlight):
         wind_mps: Vec2 = (0.0, 0.0),
         airframe: Airframe | None = None,
     ) -> None:
-        """Stand disarmed in MANUAL at home, pointing along `heading_rad`."""
+        """Start disarmed in MANUAL at home, pointing along `heading_rad`."""
         self.mode: Mode = Mode.MANUAL
         super().__init__(
             home,
@@ -55,12 +54,12 @@ class ArduPlaneFlight(MissionFlight):
 
     @property
     def piloted(self) -> bool:
-        """MANUAL and its assisted kin."""
+        """MANUAL and the assisted modes."""
         return self.mode in PILOTED
 
     @property
     def uncontrolled(self) -> bool:
-        """Never: what it does not understand, it ignores."""
+        """Never True: ArduPlane ignores commands that it does not support."""
         return False
 
     @property
@@ -70,11 +69,11 @@ class ArduPlaneFlight(MissionFlight):
 
     @property
     def wanted_altitude_m(self) -> float:
-        """The height being flown to [m above mean sea level]."""
+        """The commanded height [m above mean sea level]."""
         return self.guided.altitude_m if self.mode is Mode.GUIDED else super().wanted_altitude_m
 
     def set_mode(self, mode: Mode) -> None:
-        """Change the mode, as a pilot or a command does; every entry forgets the guided targets."""
+        """Change the mode, as a pilot or a command does; every change clears the guided targets."""
         if mode is self.mode:
             return
         self.mode = mode
@@ -92,7 +91,7 @@ class ArduPlaneFlight(MissionFlight):
             self.aircraft.hold_altitude(here.altitude_m)
 
     def forget_commands(self) -> None:
-        """In GUIDED: circle here."""
+        """Clear the guided targets: GUIDED circles here."""
         here = self.place
         self.guided = GuidedTargets(here, self.limits.loiter_radius_m, altitude_m=here.altitude_m)
 
@@ -105,7 +104,7 @@ class ArduPlaneFlight(MissionFlight):
         self.set_mode(Mode.RTL)
 
     def reposition(self, place: GeoPoint, radius_m: float) -> None:
-        """In GUIDED: fly there and circle; a negative radius turns left, 0 takes the parameter's."""
+        """In GUIDED, fly to a place and circle; a negative radius turns left, 0 uses the parameter's."""
         self.guided.go_to(place, radius_m or self.limits.loiter_radius_m)
         self.target = place
 
@@ -125,8 +124,8 @@ class ArduPlaneFlight(MissionFlight):
         self._circle(self.place, self._takeoff_altitude_m())
 
     def _mission_over(self) -> None:
-        because = "Mission complete, changing mode to RTL" if self.mission.items else _NO_MISSION_TEXT
-        self.events.append(Text(INFO, because))
+        text = "Mission complete, changing mode to RTL" if self.mission.items else _NO_MISSION_TEXT
+        self.events.append(Text(INFO, text))
         self.set_mode(Mode.RTL)
 
     def _fence_enabled(self) -> bool:

@@ -1,4 +1,4 @@
-"""What ArduPlane was told to fly in GUIDED, and which wishes it takes, refuses or silently ignores."""
+"""ArduPlane's targets in GUIDED: which commands it accepts, refuses or silently ignores."""
 
 import math
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 from sim.dynamics import FixedWing
+from sim.vehicle.commands import Result
 from sim.vehicle.mission import ABSOLUTE_FRAMES, GLOBAL_FRAMES
 from sim.vehicle.navigation import circle
-from sim.vehicle.result import Result
 
 _COURSE_OVER_GROUND, _HEADING, _HEADING_DEFAULT = 0.0, 1.0, 2.0
 _AIRSPEED = 0.0
@@ -17,7 +17,7 @@ _SMALLEST_ACCELERATION_MPS2 = 0.05
 
 @dataclass(slots=True)
 class GuidedTargets:
-    """Where and how to fly: a circle until a course is given. Heights are above mean sea level."""
+    """The present targets: a circle until a course is commanded. Heights are above mean sea level."""
 
     centre: GeoPoint
     radius_m: float  # negative turns left
@@ -44,7 +44,7 @@ class GuidedTargets:
         return Result.ACCEPTED
 
     def change_speed(self, kind: float, speed_mps: float, lowest_mps: float, highest_mps: float) -> Result:
-        """MAV_CMD_GUIDED_CHANGE_SPEED (43000): airspeed within the parameters' limits, nothing else."""
+        """MAV_CMD_GUIDED_CHANGE_SPEED (43000): only airspeeds within the parameters' limits."""
         if kind != _AIRSPEED:
             return Result.DENIED
         if not lowest_mps <= speed_mps <= highest_mps:
@@ -53,7 +53,7 @@ class GuidedTargets:
         return Result.ACCEPTED
 
     def change_altitude(self, frame: int, z_m: float, rate_mps: float, home_altitude_m: float) -> Result:
-        """MAV_CMD_GUIDED_CHANGE_ALTITUDE (43001); a rate of 0 means as fast as can be."""
+        """MAV_CMD_GUIDED_CHANGE_ALTITUDE (43001); a rate of 0 means the maximum."""
         if not math.isfinite(z_m) or z_m in (0.0, -1.0) or frame not in GLOBAL_FRAMES:
             return Result.DENIED
         self.altitude_m = z_m + (0.0 if frame in ABSOLUTE_FRAMES else home_altitude_m)
@@ -61,19 +61,19 @@ class GuidedTargets:
         return Result.ACCEPTED
 
     def go_to(self, centre: GeoPoint, radius_m: float) -> None:
-        """MAV_CMD_DO_REPOSITION (192): circle there, no longer holding a course."""
+        """MAV_CMD_DO_REPOSITION (192): circle there; ends a commanded course."""
         self.centre = centre
         self.radius_m = radius_m
         self.course_rad = None
         self.set_altitude(centre.altitude_m)
 
     def set_altitude(self, altitude_m: float) -> None:
-        """A height without a rate, as position targets give it."""
+        """Set a height without a rate, as position targets do."""
         self.altitude_m = altitude_m
         self.altitude_rate_mps = math.inf
 
     def fly(self, aircraft: FixedWing, frame: LocalFrame) -> None:
-        """Give the aircraft its commands for the next step."""
+        """Command the aircraft for the next step."""
         if self.airspeed_mps is not None:
             aircraft.hold_airspeed(self.airspeed_mps)
         difference_m = self.altitude_m - aircraft.altitude_m

@@ -1,4 +1,4 @@
-"""The demonstration on a terminal: live while it flies, a table at the end."""
+"""The demonstration on a terminal: live view in flight, a table at the end."""
 
 import math
 from contextlib import AbstractContextManager
@@ -21,7 +21,7 @@ _TEXTS_SHOWN = 4
 
 
 class DemoView(AbstractContextManager["DemoView"]):
-    """Draws the state on a terminal; without one, prints a line for every event."""
+    """Draws the state on a terminal; elsewhere prints one line per event."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -36,11 +36,11 @@ class DemoView(AbstractContextManager["DemoView"]):
         self._texts: list[str] = []
 
     def start(self, state: DemoState) -> None:
-        """The demonstration begins."""
+        """Begin with the demonstration's state."""
         self._state = state
 
-    def tell(self, text: str) -> None:
-        """The companion announced something."""
+    def add_text(self, text: str) -> None:
+        """Show a log line of the companion."""
         if self._state is None:
             return
         line = f"{_clock(self._state.elapsed_s)}  {text}"
@@ -145,7 +145,7 @@ def _clock(seconds: float) -> str:
 
 
 def print_result(console: Console, state: DemoState) -> None:
-    """What came of it."""
+    """Print the result."""
     table = Table(title="Closest approaches", title_justify="left", title_style="bold")
     for heading in ("traffic", "slant", "horizontal", "vertical", "first action", "result"):
         table.add_column(heading, justify="left" if heading in ("traffic", "result") else "right")
@@ -174,10 +174,10 @@ def print_result(console: Console, state: DemoState) -> None:
         soft_wrap=True,
     )
     if state.uncontrolled:
-        console.print("[bold red]The autopilot's controller was poisoned: it flew on uncontrolled.[/]")
+        console.print("[bold red]The autopilot's setpoint became invalid: the aircraft flew uncontrolled.[/]")
     if state.clock.slipped_s > 1.0:
         console.print(
-            f"[yellow]This machine was too slow for the speed-up: the clock stood still for "
+            f"[yellow]This machine was too slow for the speed-up: the clock waited "
             f"{state.clock.slipped_s:.0f} simulated seconds.[/]",
             soft_wrap=True,
         )

@@ -1,7 +1,7 @@
 """Figures of the paper's experiments, written as PNG files.
 
-A layer is a pale band: none on the mission, narrow in the outer, wide and darker in the inner layer. UAVs and
-strategies differ in colour and in marker or dash pattern, so that no figure needs its colours to be read.
+A layer is a pale band: none on the mission, narrow for the outer, wide and darker for the inner layer. UAVs
+and strategies differ in colour and in marker or dash pattern, so the figures are readable without colour.
 """
 
 import itertools
@@ -31,7 +31,7 @@ Box = tuple[Array, Array]  # lower left and upper right corner
 Window = tuple[int, int]  # first and last step shown
 Style = dict[str, Any]
 
-_COLUMN_IN, _PAGE_IN = 5.2, 8.0  # printed 3.5 and 7.2 wide, which leaves no letter below 5 points
+_COLUMN_IN, _PAGE_IN = 5.2, 8.0  # printed 3.5 and 7.2 inches wide, with letters of at least 5 points
 _MARKERS = ("o", "s", "D", "^", "v", "P")
 _STRATEGIES = tuple(Style(color=c, ls=dash, lw=1.7) for c, dash in zip(COLOURS, DASHES, strict=True))
 _BANDS = {Layer.OUTER: (BANDS[Layer.OUTER], 6.0), Layer.INNER: (BANDS[Layer.INNER], 10.0)}
@@ -39,8 +39,8 @@ _STANDING, _MOVING = "#a8a8a8", ("#D6EAF7", "#D3EBDD", "#F1DDE9", "#F0EDC0")
 _KEY: Style = {"loc": "outside lower center", "fontsize": 9, "frameon": False, "columnspacing": 1.4}
 _TEXT: Style = {"fontsize": 7.5, "ha": "center", "va": "center_baseline", "color": INK, "zorder": 8}
 _EDGE: Style = {"facecolors": "none", "linewidths": 0.7, "linestyles": "--"}
-_ASKED: Style = {"lw": 0.9, "ls": (0, (4, 1.5))}
-# More than these become a heap when each has its name, numbers and circles.
+_COMMANDED: Style = {"lw": 0.9, "ls": (0, (4, 1.5))}
+# With more than these, names, numbers and circles are left out.
 _NAMED_OBSTACLES, _NAMED_UAVS = 12, 6
 
 
@@ -56,7 +56,7 @@ def trajectories_in_time(flight: Flight, path: Path) -> None:
 
 
 def commands_over_time(flight: Flight, path: Path) -> None:
-    """Figures 8 and 11: heading and speed, flown and asked for."""
+    """Figures 8 and 11: heading and speed, flown and commanded."""
     group = len(flight.uavs) > 1
     number = 11 if group else 8
     figure = _figure(_COLUMN_IN, 5.6, f"Figure {number}: heading and speed, {flight.method.label}")
@@ -65,14 +65,14 @@ def commands_over_time(flight: Flight, path: Path) -> None:
     for i, one in enumerate(flight.uavs):
         flown, steps = slice(0, one.steps + 1), np.arange(one.steps + 1)
         course, style = np.unwrap(one.course[flown]), {"color": COLOURS[i % 6], "lw": 1.7}
-        asked: Style = _ASKED | {"color": COLOURS[i % 6] if group else INK}
+        commanded: Style = _COMMANDED | {"color": COLOURS[i % 6] if group else INK}
         if group:
             style |= {"marker": _MARKERS[i % 6], "ms": 5.0, "markevery": max(one.steps // 9, 1)}
         heading.plot(steps, np.degrees(course), **style)
-        heading.plot(steps[:-1], np.degrees(course + one.turn_command[flown])[:-1], **asked)
+        heading.plot(steps[:-1], np.degrees(course + one.turn_command[flown])[:-1], **commanded)
         keys += speed.plot(steps, one.speed[flown], **style, label=one.uav.id if group else "flown")
-        speed.plot(steps[:-1], one.uav.step + one.speed_command[: one.steps], **asked)
-    keys = [*keys[:_NAMED_UAVS], Line2D([], [], color=INK, **_ASKED, label="asked for")]
+        speed.plot(steps[:-1], one.uav.step + one.speed_command[: one.steps], **commanded)
+    keys = [*keys[:_NAMED_UAVS], Line2D([], [], color=INK, **_COMMANDED, label="commanded")]
     for axes, layer in itertools.product((heading, speed), () if group else _BANDS):
         for first, end in _runs(flight, 0, layer):
             axes.axvspan(first, end, color=_BANDS[layer][0], alpha=0.7, lw=0)
@@ -84,7 +84,7 @@ def commands_over_time(flight: Flight, path: Path) -> None:
 
 
 def safety_over_time(flights: Sequence[Flight], path: Path) -> None:
-    """Figures 9 and 12: shortest distance and safety value at every step, one line a strategy."""
+    """Figures 9 and 12: shortest distance and safety value at every step, one line per strategy."""
     number = 12 if any(len(flight.uavs) > 1 for flight in flights) else 9
     height_in, title = 5.8 + 0.15 * len(flights), f"Figure {number}: shortest distance and safety value"
     figure = _figure(_COLUMN_IN, height_in, title)
@@ -116,7 +116,7 @@ def safety_over_time(flights: Sequence[Flight], path: Path) -> None:
 
 
 def minima(rows: Mapping[str, Sequence[Flight]], path: Path) -> None:
-    """Local minima: a row of maps per scene, a column per strategy."""
+    """Local minima: one row of maps per scene, one column per strategy."""
     tall, wide = len(rows), max(len(flights) for flights in rows.values())
     figure = _figure(max(2.2 * wide, 4.5), 2.6 * tall + 1.0, "Local minima of the potential field")
     grid = figure.subplots(tall, wide, squeeze=False)
@@ -138,7 +138,7 @@ def minima(rows: Mapping[str, Sequence[Flight]], path: Path) -> None:
 
 
 def transition(points: Sequence[TransitionPoint], chosen_deg: float, path: Path) -> None:
-    """What the width of the transition domain changes, with 95 % intervals."""
+    """The effect of the width of the transition domain, with 95 % intervals."""
     figure = _figure(_PAGE_IN, 5.8, "Transition domain, with 95 % intervals")
     panels = figure.subplots(2, 2, sharex=True).ravel()
     names = list(dict.fromkeys(point.method for point in points))
@@ -161,7 +161,7 @@ def transition(points: Sequence[TransitionPoint], chosen_deg: float, path: Path)
 
 
 def shares(rows: Sequence[tuple[str, float, float, float]], path: Path) -> None:
-    """Share of random fields flown to the goal without collision: label, share, low and high a row."""
+    """Shares of random fields flown to the goal without collision; rows of label, share, low, high."""
     figure = _figure(_COLUMN_IN, 1.3 + 0.38 * len(rows), "Random fields, with 95 % intervals")
     axes = figure.subplots()
     for y, (_, share, low, high) in enumerate(rows):
@@ -176,7 +176,7 @@ def shares(rows: Sequence[tuple[str, float, float, float]], path: Path) -> None:
 
 
 def _draw_periods(flight: Flight, number: int, periods: Sequence[Window], path: Path) -> None:
-    """One map a period, with marks at the round number of steps that makes no more than eight of them."""
+    """One map per period, with at most eight marks at a round number of steps."""
     every = next(n * 10**k for k in itertools.count() for n in (1, 2, 5) if n * 10**k * 8 >= flight.steps)
     side, width_in = (1, _COLUMN_IN) if len(periods) == 1 else (2, _PAGE_IN)
     view = _view([flight])
@@ -195,7 +195,7 @@ def _draw_periods(flight: Flight, number: int, periods: Sequence[Window], path: 
 
 
 def _draw_map(axes: Axes, flight: Flight, view: Box, window: Window, every: int) -> None:
-    """The scene from above during a window of steps, with a mark every so many (0: none, and thinner)."""
+    """The scene from above during a window of steps, with a mark every `every` steps (0: none, thinner)."""
     axes.set(xlim=(view[0][0], view[1][0]), ylim=(view[0][1], view[1][1]), aspect="equal")
     axes.locator_params(nbins=8 if every else 5, steps=[1, 2, 5, 10])
     dress(axes, "x [lengths]", "y [lengths]")
@@ -243,7 +243,7 @@ def _draw_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every
         shown = [flight.obstacles[step, moves] for step in _marks(*window, every)]
         _name_obstacles(axes, flight, view, window, every)
     else:
-        # With a disc at every mark many become a heap; where one is nearest to an aircraft is what matters.
+        # With many obstacles, only the disc nearest to an aircraft is drawn for each.
         gaps = [np.linalg.norm(tracks - one.position[period, None], axis=2) for one in flight.uavs]
         shown = [tracks[np.min(gaps, axis=0).argmin(axis=0), np.arange(tracks.shape[1])]]
     tints = [_MOVING[m % len(_MOVING)] for m in range(tracks.shape[1])]
@@ -252,7 +252,7 @@ def _draw_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every
 
 
 def _name_obstacles(axes: Axes, flight: Flight, view: Box, window: Window, every: int) -> None:
-    """Names of all, and of what moves the marks' numbers and an arrow ahead."""
+    """Annotate all names, and for moving obstacles the marks' numbers and an arrow ahead."""
     for m, sphere in enumerate(flight.scene.obstacles):
         track = flight.obstacles[window[0] : window[1] + 1, m]
         inside = np.flatnonzero(((track > view[0]) & (track < view[1])).all(axis=1))
@@ -295,11 +295,11 @@ def _map_key(flight: Flight, every: int) -> list[Line2D]:
 
 
 def _view(flights: Sequence[Flight]) -> Box:
-    """What is shown: all ways flown, a few standing obstacles, and room around them."""
-    ways = [one for flight in flights for one in flight.uavs]
+    """The shown area: all paths, a few standing obstacles, and a margin."""
+    paths = [one for flight in flights for one in flight.uavs]
     few = [one.at for one in flights[0].scene.obstacles[:_NAMED_OBSTACLES] if one.velocity == (0.0, 0.0)]
-    fixed = [*few, *(one.uav.start for one in ways), *(one.uav.goal for one in ways)]
-    places = np.concatenate([fixed, *(one.position for one in ways)])
+    fixed = [*few, *(one.uav.start for one in paths), *(one.uav.goal for one in paths)]
+    places = np.concatenate([fixed, *(one.position for one in paths)])
     low, high = places.min(axis=0), places.max(axis=0)
     longer = (high - low).max()
     half = np.maximum((high - low) / 2.0, 0.3 * longer) + 0.09 * longer
@@ -311,7 +311,7 @@ def _marks(first: int, last: int, every: int) -> range:
 
 
 def _runs(flight: Flight, i: int, layer: Layer) -> list[tuple[int, int]]:
-    """From which step to before which one the layer decided."""
+    """The half-open ranges of steps in which the layer decided."""
     decided = flight.uavs[i].layer[: flight.uavs[i].steps] == LAYERS.index(layer)
     edges = np.flatnonzero(np.diff(decided.astype(int), prepend=0, append=0))
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]

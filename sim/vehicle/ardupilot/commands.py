@@ -1,16 +1,15 @@
-"""What ArduPlane does on each command, and the result that it answers."""
+"""ArduPlane's commands and their results."""
 
 import math
 from collections.abc import Callable
 
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
-from sim.vehicle.ardupilot_flight import ArduPlaneFlight
-from sim.vehicle.ardupilot_modes import Mode
-from sim.vehicle.commands import CUSTOM_MODE_ENABLED, Action, Call, Commands
-from sim.vehicle.events import INFO, Text
+from sim.vehicle.ardupilot.flight import ArduPlaneFlight
+from sim.vehicle.ardupilot.modes import Mode
+from sim.vehicle.commands import CUSTOM_MODE_ENABLED, Action, Call, Commands, Result
 from sim.vehicle.mission import ABSOLUTE_FRAMES, GLOBAL_FRAMES
-from sim.vehicle.result import Result
+from sim.vehicle.outputs import INFO, Text
 from sim.vehicle.streams import Streams
 from sim.vehicle.telemetry import Telemetry
 
@@ -18,7 +17,7 @@ _CHANGE_MODE = 1  # DO_REPOSITION's flag
 
 
 class ArduPlaneCommands(Commands):
-    """The commands of ArduPlane."""
+    """Executes the commands that ArduPlane supports."""
 
     def __init__(
         self,
@@ -31,7 +30,7 @@ class ArduPlaneCommands(Commands):
         self._flight: ArduPlaneFlight = flight
 
     def run(self, call: Call) -> Result:
-        """Do it, or say why not."""
+        """Execute a command; its result."""
         if call.frame is None and call.command in _WITH_FRAME_ONLY:
             return Result.COMMAND_INT_ONLY
         return super().run(call)
@@ -107,7 +106,7 @@ class ArduPlaneCommands(Commands):
         return Result.DENIED if as_stream else Result.FAILED
 
 
-# These need a frame or an integer place: as COMMAND_LONG they are refused.
+# These need a frame or an integer position: as COMMAND_LONG they are refused.
 _WITH_FRAME_ONLY = frozenset(
     {
         mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,

@@ -1,10 +1,10 @@
-"""ArduPlane's flight modes, and what HEARTBEAT says about them."""
+"""ArduPlane's flight modes, and their flags in HEARTBEAT."""
 
 from enum import IntEnum
 
 
 class Mode(IntEnum):
-    """The numbers that ArduPlane puts into `custom_mode`."""
+    """ArduPlane's numbers in HEARTBEAT.custom_mode."""
 
     MANUAL = 0
     CIRCLE = 1
@@ -20,7 +20,7 @@ class Mode(IntEnum):
     GUIDED = 15
 
 
-# The pilot's sticks fly in these; in all others the autopilot navigates.
+# The pilot's sticks fly these modes; in all others the autopilot navigates.
 PILOTED = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode.CRUISE})
 
 _CUSTOM_MODE_ENABLED = 1
@@ -31,7 +31,7 @@ _SAFETY_ARMED = 128
 
 
 def base_mode(mode: Mode, *, armed: bool) -> int:
-    """HEARTBEAT.base_mode as the real one sends it: 81 in MANUAL, 89 in AUTO, 128 more when armed."""
+    """HEARTBEAT.base_mode as recorded: 81 in MANUAL, 89 in AUTO, plus 128 when armed."""
     flags = _CUSTOM_MODE_ENABLED | _STABILIZE_ENABLED | _MANUAL_INPUT_ENABLED
     if mode not in PILOTED:
         flags |= _GUIDED_ENABLED

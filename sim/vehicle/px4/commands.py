@@ -1,23 +1,22 @@
-"""What PX4 does on each command, and the result that it answers."""
+"""PX4's commands and their results."""
 
 import math
 from collections.abc import Callable
 
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
-from sim.vehicle.commands import CUSTOM_MODE_ENABLED, Action, Call, Commands
-from sim.vehicle.px4_flight import Px4Flight
-from sim.vehicle.px4_modes import Px4Mode, mode_of
-from sim.vehicle.result import Result
+from sim.vehicle.commands import CUSTOM_MODE_ENABLED, Action, Call, Commands, Result
+from sim.vehicle.px4.flight import Px4Flight
+from sim.vehicle.px4.modes import Px4Mode, mode_of
 from sim.vehicle.streams import Streams
 from sim.vehicle.telemetry import Telemetry
 
 _CHANGE_MODE = 1.0  # DO_REPOSITION's flag
-_HERE = 2**31 - 1  # COMMAND_INT's latitude or longitude of one that is not given
+_HERE = 2**31 - 1  # COMMAND_INT: latitude or longitude not given
 
 
 class Px4Commands(Commands):
-    """The commands of PX4. MAV_CMD_GUIDED_CHANGE_* are none of them."""
+    """Executes the commands that PX4 supports; MAV_CMD_GUIDED_CHANGE_* are not among them."""
 
     def __init__(
         self,
@@ -53,13 +52,13 @@ class Px4Commands(Commands):
         return Result.ACCEPTED if entered else Result.TEMPORARILY_REJECTED
 
     def _change_speed(self, call: Call) -> Result:
-        """Accepted always, flown only by the modes that navigate by themselves."""
+        """DO_CHANGE_SPEED: always accepted, flown only in the modes that navigate by themselves."""
         if math.isfinite(call.params[1]) and call.params[1] > 0.0:
             self._flight.change_speed(call.params[1])
         return Result.ACCEPTED
 
     def _reposition(self, call: Call) -> Result:
-        """The height is above mean sea level whatever the frame says, and the radius is ignored."""
+        """DO_REPOSITION: the height is above mean sea level in any frame; the radius is ignored."""
         if call.params[1] != _CHANGE_MODE:
             return Result.UNSUPPORTED
         here = self._flight.place
