@@ -182,7 +182,7 @@ async def test_a_requested_message_that_never_arrives_has_a_rate_of_zero() -> No
 async def test_it_would_not_fly_with_the_role_advise() -> None:
     found, said, _ = await preflight(in_the_air(FakeArduPlane), 3.0, SupervisorParams(role="advise"))
     assert said["role"] == "advise"
-    assert found.reasons_not_to_fly == ("told to advise only",)
+    assert found.reasons_not_to_fly == ("role is advise",)
 
 
 async def test_the_command_prints_all_findings_and_no_log(tmp_path: Path) -> None:
