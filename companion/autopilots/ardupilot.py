@@ -13,7 +13,7 @@ from typing import ClassVar, NamedTuple
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.limits import ARDUPLANE, ParameterTable
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender

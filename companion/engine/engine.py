@@ -375,7 +375,7 @@ class Engine:
     def _limit(self, now_s: float) -> None:
         """The aircraft's envelope, with floor and ceiling of this place."""
         adapter = self.aircraft.adapter
-        self._avoider.spares_heights = adapter is not None and adapter.loses_itself_in_climbs
+        self._avoider.prefers_turns = adapter is not None and adapter.loses_itself_in_climbs
         home_m = self.aircraft.home_altitude_m()
         if home_m is None:
             return
