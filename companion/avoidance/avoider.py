@@ -91,7 +91,10 @@ class Avoider:
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
-        if not relevant or self._is_plainly_clear(now_s, flight, relevant):
+        if not relevant or (
+            self._policy.has_fast_path
+            and needs_no_assessment(flight, now_s, relevant, self.params, self._domain)
+        ):
             self._domain.reset()
             return self._without_conflict(now_s, flight)
         assessment = self._assess(now_s, flight, relevant)
@@ -114,14 +117,6 @@ class Avoider:
     @property
     def _constraints(self) -> Constraints:
         return Constraints(self.envelope, self.fence, self._refusals, self.params.fence_look_ahead_turns)
-
-    def _is_plainly_clear(self, now_s: float, flight: OwnFlight, relevant: Sequence[Track]) -> bool:
-        """Fast path: whether nothing needs to be measured. Without it the same decision takes longer."""
-        return (
-            self._policy.has_fast_path
-            and not self.params.formation.own_id
-            and needs_no_assessment(flight, now_s, relevant, self.params, self._domain)
-        )
 
     def _assess(self, now_s: float, flight: OwnFlight, relevant: Sequence[Track]) -> TrafficAssessment:
         """Measure the traffic; the release margin shrinks in overtime."""

@@ -41,5 +41,7 @@ class Constraints(NamedTuple):
         return not self.fence.breach(paths, until_s, until_s).deepest_m.any()
 
     def fence_look_ahead_s(self, state: OwnState) -> float:
-        """How far ahead no row may leave the fence [s]."""
+        """How far ahead no row may leave the fence; 0 without one [s]."""
+        if self.fence is None:
+            return 0.0
         return min(self.look_ahead_turns * turn_around_s(state, self.envelope), HORIZON_S)

@@ -31,17 +31,16 @@ _NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
 
 
 class EvaluatedRows(NamedTuple):
-    """Rows with their cost, their separation from the nearest track, and which keep the fence, (K,) each."""
+    """Rows with their cost, their separation from the nearest track, and which keep the fence, (K,) each.
+
+    `best` is the index of the cheapest row; of equals the first, so that the same inputs give the same row.
+    """
 
     commands: Commands
     cost: Array
     closest: Array
     within_fence: Mask
-
-    @property
-    def best(self) -> int:
-        """Index of the cheapest row; the first of equals, so that the same inputs give the same row."""
-        return int(np.argmin(self.cost))
+    best: int
 
     @property
     def best_guidance(self) -> Guidance:
@@ -83,7 +82,7 @@ def evaluate_rows(
         cost += _fence_cost(context, context.fence, breach)
         if not within_fence.all():
             cost += _near_miss_cost(context, paths, tracks)
-    return EvaluatedRows(commands, cost, closest, within_fence)
+    return EvaluatedRows(commands, cost, closest, within_fence, int(cost.argmin()))
 
 
 def _allowed_rows(

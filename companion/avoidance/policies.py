@@ -59,7 +59,11 @@ class LayerPolicy(Protocol):
 
 
 class Policy(NamedTuple):
-    """One variant of the avoidance. `has_fast_path`: `assess.needs_no_assessment` is right about it."""
+    """One variant of the avoidance.
+
+    `has_fast_path`: `assess.needs_no_assessment` holds for it. It does not for the paper's variants, which look
+    along the velocity flown, nor for members of a group, which can be in conflict outside the layers.
+    """
 
     outer: OuterPolicy
     emergency: EmergencyDetection
@@ -80,7 +84,7 @@ def policy_of(params: AvoidanceParams) -> Policy:
     layers: LayerPolicy = OuterFirst() if by_default else InnerByDistance()
     if params.layers is not Layers.BOTH:
         layers = OuterOnly() if params.layers is Layers.OUTER else InnerOnly()
-    return Policy(outer, emergency, layers, by_default)
+    return Policy(outer, emergency, layers, has_fast_path=by_default and not params.formation.own_id)
 
 
 # --- What flies by default.
