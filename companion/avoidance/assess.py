@@ -82,9 +82,7 @@ class TrafficAssessment(NamedTuple):
     emergency: Mask  # calls for the inner layer
     conflict: Mask
     horizon_s: float  # how far ahead flights are judged
-    mission_path_m: (
-        Array  # the mission flown ahead, north and east, (T, 2); (0, 2) if no track is within reach
-    )
+    mission_path_m: Array  # the mission flown ahead, north and east, (T, 2); (0, 2) if not flown ahead
 
     def most_urgent(self, count: int) -> Tracks:
         """The tracks to price rows against: conflicts first, then those soonest reached."""
@@ -130,15 +128,7 @@ def assess_traffic(
     # With mean velocities, cones, closing speeds and times apply to turning tracks as well.
     velocity = tracks.velocity_mps if ahead is None else tracks.velocity_until_closest_mps(ahead.ground_m[0])
     motion = relative_motion(tracks.position_m, velocity, state.position_m, (*flight.onward_mps, 0.0))
-    surface, outer_reach, inner_reach = kernels.reaches(
-        motion.distance_m,
-        motion.closing_mps,
-        tracks.protected_horizontal_m,
-        params.outer_radius_m,
-        params.outer_time_s,
-        params.inner_radius_m,
-        params.inner_time_s,
-    )
+    surface, outer_reach, inner_reach = _reaches(motion, tracks, params)
     outer = surface < outer_reach
     if any_of(outer):
         outer &= policy.outer.in_cone(state, tracks, motion, velocity, domain)
@@ -164,6 +154,20 @@ def assess_traffic(
     )
 
 
+def _reaches(motion: RelativeMotion, tracks: Tracks, params: AvoidanceParams) -> Array:
+    """Distances to the protected volumes, and the reach of the outer and of the inner layer, (3, N)."""
+    reaches: Array = kernels.reaches(
+        motion.distance_m,
+        motion.closing_mps,
+        tracks.protected_horizontal_m,
+        params.outer_radius_m,
+        params.outer_time_s,
+        params.inner_radius_m,
+        params.inner_time_s,
+    )
+    return reaches
+
+
 def _too_near(
     kept: Separation,
     tracks: Tracks,
@@ -173,11 +177,10 @@ def _too_near(
 ) -> Mask:
     """To which tracks the mission comes too near, (N,): within a share of the volume, margin included.
 
-    During an avoidance that share is 1 and the release margin. Before it, the share is the smaller, the more
-    time there is: tracks turn and climb, errors of velocity grow, and what looks near often passes clear by
-    itself. While there is time, only a deep penetration counts. There is no time where the volume is entered
-    soon, however far off the closest approach is: an aircraft with nearly our velocity is beside us for
-    minutes.
+    During an avoidance that share is 1 plus the release margin. Before it, the share is smaller while there
+    is time: tracks turn and climb, errors of velocity grow, and many that look near pass clear by themselves,
+    so that only a deep penetration counts. There is no time if the volume is entered soon, however far off
+    the closest approach is: an aircraft with nearly our velocity stays beside us for minutes.
     """
     near, far = params.begin_near, params.begin_far
     if release_margin is not None:

@@ -20,10 +20,9 @@ from companion.avoidance.threats import reason, threats_of
 from companion.avoidance.tracks import Tracks
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 
-# Seconds beyond the patience in which the weight `unresolved` doubles, and the release margin is given up.
+# Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
 _OVERTIME_S = 10.0
-# Then this share of the margin itself is given up for the return, so that no aircraft is followed along its
-# edge.
+# After that, this share of the margin itself is given up too, so that no track is followed along its edge.
 _GIVEN_UP = 0.05
 
 
@@ -99,14 +98,7 @@ class Avoider:
             return self._without_conflict(now_s, flight)
         assessment = self._assess(now_s, flight, relevant)
         joint = self._cooperation.joint_guidance(
-            now_s,
-            own,
-            goal,
-            flight.state,
-            relevant,
-            assessment.tracks,
-            assessment.conflict,
-            self._constraints,
+            now_s, own, flight, relevant, assessment.tracks, assessment.conflict, self._constraints
         )
         if joint is not None:
             return self._fly_jointly(joint, flight, assessment._replace(conflict=joint.members), relevant)
@@ -208,6 +200,7 @@ class Avoider:
         return constraints.keeps_fence(constraints.within_limits(flight.mission), flight.state, until_s)
 
     def _hold(self, guidance: Guidance, words: str) -> Decision:
+        """A guidance without a conflict, before the return to the mission."""
         self._last_layer, self._last_guidance = self._policy.layers.holding_layer, guidance
         self._inner.reset()
         return Decision(self._last_layer, guidance, (), words)

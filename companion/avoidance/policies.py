@@ -61,8 +61,8 @@ class LayerPolicy(Protocol):
 class Policy(NamedTuple):
     """One variant of the avoidance.
 
-    `has_fast_path`: `assess.needs_no_assessment` holds for it. It does not for the paper's variants, which look
-    along the velocity flown, nor for members of a group, which can be in conflict outside the layers.
+    `has_fast_path`: `assess.needs_no_assessment` is valid for it. It is not for the paper's variants, which
+    look along the velocity flown, nor for members of a group, which can be in conflict outside the layers.
     """
 
     outer: OuterPolicy

@@ -43,9 +43,8 @@ class Tracks:
     @classmethod
     def none(cls) -> "Tracks":
         """No traffic."""
-        nothing = np.zeros(0)
-        nowhere, none = np.zeros((0, 3)), np.zeros(0, dtype=bool)
-        return cls((), nowhere, nowhere, nothing, nothing, none, nothing, nothing)
+        vectors, values = np.zeros((0, 3)), np.zeros(0)
+        return cls((), vectors, vectors, values, values, np.zeros(0, dtype=bool), values, values)
 
     def subset(self, indices: NDArray[np.intp]) -> "Tracks":
         """The tracks at the given indices, in that order."""

@@ -17,7 +17,7 @@ from companion.avoidance.group.formation import (
     is_valid,
     joint_response,
 )
-from companion.avoidance.own_flight import OwnState
+from companion.avoidance.own_flight import OwnFlight, OwnState
 from companion.avoidance.separation import separation
 from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import Commands, fly_ahead
@@ -66,8 +66,7 @@ class Cooperation:
         self,
         now_s: float,
         own: Ownship,
-        goal: Goal,
-        state: OwnState,
+        flight: OwnFlight,
         tracks: Sequence[Track],
         predicted: Tracks,
         conflict: Mask,
@@ -79,35 +78,27 @@ class Cooperation:
         strangers come first: then there is no joint response.
         """
         self._answering, answering = False, self._answering
-        response = self._response(now_s, own, goal, tracks, constraints.envelope, answering=answering)
+        if not self._enabled:
+            return None
+        member = describe_member(own, flight.goal, constraints.envelope)
+        ours = MemberState(self._params.own_id, flight.state.position_m, own.velocity_mps, member)
+        response = self._response(now_s, ours, tracks, answering=answering)
         if response is None:
             return None
         members = np.array([track.track_id in response.guidance for track in tracks])
-        if (conflict & ~members).any():
-            return None
         part = constraints.within_limits(response.guidance[self._params.own_id])
         strangers = predicted.subset(np.flatnonzero(~members))
-        if not _keeps_clear(part, state, strangers, constraints.envelope) or not constraints.allow(
-            part, state
-        ):
-            return None
-        self._answering = True
-        return JointGuidance(part, members)
+        self._answering = (
+            not (conflict & ~members).any()
+            and _keeps_clear(part, flight.state, strangers, constraints.envelope)
+            and constraints.allow(part, flight.state)
+        )
+        return JointGuidance(part, members) if self._answering else None
 
     def _response(
-        self,
-        now_s: float,
-        own: Ownship,
-        goal: Goal,
-        tracks: Sequence[Track],
-        envelope: Envelope,
-        *,
-        answering: bool,
+        self, now_s: float, ours: MemberState, tracks: Sequence[Track], *, answering: bool
     ) -> JointResponse | None:
         """The joint response of our group, if it is in conflict and the response keeps its members apart."""
-        params = self._params
-        if not self._enabled:
-            return None
         others = [
             MemberState(track.track_id, position_at(track, now_s), track.velocity_mps, track.member)
             for track in tracks
@@ -116,13 +107,11 @@ class Cooperation:
         others = [state for state in others if is_valid(state)]
         if not others:
             return None
-        member = describe_member(own, goal, envelope)
-        ours = MemberState(params.own_id, position_at(own, now_s), own.velocity_mps, member)
-        response = joint_response(group_around([ours, *others], params.reach_m), params)
-        if response is None or response.closest_m < params.smallest_m:
+        response = joint_response(group_around([ours, *others], self._params.reach_m), self._params)
+        if response is None or response.closest_m < self._params.smallest_m:
             return None
         margin = 1.0 + self._release_margin if answering else 1.0
-        return response if response.straight_closest_m < margin * params.influence_m else None
+        return response if response.straight_closest_m < margin * self._params.influence_m else None
 
 
 def _keeps_clear(guidance: Guidance, state: OwnState, strangers: Tracks, envelope: Envelope) -> bool:
