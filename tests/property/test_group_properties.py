@@ -190,7 +190,7 @@ def test_a_member_keeps_its_floor_and_ceiling(altitude_m: float) -> None:
     assert within_limits(decision.guidance)
 
 
-def members_view(places: Sequence[tuple[float, float]], who: int, altitude_m: float = 300.0) -> Decision:
+def members_view(places: Sequence[tuple[float, float]], viewer: int, altitude_m: float = 300.0) -> Decision:
     """The decision of one member that sees the others. All fly north, at slightly different speeds."""
     goal = Goal(0.0, 21.0, altitude_m)
     owns = [
@@ -207,9 +207,9 @@ def members_view(places: Sequence[tuple[float, float]], who: int, altitude_m: fl
             protected_vertical_m=40.0, member=avoiders[i].member(own, goal),
         )
         for i, own in enumerate(owns)
-        if i != who
+        if i != viewer
     ]  # fmt: skip
-    return avoiders[who].decide(0.0, owns[who], tracks, goal)
+    return avoiders[viewer].decide(0.0, owns[viewer], tracks, goal)
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -229,8 +229,8 @@ def test_every_member_computes_the_same_joint_response(group: list[tuple[float, 
         for i, (north, east) in enumerate(group)
     ]
     response = joint_response(states, params)
-    for who in range(len(group)):
-        decision = members_view(group, who)
+    for viewer in range(len(group)):
+        decision = members_view(group, viewer)
         if (
             response is None
             or response.closest_m < params.smallest_m
@@ -238,7 +238,7 @@ def test_every_member_computes_the_same_joint_response(group: list[tuple[float, 
         ):
             assert not decision.because.startswith("group: ")
         else:
-            assert decision.guidance == response.guidance[f"U{who}"]
+            assert decision.guidance == response.guidance[f"U{viewer}"]
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

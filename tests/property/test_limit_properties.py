@@ -38,8 +38,8 @@ def test_no_variant_commands_what_cannot_be_flown(
 ) -> None:
     """Not even if the mission itself asks for it."""
     own, tracks, goal = case
-    asked = replace(goal, airspeed_mps=airspeed_mps, altitude_m=altitude_m)
-    decision = Avoider(params).decide(0.0, own, tracks, asked)
+    unflyable = replace(goal, airspeed_mps=airspeed_mps, altitude_m=altitude_m)
+    decision = Avoider(params).decide(0.0, own, tracks, unflyable)
     assert decision.guidance is None or within_limits(decision.guidance)
 
 
@@ -78,8 +78,8 @@ def test_every_row_of_the_table_is_within_the_limits(seed: int, controls: frozen
     paths, steps_s = fly_ahead(context.own, commands, ENVELOPE), np.diff(TIMES_S)
     middles_s = TIMES_S[:-1] + 0.5 * steps_s
     for row in range(len(commands)):
-        asked, path_m = commands.row(row), paths.row_m(row)
-        assert within_limits(asked)
+        guidance, path_m = commands.row(row), paths.row_m(row)
+        assert within_limits(guidance)
         legs_m = np.diff(path_m, axis=0)
         course_rad = np.unwrap(
             np.concatenate([[context.own.course_rad], np.arctan2(legs_m[:, 1], legs_m[:, 0])])
@@ -95,7 +95,7 @@ def test_every_row_of_the_table_is_within_the_limits(seed: int, controls: frozen
         speed_mps = np.hypot(legs_m[:, 0], legs_m[:, 1]) / steps_s
         gained_mps = np.abs(speed_mps - context.own.airspeed_mps)
         assert (gained_mps <= ENVELOPE.max_acceleration_mps2 * middles_s + 1e-6).all()
-        assert speed_mps[-1] == pytest.approx(asked.airspeed_mps)
+        assert speed_mps[-1] == pytest.approx(guidance.airspeed_mps)
 
 
 def test_a_turn_with_increasing_speed_is_predicted_within_the_bank_limit() -> None:
@@ -161,6 +161,6 @@ def test_the_floor_may_rise_above_the_aircraft_in_flight() -> None:
         assert guidance is not None
         assert guidance.altitude_m >= floor_m
     avoider.envelope = replace(ENVELOPE, min_altitude_m=500.0)
-    held = avoider.decide(5.0, replace(own, time_s=5.0), [], goal).guidance
-    assert held is not None
-    assert held.altitude_m >= 500.0, "also while holding before the return"
+    guidance = avoider.decide(5.0, replace(own, time_s=5.0), [], goal).guidance
+    assert guidance is not None
+    assert guidance.altitude_m >= 500.0, "also while holding before the return"
