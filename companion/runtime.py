@@ -243,7 +243,8 @@ class Runtime:
         _log.critical("internal error, giving the aircraft back: %r", self._failure)
         release = self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
         self._guarded(partial(self._listen, release))
-        for _ in range(_EMERGENCY_TICKS):
+        for tick in range(_EMERGENCY_TICKS):
+            self._watchdog.alive(self._stepper.ticks + tick + 1, time.monotonic())
             self._guarded(partial(self._send_release, release))
             if release.finished:
                 break

@@ -14,7 +14,7 @@ from companion.airspace.autopilot_fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender

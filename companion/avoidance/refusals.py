@@ -1,4 +1,4 @@
-"""What the autopilot refused to fly lately: rows that ask for it again are left out for a while."""
+"""Values that the autopilot has refused recently: rows that command them again are left out for a while."""
 
 import math
 from dataclasses import dataclass
@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.avoidance.control import Control
-from companion.avoidance.geometry import Array, wrap_pi
+from companion.avoidance.envelope import Control
+from companion.avoidance.geometry import Array, Mask, wrap_pi
 from companion.avoidance.trajectory import Commands
 from companion.model import Guidance
 
-# What makes an autopilot refuse (a limit, a mode, a fence of its own) may have changed after so long.
+# After this time the reason for a refusal (a limit, a mode, a fence of the autopilot) may have changed.
 REFUSED_FOR_S = 30.0
-# A value as near as this to a refused one would be refused too; the wire rounds, and rows move a little from
-# one decision to the next.
+# Values this near to a refused one would be refused too: values are rounded on the wire, and rows change a
+# little from one decision to the next.
 _TOLERANCES = {Control.HEADING: math.radians(2.0), Control.SPEED: 0.5, Control.HEIGHT: 5.0}
 
 
@@ -26,55 +26,56 @@ class Refusal:
     value: float
     until_s: float
 
-    def matches(self, control: Control, values: Array) -> NDArray[np.bool_]:
+    def matches(self, control: Control, values: Array) -> Mask:
         """Which values of a control would be refused too, shape of the values."""
         if control is not self.control:
             return np.zeros(len(values), dtype=bool)
         off = values - self.value
         if control is Control.HEADING:
             off = wrap_pi(off)
-        same: NDArray[np.bool_] = np.abs(off) <= _TOLERANCES[control]
+        same: Mask = np.abs(off) <= _TOLERANCES[control]
         return same
 
 
 @dataclass(frozen=True, slots=True)
 class Refusals:
-    """All that was refused and is not forgotten."""
+    """All refusals that still count."""
 
     refused: tuple[Refusal, ...] = ()
 
     def at(self, now_s: float) -> "Refusals":
-        """Those that still count; where time ran backwards, none of what lies ahead."""
+        """Those that count at `now_s`. If time ran backwards, refusals from later times do not."""
         if not self.refused:
             return self
         return Refusals(tuple(r for r in self.refused if now_s < r.until_s <= now_s + REFUSED_FOR_S))
 
-    def noting(self, control: Control, value: float, now_s: float) -> "Refusals":
-        """With one more."""
+    def adding(self, control: Control, value: float, now_s: float) -> "Refusals":
+        """The same with one more."""
         return Refusals((*self.at(now_s).refused, Refusal(control, value, now_s + REFUSED_FOR_S)))
 
     def allow(self, guidance: Guidance) -> bool:
-        """Whether nothing of a guidance was refused."""
-        return not self.refused or len(self._kept(Commands.of([guidance]))) > 0
+        """Whether no value of a guidance has been refused."""
+        return not self.refused or len(self._allowed(Commands.of([guidance]))) > 0
 
-    def instead(self, held: Guidance, mission: Guidance, commands: Commands) -> Guidance | None:
-        """What is held, with the mission's own value in the place of a refused one.
+    def substitute(self, present: Guidance, mission: Guidance, commands: Commands) -> Guidance | None:
+        """The present guidance, with the mission's value in place of each refused one.
 
-        `None` when that is refused as well, while there are rows that are not: they begin anew.
+        `None` if that is refused as well and some of the commands are not: then one of them is chosen as if
+        there had been no guidance before.
         """
-        held = self.without(Commands.of([held]), mission).row(0)
-        return held if self.allow(held) or not len(self._kept(commands)) else None
+        present = self.remove_from(Commands.of([present]), mission).row(0)
+        return present if self.allow(present) or not len(self._allowed(commands)) else None
 
-    def without(self, commands: Commands, mission: Guidance) -> Commands:
-        """The rows that ask for nothing refused.
+    def remove_from(self, commands: Commands, mission: Guidance) -> Commands:
+        """The rows without a refused value.
 
-        When there is none, all of them, with the mission's own value in the place of each refused one: what
-        the mission flies is the last thing that an autopilot should refuse, and silence would fly on blindly.
+        If no row is left: all rows, with the mission's value in place of each refused one. The mission's
+        values are the least likely to be refused, and without a command the aircraft would fly on blindly.
         """
-        kept = self._kept(commands)
-        if len(kept) > 0:
-            return commands.only(kept)
-        course, speed, height = self._hits(commands)
+        allowed = self._allowed(commands)
+        if len(allowed) > 0:
+            return commands.subset(allowed)
+        course, speed, height = self._refused_values(commands)
         return Commands(
             np.where(course, mission.course_rad, commands.course_rad),
             np.where(speed, mission.airspeed_mps, commands.airspeed_mps),
@@ -83,19 +84,21 @@ class Refusals:
             commands.height_of,
         )
 
-    def _kept(self, commands: Commands) -> NDArray[np.intp]:
-        course, speed, height = self._hits(commands)
+    def _allowed(self, commands: Commands) -> NDArray[np.intp]:
+        """Indices of the rows without a refused value."""
+        course, speed, height = self._refused_values(commands)
         return np.flatnonzero(~((course | speed)[commands.ground_of] | height[commands.height_of]))
 
-    def _hits(self, commands: Commands) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    def _refused_values(self, commands: Commands) -> tuple[Mask, Mask, Mask]:
+        """Which courses, (H,), airspeeds, (H,), and heights, (Z,), are refused."""
         return (
-            self._hit(Control.HEADING, commands.course_rad),
-            self._hit(Control.SPEED, commands.airspeed_mps),
-            self._hit(Control.HEIGHT, commands.altitude_m),
+            self._match_any(Control.HEADING, commands.course_rad),
+            self._match_any(Control.SPEED, commands.airspeed_mps),
+            self._match_any(Control.HEIGHT, commands.altitude_m),
         )
 
-    def _hit(self, control: Control, values: Array) -> NDArray[np.bool_]:
-        hit = np.zeros(len(values), dtype=bool)
+    def _match_any(self, control: Control, values: Array) -> Mask:
+        matched = np.zeros(len(values), dtype=bool)
         for refusal in self.refused:
-            hit |= refusal.matches(control, values)
-        return hit
+            matched |= refusal.matches(control, values)
+        return matched

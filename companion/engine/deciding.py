@@ -117,7 +117,7 @@ class Deciding:
     def _apply_limits(self, frame: LocalFrame, now_s: float) -> None:
         """Give the avoider the aircraft's envelope, with floor, ceiling and fence of this place."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
-        self.avoider.spares_heights = adapter is not None and adapter.loses_itself_in_climbs
+        self.avoider.prefers_turns = adapter is not None and adapter.loses_itself_in_climbs
         home_m = aircraft.home_altitude_m()
         if home_m is None:
             return

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from companion.avoidance.control import ALL_CONTROLS, Control
+from companion.avoidance.envelope import ALL_CONTROLS, Control
 from companion.engine_config import EngineConfig
 from companion.model import Role, TextUnits
 

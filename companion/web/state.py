@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from companion.airspace.fence_zones import FenceZone
-from companion.avoidance.assess import mission_of, own_state
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
-from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead
+from companion.avoidance.own_flight import mission_guidance, own_state
+from companion.avoidance.prediction_times import TIMES_S
+from companion.avoidance.trajectory import Commands, fly_ahead
 from companion.geodesy import LocalFrame
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.output.decision_record import guidance_of, threat_text
@@ -114,7 +115,7 @@ def _goal(shot: Snapshot) -> dict[str, Any] | None:
     goal, own = shot.goal, shot.ownship
     if goal is None or own is None:
         return None
-    wanted, place_m = mission_of(own_state(shot.time_s, own), own, goal), goal.position_m
+    wanted, place_m = mission_guidance(own_state(shot.time_s, own), own, goal), goal.position_m
     return {
         "course_deg": _deg(wanted.course_rad),
         "airspeed_mps": round(wanted.airspeed_mps, 1),
@@ -130,7 +131,7 @@ def _predicted(moment: LiveSnapshot) -> list[list[float]]:
     if own is None or goal is None:
         return []
     state = own_state(moment.snapshot.time_s, own)
-    flown = guidance or mission_of(state, own, goal)
+    flown = guidance or mission_guidance(state, own, goal)
     path_m = fly_ahead(state, Commands.of([flown]), moment.envelope).row_m(0)
     north_m, east_m, down_m = (np.interp(_PREDICTED_S, TIMES_S, path_m[:, axis]) for axis in range(3))
     return [[round(float(x), 1) for x in place] for place in zip(north_m, east_m, -down_m, strict=True)]

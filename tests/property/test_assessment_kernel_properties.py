@@ -1,4 +1,4 @@
-"""The kernels of the survey and of the field against the same maths in plain steps."""
+"""The kernels of the assessment and of the field against the same maths in plain steps."""
 
 import math
 
@@ -11,7 +11,7 @@ from tests.property.test_kernel_properties import seeds, three, two
 
 
 @given(seeds)
-def test_rows_of_tracks_become_arrays(seed: int) -> None:
+def test_rows_become_columns(seed: int) -> None:
     rng = np.random.default_rng(seed)
     places, velocities = rng.normal(0.0, 1e4, (4, 3)), rng.normal(0.0, 60.0, (4, 3))
     rest = rng.normal(0.0, 1.0, (4, 2))
@@ -27,7 +27,7 @@ def test_rows_of_tracks_become_arrays(seed: int) -> None:
 
 
 @given(seeds)
-def test_each_threat_pushes_across_our_velocity_to_the_right_of_the_course(seed: int) -> None:
+def test_each_track_pushes_across_our_velocity_to_the_right_of_the_course(seed: int) -> None:
     rng = np.random.default_rng(seed)
     count, course_rad = int(rng.integers(0, 5)), float(rng.uniform(-math.pi, math.pi))
     velocity_mps, push = rng.normal(0.0, 40.0, (count, 3)), rng.uniform(0.0, 2.0, count)
@@ -41,7 +41,7 @@ def test_each_threat_pushes_across_our_velocity_to_the_right_of_the_course(seed:
 
 
 @given(seeds)
-def test_layers_reach_as_far_as_their_radius_or_their_time(seed: int) -> None:
+def test_a_layer_reaches_as_far_as_its_radius_or_its_time(seed: int) -> None:
     rng = np.random.default_rng(seed)
     distance_m, protected_m = rng.uniform(0.0, 9000.0, 5), rng.uniform(50.0, 900.0, 5)
     closing_mps = np.maximum(rng.normal(20.0, 40.0, 5), 0.0)
@@ -52,22 +52,22 @@ def test_layers_reach_as_far_as_their_radius_or_their_time(seed: int) -> None:
 
 
 @given(seeds)
-def test_too_near_is_who_uses_up_the_share_of_his_volume_that_his_time_allows(seed: int) -> None:
+def test_too_near_depends_on_the_share_of_the_volume_that_the_time_allows(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    closest, protected_m, shell_m = (
+    closest, protected_m, buffer_m = (
         rng.uniform(0.0, 2.0, 9),
         rng.uniform(50.0, 900.0, 9),
         rng.uniform(0.0, 300.0, 9),
     )
     to_closest_s, entered_s = rng.normal(40.0, 40.0, 9), rng.uniform(0.0, 90.0, 9)
     to_closest_s[0], entered_s[1] = math.inf, math.inf
-    early = np.clip((np.minimum(to_closest_s, entered_s + 15.0) - 15.0) / 45.0, 0.0, 1.0)
-    needed = (1.0 + shell_m / protected_m) * (0.9 + (0.6 - 0.9) * early)
-    near = kernels.too_near(closest, entered_s, to_closest_s, shell_m, protected_m, 0.9, 0.6, 15.0, 60.0)
+    earliness = np.clip((np.minimum(to_closest_s, entered_s + 15.0) - 15.0) / 45.0, 0.0, 1.0)
+    needed = (1.0 + buffer_m / protected_m) * (0.9 + (0.6 - 0.9) * earliness)
+    near = kernels.too_near(closest, entered_s, to_closest_s, buffer_m, protected_m, 0.9, 0.6, 15.0, 60.0)
     assert near.tolist() == (closest < needed).tolist()
 
 
-def test_arrays_that_do_not_belong_together_are_refused() -> None:
+def test_arrays_of_different_lengths_are_refused() -> None:
     with pytest.raises(ValueError, match="do not match"):
         kernels.pushes_across(np.zeros((3, 1)), np.zeros(3), 0.0, 0.0)
     with pytest.raises(ValueError, match="do not match"):
