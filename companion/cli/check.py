@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from companion.cli.common import note_if_slow
 from companion.cli.display import display_settings
 from companion.config import (
     Config,
@@ -64,6 +65,7 @@ def check(
     config = load_config(config_file)
     display_settings(config)
     obstacles = load_obstacles(config)
+    note_if_slow()
     console = Console(highlight=False, soft_wrap=True)
     saved = load_saved(config)
     if table:

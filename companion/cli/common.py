@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion import __version__
+from companion.compiled import slow_notice
 from companion.errors import CompanionError, ConfigError
 
 ConfigFile = Annotated[
@@ -37,6 +38,12 @@ def run_app(app: typer.Typer) -> int:
     except SystemExit as leave:
         return leave.code if isinstance(leave.code, int) else 1
     return 0
+
+
+def note_if_slow() -> None:
+    """Print one line on stderr when the inner loops are not compiled."""
+    if (notice := slow_notice()) is not None:
+        sys.stderr.write(f"{notice}\n")
 
 
 def writable(path: Path) -> Path:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 import typer
 from rich.console import Console
 
-from companion.cli.common import ProgressBar, writable
+from companion.cli.common import ProgressBar, note_if_slow, writable
 from companion.cli.display import replay_display_settings
 from companion.config import Config, load_config, load_obstacles, load_saved
 from companion.engine import Engine
@@ -55,6 +55,7 @@ def replay(
     for path in (decisions, report):
         if path is not None:
             writable(path)
+    note_if_slow()
     console = Console(highlight=False)
     with ExitStack() as stack:
         file = None if decisions is None else stack.enter_context(decisions.open("w", encoding="utf-8"))

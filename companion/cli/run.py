@@ -11,7 +11,7 @@ import typer
 
 from companion import __version__
 from companion.airspace.obstacles import Obstacle
-from companion.cli.common import ConfigFile
+from companion.cli.common import ConfigFile, note_if_slow
 from companion.cli.display import display_settings_in_flight
 from companion.config import Config, describe_saved, load_config, load_obstacles, load_saved
 from companion.engine import Engine
@@ -38,6 +38,7 @@ def run(
     config = load_config(config_file)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     display = None if no_web or not config.web.enabled else Display(display_settings_in_flight(config))
+    note_if_slow()
     asyncio.run(_run(config, load_obstacles(config), display))
 
 

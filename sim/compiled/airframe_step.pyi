@@ -1,4 +1,4 @@
-"""Types of the compiled wing; what it does stands in `wing.pyx`."""
+"""Types of `airframe_step.py`, whose own annotations are C types."""
 
 import numpy as np
 from numpy.typing import NDArray
