@@ -13,7 +13,7 @@ import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from companion.web import serving
-from companion.web.app import MOST_VIEWERS
+from companion.web.app import MOST_VIEWERS, STATIC
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
 from companion.web.source import Live
@@ -62,10 +62,36 @@ async def test_every_answer_forbids_browsers_what_is_not_ours() -> None:
             assert headers["cache-control"] == "no-cache"
 
 
-async def test_nothing_but_the_page_is_served_from_its_folder() -> None:
+async def test_every_file_of_the_page_is_served_with_its_type() -> None:
+    """Browsers run no module and apply no style sheet whose content type is wrong."""
+    types = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
+    files = [file for file in STATIC.rglob("*") if file.is_file()]
+    assert {file.parent.name for file in files} == {"static", "core", "map", "panels", "replay"}
     async with site(live(MOMENT)) as at:
-        for path in ("/static/../app.py", "/static/%2e%2e/app.py", "/static//etc/passwd", "/app.py"):
-            assert (await at.ask(path)).status == 404, path
+        for file in files:
+            answer = await at.ask(f"/static/{file.relative_to(STATIC)}")
+            assert (answer.status, answer.body) == (200, file.read_bytes()), file
+            assert answer.headers["content-type"].split(";")[0] == types[file.suffix], file
+            assert "default-src 'self'" in answer.headers["content-security-policy"], file
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/app.py",
+        "/static/../app.py",
+        "/static/%2e%2e/app.py",
+        "/static/core/../../app.py",
+        "/static/core/%2e%2e/%2e%2e/app.py",
+        "/static/map/..%2f..%2fapp.py",
+        "/static//etc/passwd",
+        "/static/core",
+        "/static/core/",
+    ],
+)
+async def test_nothing_but_the_page_is_served_from_its_folder(path: str) -> None:
+    async with site(live(MOMENT)) as at:
+        assert (await at.ask(path)).status == 404
 
 
 async def test_metrics_are_what_prometheus_reads() -> None:
