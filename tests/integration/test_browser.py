@@ -12,11 +12,12 @@ from playwright.async_api import Page, async_playwright
 
 from companion.model import Layer, Track
 from companion.web.live_snapshot import LiveSnapshot
+from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
 from companion.web.settings import Settings
-from companion.web.source import Live, Recorded
+from companion.web.source import LiveSource
 from companion.web.state import state_of
-from tests.support.web_bench import TOKEN, Site, health, live, moment_after, site
+from tests.support.web_bench import TOKEN, Site, health, live, site, snapshot_after
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ALONE = (
@@ -35,7 +36,7 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed: make browser"),
 ]
 
-MOMENT = moment_after(40.0)
+SNAPSHOT = snapshot_after(40.0)
 
 
 @contextlib.asynccontextmanager
@@ -56,12 +57,12 @@ async def page(at: Site, size: tuple[int, int] = LAPTOP) -> AsyncIterator[Page]:
 
 
 @contextlib.asynccontextmanager
-async def shown(source: Live, moment: LiveSnapshot = MOMENT) -> AsyncIterator[None]:
-    """The moment, ten times a second."""
+async def shown(source: LiveSource, snapshot: LiveSnapshot = SNAPSHOT) -> AsyncIterator[None]:
+    """The snapshot, ten times a second."""
 
     async def show() -> None:
         while True:
-            source.show(moment)
+            source.show(snapshot)
             await asyncio.sleep(0.1)
 
     showing = asyncio.create_task(show())
@@ -132,10 +133,10 @@ async def test_it_finds_a_server_that_was_started_anew() -> None:
 
 async def test_names_of_traffic_are_text_and_nothing_else() -> None:
     hostile = '<img src=x onerror="window.fooled=1">'
-    tracks = [replace(track, callsign=hostile) for track in MOMENT.snapshot.tracks]
-    moment = replace(MOMENT, snapshot=replace(MOMENT.snapshot, tracks=tracks, last_text=hostile))
+    tracks = [replace(track, callsign=hostile) for track in SNAPSHOT.snapshot.tracks]
+    snapshot = replace(SNAPSHOT, snapshot=replace(SNAPSHOT.snapshot, tracks=tracks, last_text=hostile))
     source = live()
-    async with shown(source, moment), site(source) as at, page(at) as opened:
+    async with shown(source, snapshot), site(source) as at, page(at) as opened:
         assert hostile[:12] in await opened.inner_text("#traffic"), "cut to what a callsign may have"
         assert hostile in await opened.inner_text("#last-text")
         assert await opened.evaluate("window.fooled") is None
@@ -170,7 +171,7 @@ async def test_all_of_it_works_by_keyboard() -> None:
 
 async def test_the_role_is_changed_with_the_token_and_a_second_look() -> None:
     source = live()
-    advising, with_token = replace(MOMENT, role="advise"), Settings(token=TOKEN)
+    advising, with_token = replace(SNAPSHOT, role="advise"), Settings(token=TOKEN)
     async with shown(source, advising), site(source, with_token) as at, page(at) as opened:
         await opened.click("#roles button[data-role=advise]")
         await opened.fill("#token", TOKEN)
@@ -195,7 +196,7 @@ async def test_a_phone_shows_everything_without_scrolling_sideways() -> None:
 
 
 async def test_a_hundred_aircraft_and_an_emergency() -> None:
-    own = MOMENT.snapshot.ownship
+    own = SNAPSHOT.snapshot.ownship
     assert own is not None
     around = [
         Track(
@@ -211,16 +212,16 @@ async def test_a_hundred_aircraft_and_an_emergency() -> None:
         )
         for number in range(99)
     ]
-    (threat,) = MOMENT.snapshot.decision.threats
+    (threat,) = SNAPSHOT.snapshot.decision.threats
     decision = replace(
-        MOMENT.snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
+        SNAPSHOT.snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
     )
-    moment = replace(
-        MOMENT,
-        snapshot=replace(MOMENT.snapshot, decision=decision, tracks=(*MOMENT.snapshot.tracks, *around)),
+    snapshot = replace(
+        SNAPSHOT,
+        snapshot=replace(SNAPSHOT.snapshot, decision=decision, tracks=(*SNAPSHOT.snapshot.tracks, *around)),
     )
     source = live()
-    async with shown(source, moment), site(source) as at, page(at) as opened:
+    async with shown(source, snapshot), site(source) as at, page(at) as opened:
         assert await opened.inner_text("#layer-word") == "INNER"
         await until_so(opened, "window.companionDisplay.tracksDrawn == 100")
         assert "100" in await opened.inner_text("#traffic-count")
@@ -231,9 +232,9 @@ async def test_a_hundred_aircraft_and_an_emergency() -> None:
 
 
 async def test_a_replay_is_played_stopped_and_searched() -> None:
-    source, trends = Recorded(), RollingStats()
+    source, stats = RecordedSource(), RollingStats()
     for tick in range(300):
-        source.add(tick / 10.0, state_of(replace(MOMENT, health=health()), tick + 1, trends))
+        source.add(tick / 10.0, state_of(replace(SNAPSHOT, health=health()), tick + 1, stats))
     async with site(source) as at, page(at) as opened:
         assert await opened.is_visible("#replay-controls")
         await until_so(opened, "window.companionDisplay.newestSequence > 3")

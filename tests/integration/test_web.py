@@ -16,20 +16,20 @@ from companion.web import serving
 from companion.web.app import MOST_VIEWERS, STATIC
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
-from companion.web.source import Live
+from companion.web.source import LiveSource
 from tests.support.paths import CONFIGS
-from tests.support.web_bench import TOKEN, Answer, health, live, moment_after, site
+from tests.support.web_bench import TOKEN, Answer, health, live, site, snapshot_after
 
 pytestmark = pytest.mark.wire
 
 ALERTS = CONFIGS / "prometheus" / "alerts.yaml"
-MOMENT = moment_after(40.0)
+SNAPSHOT = snapshot_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
 
-async def show_on(source: Live, interval_s: float = 0.02, moment: LiveSnapshot = MOMENT) -> None:
+async def show_on(source: LiveSource, interval_s: float = 0.02, snapshot: LiveSnapshot = SNAPSHOT) -> None:
     while True:
-        source.show(moment)
+        source.show(snapshot)
         await asyncio.sleep(interval_s)
 
 
@@ -38,7 +38,7 @@ async def test_the_state_is_there_once_there_is_something_to_tell() -> None:
     async with site(source) as at:
         assert (await at.ask("/api/state")).status == 503
         assert (await at.ask("/healthz")).status == 503
-        source.show(MOMENT)
+        source.show(SNAPSHOT)
         answer = await at.ask("/api/state")
         assert answer.status == 200
         assert answer.json["decision"]["layer"] == "outer"
@@ -54,7 +54,7 @@ async def test_the_state_is_there_once_there_is_something_to_tell() -> None:
 
 
 async def test_every_answer_forbids_browsers_what_is_not_ours() -> None:
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         for path in ("/", "/api/state", "/nothing", "/metrics", "/static/index.html"):
             headers = (await at.ask(path)).headers
             assert "default-src 'self'" in headers["content-security-policy"], path
@@ -67,7 +67,7 @@ async def test_every_file_of_the_page_is_served_with_its_type() -> None:
     types = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
     files = [file for file in STATIC.rglob("*") if file.is_file()]
     assert {file.parent.name for file in files} == {"static", "core", "map", "panels", "replay"}
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         for file in files:
             answer = await at.ask(f"/static/{file.relative_to(STATIC)}")
             assert (answer.status, answer.body) == (200, file.read_bytes()), file
@@ -90,15 +90,16 @@ async def test_every_file_of_the_page_is_served_with_its_type() -> None:
     ],
 )
 async def test_nothing_but_the_page_is_served_from_its_folder(path: str) -> None:
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         assert (await at.ask(path)).status == 404
 
 
 async def test_metrics_are_what_prometheus_reads() -> None:
-    moment = replace(
-        MOMENT, health=health(ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11), ticks_total_s=0.5, unusable=3)
+    snapshot = replace(
+        SNAPSHOT,
+        health=health(ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11), ticks_total_s=0.5, unusable=3),
     )
-    async with site(live(moment)) as at:
+    async with site(live(snapshot)) as at:
         text = (await at.ask("/metrics")).body.decode()
     families = {family.name: family for family in text_string_to_metric_families(text)}
     ticks = families["companion_tick_seconds"]
@@ -113,7 +114,7 @@ async def test_metrics_are_what_prometheus_reads() -> None:
 
 async def test_the_example_alerts_are_about_metrics_that_there_are() -> None:
     rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         text = (await at.ask("/metrics")).body.decode()
     there = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
     there |= {"companion_frames_total", "companion_frames_lost_total"}  # for each link, and here is none
@@ -139,7 +140,7 @@ async def test_the_example_alerts_are_about_metrics_that_there_are() -> None:
 )
 async def test_a_name_that_is_not_ours_is_not_answered(host: str, status: int) -> None:
     """Or a page of somebody else could point its own name at us and read along."""
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         assert (await at.ask("/api/state", headers={"Host": host})).status == status
 
 
@@ -155,7 +156,7 @@ async def test_a_name_that_is_not_ours_is_not_answered(host: str, status: int) -
 )
 async def test_the_stream_is_for_our_own_page(origin: str | None, allowed: bool) -> None:
     settings = Settings(origins=("https://ground.example",))
-    async with site(live(MOMENT), settings) as at:
+    async with site(live(SNAPSHOT), settings) as at:
         if origin == "ours":
             origin = f"http://127.0.0.1:{at.port}"
         if not allowed:
@@ -168,7 +169,7 @@ async def test_the_stream_is_for_our_own_page(origin: str | None, allowed: bool)
 
 async def test_the_role_is_changed_by_who_has_the_token_and_by_nobody_else() -> None:
     source = live()
-    showing = asyncio.create_task(show_on(source, moment=replace(MOMENT, role="advise")))
+    showing = asyncio.create_task(show_on(source, snapshot=replace(SNAPSHOT, role="advise")))
     body = b'{"role": "advise"}'
     async with site(source, WITH_TOKEN) as at:
 
@@ -199,7 +200,7 @@ async def test_the_role_is_changed_by_who_has_the_token_and_by_nobody_else() -> 
 
 
 async def test_without_a_token_nobody_gives_orders() -> None:
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         answer = await at.ask(
             "/api/role",
             method="POST",
@@ -213,8 +214,8 @@ async def test_without_a_token_nobody_gives_orders() -> None:
 
 
 async def test_who_says_half_a_word_after_a_whole_one_is_shown_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, "_NEXT_WORD_S", 0.3)
-    async with site(live(MOMENT)) as at:
+    monkeypatch.setattr(serving, "_REQUEST_TIMEOUT_S", 0.3)
+    async with site(live(SNAPSHOT)) as at:
         for word in (b"", b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\nG"):
             reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
             writer.write(word)
@@ -240,7 +241,7 @@ async def test_who_says_half_a_word_after_a_whole_one_is_shown_out(monkeypatch: 
     ids=["too long", "bytes", "half a line", "no such method", "empty lines"],
 )
 async def test_broken_requests_are_refused_and_the_others_are_served(request_line: bytes) -> None:
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
         writer.write(request_line + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
         async with asyncio.timeout(10.0):
@@ -254,7 +255,7 @@ async def test_broken_requests_are_refused_and_the_others_are_served(request_lin
     "message", ["x" * 100_000, "x" * 1000, b"\x00" * 100, "not JSON", "[[[[", "{}"], ids=lambda m: str(m[:8])
 )
 async def test_messages_of_a_viewer_disturb_nobody(message: str | bytes) -> None:
-    source = live(MOMENT)
+    source = live(SNAPSHOT)
     showing = asyncio.create_task(show_on(source))
     async with site(source) as at, websockets.connect(at.stream, close_timeout=0.2) as other:
         async with websockets.connect(at.stream) as stream:
@@ -274,7 +275,7 @@ async def test_messages_of_a_viewer_disturb_nobody(message: str | bytes) -> None
 
 
 async def test_who_does_not_read_misses_states_and_delays_nobody() -> None:
-    source = live(MOMENT)
+    source = live(SNAPSHOT)
     async with site(source) as at:
         sleeper = socket.create_connection(("127.0.0.1", at.port))
         sleeper.sendall(
@@ -292,7 +293,7 @@ async def test_who_does_not_read_misses_states_and_delays_nobody() -> None:
 
 
 async def test_so_many_viewers_and_no_more() -> None:
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         viewers = [await websockets.connect(at.stream) for _ in range(MOST_VIEWERS)]
         with pytest.raises(websockets.InvalidStatus):
             await websockets.connect(at.stream)
@@ -309,7 +310,7 @@ async def test_so_many_viewers_and_no_more() -> None:
 
 
 async def test_a_thousand_connections_are_refused_within_bounds() -> None:
-    async with site(live(MOMENT)) as at, websockets.connect(at.stream) as viewer:
+    async with site(live(SNAPSHOT)) as at, websockets.connect(at.stream) as viewer:
         crowd = []
         for _ in range(1000):
             one = socket.socket()

@@ -10,11 +10,11 @@ from typing import Any
 
 from companion.engine import Engine
 from companion.web.app import build
-from companion.web.live_snapshot import Health, LiveSnapshot, live_snapshot_of
-from companion.web.loop_times import LoopTimes
+from companion.web.health import Health, LoopTimes
+from companion.web.live_snapshot import LiveSnapshot, live_snapshot_of
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
-from companion.web.source import Live, Source
+from companion.web.source import LiveSource, Source
 from sim.closed_loop import ClosedLoop
 from sim.scenario import load_scenario
 
@@ -79,7 +79,7 @@ def health(**changes: Any) -> Health:
     return replace(Health.of(12.0, LoopTimes(), ()), **changes)
 
 
-def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> LiveSnapshot:
+def snapshot_after(seconds: float, scenario: str = "head-on", **changes: Any) -> LiveSnapshot:
     """What there is to be seen so long after a scenario began."""
     engine = Engine()
     loop = ClosedLoop(load_scenario(scenario), engine)
@@ -88,9 +88,9 @@ def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> L
     return replace(live_snapshot_of(engine, now_s, health()), **changes)
 
 
-def live(moment: LiveSnapshot | None = None) -> Live:
+def live(snapshot: LiveSnapshot | None = None) -> LiveSource:
     """A flight of which one moment is known."""
-    source = Live()
-    if moment is not None:
-        source.show(moment)
+    source = LiveSource()
+    if snapshot is not None:
+        source.show(snapshot)
     return source
