@@ -168,7 +168,7 @@ class Display {
       setData(find("past-now"), "alarm", layer === "outer" || layer === "inner");
     }
     show(find("no-position"), state.own === null);
-    setText(find("no-position"), "NO POSITION: where our own aircraft is, is not known");
+    setText(find("no-position"), "NO POSITION: our own position is unknown");
   }
 
   /** Marks the page as stale when no data arrives: an old picture must not look like a new one. Also draws tables that
@@ -178,7 +178,7 @@ class Display {
     const stale = !this.stream.open || (silent_s > STALE_S && this.expecting);
     const visible = stale && silent_s > STALE_S;
     if (visible !== this.timeline.stale) {
-      setText(find("announcer"), visible ? "No data" : "Data again");
+      setText(find("announcer"), visible ? "No data" : "Data received again");
       this.timeline.stale = visible;
       this.redraw();
     } else if (this.tablesDue) this.redraw();
@@ -189,7 +189,7 @@ class Display {
 
   staleText(silent_s) {
     const { retryIn_s, open } = this.stream;
-    if (open) return `NO DATA FOR ${silent_s} s: connected, but nothing comes`;
+    if (open) return `NO DATA FOR ${silent_s} s: connected, but nothing received`;
     const doing = retryIn_s === null ? "connecting" : `trying again in ${retryIn_s.toFixed(1)} s`;
     return `NO DATA FOR ${silent_s} s: ${doing}`;
   }

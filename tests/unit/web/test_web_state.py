@@ -1,4 +1,4 @@
-"""What the display shows: a moment as JSON, the stats of several, and a recorded flight that is played."""
+"""The state as JSON, statistics of several snapshots, the pipe, and a replay."""
 
 import asyncio
 import json
@@ -25,7 +25,7 @@ from companion.web.state import state_of
 from tests.support.web_bench import health, snapshot_after
 
 
-def test_an_engine_that_has_heard_nothing_has_a_state() -> None:
+def test_an_engine_without_data_has_a_state() -> None:
     state = state_of(live_snapshot_of(Engine(), 1_700_000_000.0, health()), 1, RollingStats())
     assert state["own"] is None
     assert state["tracks"] == state["cones"] == state["predicted"] == []
@@ -34,7 +34,7 @@ def test_an_engine_that_has_heard_nothing_has_a_state() -> None:
     json.dumps(state, allow_nan=False)
 
 
-def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
+def test_a_conflict_has_threat_track_and_cone() -> None:
     state = state_of(snapshot_after(40.0), 7, RollingStats())
     json.dumps(state, allow_nan=False)
     assert (state["sequence"], state["aircraft"]["mode"]) == (7, "GUIDED")
@@ -45,7 +45,7 @@ def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
     assert threat["track"] == track["track"] == cone["track"] == track["icao"] == "A00001"
     assert track["level"] == "caution"
     assert cone["inside"] is True
-    # An intruder five kilometres ahead, its volume with margin 701 m: asin(701 / 5074).
+    # The intruder is five kilometres ahead, its volume with margin has 701 m: asin(701 / 5074).
     assert cone["half_angle_deg"] == pytest.approx(
         math.degrees(math.asin(701.04 / track["distance_m"])), abs=0.1
     )
@@ -53,13 +53,13 @@ def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
     assert 0.0 <= cone["bearing_deg"] < 360.0
     assert track["north_m"] - state["own"]["north_m"] == pytest.approx(track["distance_m"], abs=1.0)
     assert [item["sequence"] for item in state["mission"]["items"]] == [0, 2]
-    # A minute at 22 m/s and the wind.
+    # One minute at 22 m/s plus wind.
     first, last = state["predicted"][0], state["predicted"][-1]
     assert math.dist(first[:2], last[:2]) == pytest.approx(60.0 * 24.0, rel=0.02)
     assert last[2] == pytest.approx(state["decision"]["guidance"]["altitude_m"], abs=1.0)
 
 
-def test_how_near_traffic_is_shows_in_its_symbol() -> None:
+def test_only_near_traffic_is_proximate() -> None:
     snapshot = snapshot_after(20.0)
     own = snapshot.snapshot.ownship
     assert own is not None
@@ -75,7 +75,7 @@ def test_how_near_traffic_is_shows_in_its_symbol() -> None:
     assert [track["level"] for track in state["tracks"]] == ["proximate", "other", "other"]
 
 
-def test_rates_are_those_of_the_last_seconds_and_silence_is_seen() -> None:
+def test_rates_cover_the_last_seconds_and_silence_is_measured() -> None:
     now_s = [100.0]
     stats = RollingStats(lambda: now_s[0])
     for second in range(11):
@@ -90,7 +90,7 @@ def test_rates_are_those_of_the_last_seconds_and_silence_is_seen() -> None:
     assert stats.tick_ms_p99() == pytest.approx(9.0)
 
 
-def test_ticks_are_counted_by_how_long_they_took() -> None:
+def test_ticks_are_counted_by_their_duration() -> None:
     times = LoopTimes()
     for seconds in (0.0001, 0.0005, 0.004, 3.0):
         times.observe(seconds)
@@ -99,7 +99,7 @@ def test_ticks_are_counted_by_how_long_they_took() -> None:
     assert times.total_s == pytest.approx(3.0046)
 
 
-async def test_a_moment_comes_out_of_the_pipe_as_it_went_in() -> None:
+async def test_a_snapshot_passes_through_the_pipe_unchanged() -> None:
     snapshot = snapshot_after(40.0)
     reader = asyncio.StreamReader()
     reader.feed_data(pack(Settings()) + pack(snapshot)[:-1])
@@ -113,7 +113,7 @@ async def test_a_moment_comes_out_of_the_pipe_as_it_went_in() -> None:
     assert state_of(again, 1, RollingStats()) == state_of(snapshot, 1, RollingStats())
 
 
-def film() -> RecordedSource:
+def recorded() -> RecordedSource:
     source = RecordedSource()
     for tick in range(100):
         layer = "clear" if tick < 50 else "outer"
@@ -121,8 +121,8 @@ def film() -> RecordedSource:
     return source
 
 
-async def test_a_recorded_flight_is_played_stopped_and_searched() -> None:
-    source = film()
+async def test_a_recorded_flight_plays_pauses_and_seeks() -> None:
+    source = recorded()
     assert source.layers() == [(0.0, "clear", "so"), (5.0, "outer", "so")]
     view = source.view()
     states = view.states()
@@ -144,18 +144,20 @@ async def test_a_recorded_flight_is_played_stopped_and_searched() -> None:
     assert 5 <= later["sequence"] <= 40  # type: ignore[operator]
 
 
-@pytest.mark.parametrize("wish", [{"speed": "fast"}, {"seek_s": math.nan}, {"play": 1}, {"seek_s": True}, {}])
-async def test_a_wish_that_makes_no_sense_changes_nothing(wish: dict[str, object]) -> None:
-    view = film().view()
+@pytest.mark.parametrize(
+    "message", [{"speed": "fast"}, {"seek_s": math.nan}, {"play": 1}, {"seek_s": True}, {}]
+)
+async def test_an_invalid_message_changes_nothing(message: dict[str, object]) -> None:
+    view = recorded().view()
     states = view.states()
     before = json.loads(await anext(states))["replay"]
     view.control({"play": False})
     await anext(states)
-    view.control(wish)
+    view.control(message)
     assert json.loads(await anext(states))["replay"] == {**before, "playing": False}
 
 
-def test_health_counts_links_that_were_never_heard() -> None:
+def test_without_links_there_are_no_statistics_of_links() -> None:
     stats = RollingStats(lambda: 1.0)
     assert stats.links() == []
     assert stats.tick_ms_p99() is None
@@ -163,31 +165,31 @@ def test_health_counts_links_that_were_never_heard() -> None:
     assert stats.links() == []
 
 
-class Engineless:
-    """Stands where an engine should: whatever is asked of it fails."""
+class BrokenEngine:
+    """Stands in for an engine; every access fails."""
 
 
-def test_what_cannot_be_shown_is_told_once_and_never_raised(caplog: pytest.LogCaptureFixture) -> None:
-    recorded: list[str] = []
+def test_a_failing_observer_is_logged_once_and_never_raises(caplog: pytest.LogCaptureFixture) -> None:
+    lines: list[str] = []
 
-    class Notes(Recorder):
+    class Lines(Recorder):
         def __init__(self) -> None:
             """Nothing to open."""
 
         def state(self, time_us: int, line: str) -> None:  # noqa: ARG002
-            recorded.append(line)
+            lines.append(line)
 
-    observers = Observers(None, Notes())
+    observers = Observers(None, Lines())
     for tick in range(3):
-        observers.look(Engineless(), tick * 10_000_000, health)  # type: ignore[arg-type]
+        observers.look(BrokenEngine(), tick * 10_000_000, health)  # type: ignore[arg-type]
     assert [r.getMessage() for r in caplog.records] == ["state in the record: switched off"]
-    observers = Observers(None, Notes())
+    observers = Observers(None, Lines())
     for tick in range(250):
         observers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
-    assert [json.loads(line)["sequence"] for line in recorded] == [1, 2, 3], "every ten seconds"
+    assert [json.loads(line)["sequence"] for line in lines] == [1, 2, 3], "every ten seconds"
 
 
-def test_every_key_is_explained() -> None:
+def test_state_md_explains_every_key() -> None:
     text = (Path(state_module.__file__).parent / "state.md").read_text()
     explained = set(re.findall(r"`(\w+)`", text)) | set(re.findall(r"\b(\w+_(?:m|deg))\b", text))
     snapshot = snapshot_after(40.0)

@@ -1,4 +1,4 @@
-// Helpers for the document. Each writes only when the value changes, so that nothing is laid out in vain.
+// Helpers for the document. Each writes only when the value changes, to save needless layout.
 
 export const find = (id) => document.getElementById(id);
 

@@ -1,4 +1,4 @@
-// What follows from a state about its traffic: order of urgency, names, bearings, closest approach.
+// Facts derived from the traffic of a state: order of urgency, names, bearings, closest approach.
 
 const OLD_S = 5;
 const CLIMBS_MPS = 2.5; // 500 ft/min

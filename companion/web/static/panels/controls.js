@@ -46,7 +46,7 @@ const stepOf_s = (event) => (event.shiftKey ? 10 : 1);
 
 /** [keys as written in the help, meaning, values of `event.key`, action on the display] */
 const KEYS = [
-  ["+  -", "Nearer, farther", ["+", "="], (display) => display.scope.zoom(1)],
+  ["+  -", "Zoom in, out", ["+", "="], (display) => display.scope.zoom(1)],
   [null, null, ["-", "_"], (display) => display.scope.zoom(-1)],
   ["A", "Automatic range", ["a"], (display) => display.settings.next("autoRange")],
   ["T", "North up, track up", ["t"], (display) => display.settings.next("orientation")],
@@ -54,11 +54,11 @@ const KEYS = [
   ["V", "Trend vectors 60 s, 30 s", ["v"], (display) => display.settings.next("trend_s")],
   ["J  K", "Next, previous aircraft", ["j"], (display) => display.selectNext(1)],
   [null, null, ["k"], (display) => display.selectNext(-1)],
-  ["F", "Centre on the selected one", ["f"], (display) => display.toggleFollow()],
+  ["F", "Centre on the selected aircraft", ["f"], (display) => display.toggleFollow()],
   ["O  Esc", "Own aircraft", ["o", "Escape"], (display) => display.select("own")],
-  ["← →", "Back, forth by 1 s; with Shift 10 s", ["ArrowLeft"], (display, event) => display.step(-stepOf_s(event))],
+  ["← →", "1 s back, forward; with Shift 10 s", ["ArrowLeft"], (display, event) => display.step(-stepOf_s(event))],
   [null, null, ["ArrowRight"], (display, event) => display.step(stepOf_s(event))],
-  ["Home  End", "The oldest moment, the newest", ["Home"], (display) => display.moments.first()],
+  ["Home  End", "Oldest moment, newest moment", ["Home"], (display) => display.moments.first()],
   [null, null, ["End"], (display) => display.moments.last()],
   ["L", "Back to live", ["l"], (display) => display.moments.live?.()],
   ["Space", "Play, pause a replay", [" "], (display) => display.moments.togglePlay?.()],

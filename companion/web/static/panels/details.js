@@ -44,11 +44,11 @@ export class DetailsPanel {
       ["Ground speed", speed(track.ground_speed_mps)],
       ["Climb", `${climbText(track.climb_mps, settings)} ${climbUnit(settings)}`],
       ["Turn", turnText(track.turn_dps)],
-      ["Closing", speed(closing_mps ?? null)],
+      ["Closing speed", speed(closing_mps ?? null)],
       ["Closest in", durationText(time_to_closest_s ?? null)],
-      ["Miss beside", distanceText(miss_horizontal_m ?? null, settings)],
-      ["Miss in height", height(miss_vertical_m ?? null)],
-      ["Last heard", track.age_s === null ? UNKNOWN : `${track.age_s.toFixed(1)} s ago`],
+      ["Horizontal miss", distanceText(miss_horizontal_m ?? null, settings)],
+      ["Vertical miss", height(miss_vertical_m ?? null)],
+      ["Last report", track.age_s === null ? UNKNOWN : `${track.age_s.toFixed(1)} s ago`],
       ["ICAO", track.icao ?? UNKNOWN],
     ];
   }
@@ -65,13 +65,13 @@ export class DetailsPanel {
       ["Position age", seconds(service.position_age_s)],
       ["System", aircraft.system_id === null ? UNKNOWN : String(aircraft.system_id)],
       ["Tick, p99", service.tick_ms_p99 === null ? UNKNOWN : `${service.tick_ms_p99.toFixed(1)} ms`],
-      ["Up for", durationText(service.uptime_s)],
+      ["Uptime", durationText(service.uptime_s)],
     ];
   }
 }
 
 function ownNote({ aircraft }, lostName) {
-  if (lostName !== null) return "not heard any more";
+  if (lostName !== null) return "track lost";
   return [aircraft.autopilot, aircraft.firmware].filter((word) => word !== null).join(" ");
 }
 

@@ -14,11 +14,11 @@ export class HealthPanels {
   }
 
   update(state) {
-    setText(find("last-text"), state.companion.last_text || "Nothing said yet");
+    setText(find("last-text"), state.companion.last_text || "No message yet");
     const troubles = troublesOf(state);
     show(find("trouble"), troubles.length > 0);
     setText(find("trouble"), troubles.join(" · "));
-    setText(find("links-note"), state.links.length === 0 ? "none told" : "");
+    setText(find("links-note"), state.links.length === 0 ? "none" : "");
     while (this.rows.length < state.links.length) this.addRow();
     this.rows.forEach((row, index) => {
       show(row.element, index < state.links.length);
@@ -42,7 +42,7 @@ function fill(row, link) {
   setText(row.word, { good: "OK", poor: "POOR", lost: link.connected ? "SILENT" : "DOWN" }[health]);
   const frames = link.frames_per_s === null ? "–" : link.frames_per_s.toFixed(1);
   const lost = link.lost_share === null ? "–" : (link.lost_share * 100).toFixed(1);
-  const silent = link.silent_s === null ? "never heard" : `silent ${link.silent_s.toFixed(1)} s`;
+  const silent = link.silent_s === null ? "no data yet" : `silent ${link.silent_s.toFixed(1)} s`;
   setText(row.rate, `${frames} frames/s, ${lost} % lost, ${silent}`);
 }
 

@@ -3,9 +3,9 @@
 import { find, setAttribute, setText, show } from "../core/dom.js";
 
 const MEANINGS = {
-  off: "Nothing is computed any more. An aircraft that is being flown around traffic is given back first.",
-  advise: "Conflicts are computed and announced, nothing is commanded. An aircraft being flown is given back first.",
-  fly: "In a conflict the aircraft is taken over and flown around the traffic.",
+  off: "No conflict detection. If the companion is flying the aircraft, it gives it back first.",
+  advise: "Conflicts are announced, nothing is commanded. If the companion is flying the aircraft, it gives it back first.",
+  fly: "In a conflict the companion takes over and flies the aircraft around the traffic.",
 };
 const KEY = "companion.token";
 const PATIENCE_MS = 8000;
@@ -30,7 +30,7 @@ export class RolePanel {
   constructor() {
     this.dialog = find("role-dialog");
     this.wanted = null;
-    for (const button of this.buttons) button.addEventListener("click", () => this.ask(button.dataset.role));
+    for (const button of this.buttons) button.addEventListener("click", () => this.confirm(button.dataset.role));
     find("role-cancel").addEventListener("click", () => this.dialog.close());
     find("role-form").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -52,7 +52,8 @@ export class RolePanel {
     }
   }
 
-  ask(role) {
+  /** Opens the dialog that asks for the token. */
+  confirm(role) {
     this.wanted = role;
     setText(find("role-title"), `Change the role to ${role.toUpperCase()}?`);
     setText(find("role-meaning"), MEANINGS[role]);
@@ -96,6 +97,6 @@ async function post(role, token) {
     const { error } = await answer.json().catch(() => ({}));
     return typeof error === "string" ? error : `Refused (${answer.status})`;
   } catch {
-    return "The companion did not answer, or the token holds signs that cannot be sent";
+    return "No answer from the companion, or the token has characters that cannot be sent";
   }
 }

@@ -1,4 +1,4 @@
-// Which moment is shown: of a live stream, or of a log that the server plays. Both have the same interface.
+// The moment shown: of a live stream, or of a log that the server plays. Both have the same interface.
 
 import { History } from "../core/history.js";
 import { words } from "../core/state.js";
