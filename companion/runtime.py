@@ -38,8 +38,7 @@ from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.watchdog import Watchdog
 from companion.web import Display, Observers
-from companion.web.live_snapshot import Health
-from companion.web.loop_times import LoopTimes
+from companion.web.health import Health, LoopTimes
 
 _log = logging.getLogger("companion")
 
