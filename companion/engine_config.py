@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.avoidance import AvoidanceParams
 from companion.control.state_machine import SupervisorParams

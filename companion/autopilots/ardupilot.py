@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from companion.airspace.autopilot_fences import ardupilot_fence
+from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from companion.airspace.autopilot_fences import px4_fence
+from companion.airspace.fences import px4_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
 from companion.autopilots.temporary_parameter import TemporaryParameter

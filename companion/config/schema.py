@@ -8,7 +8,7 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator
 
 from companion.address import host_and_port, parse_address
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
 from companion.avoidance import AvoidanceParams

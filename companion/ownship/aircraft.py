@@ -20,14 +20,10 @@ from companion.mavlink.facts import (
     Wind,
 )
 from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
-from companion.ownship.contact import Contact
-from companion.ownship.flight_state import FlightState
-from companion.ownship.identity import Identity
-from companion.ownship.kinematics import Kinematics
+from companion.ownship.autopilot_state import Contact, FlightState, Identity, Sticks
+from companion.ownship.kinematics import Kinematics, Terrain
 from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
-from companion.ownship.sticks import Sticks
-from companion.ownship.terrain import Terrain
 
 # The heartbeat with the mode comes once a second, so that after a silence it may be this late.
 _MODE_KNOWN_S = 2.5

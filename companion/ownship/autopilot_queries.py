@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from companion.airspace.altitude_limits import HeightLimits
-from companion.airspace.autopilot_fences import AutopilotFence, FenceSettings, zones_of
-from companion.airspace.fence_in_force import FenceInForce
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import AutopilotFence, FenceInForce, FenceSettings, FenceZone, zones_of
 from companion.autopilots import Adapter
 from companion.autopilots.parameters import ReportedLimits, reported_limits
 from companion.avoidance import Envelope, Fence

@@ -6,7 +6,7 @@ so that neither the computing time nor a bug in it reaches the flying loop.
 
 from dataclasses import dataclass
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.avoidance import AvoidanceParams, Envelope
 from companion.engine import Engine
 from companion.geodesy import LocalFrame

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
 from companion.avoidance.own_flight import mission_guidance, own_state
 from companion.avoidance.prediction_times import TIMES_S

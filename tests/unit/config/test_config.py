@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from companion.address import NetworkAddress, NetworkKind, SerialAddress, parse_address
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.config import Config, RecordingParams, describe, load_config
 from companion.config.document import Leaf, parse_document
 from companion.engine import AircraftLimits, EngineConfig

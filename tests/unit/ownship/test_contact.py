@@ -1,6 +1,6 @@
 """The state of the link: heartbeats, silences and the autopilot's clock."""
 
-from companion.ownship.contact import Contact
+from companion.ownship.autopilot_state import Contact
 
 
 def heard_until(now_s: float) -> Contact:

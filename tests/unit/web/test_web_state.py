@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.engine import Engine
 from companion.model import Track
 from companion.recording.recorder import Recorder

@@ -1,13 +1,68 @@
-"""The autopilot's own fence: its settings from parameters, its zones from the items of its fence mission."""
+"""Fences: zones on the globe, the autopilot's own fence, and the fence in force in the local frame."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from companion.airspace.fence_zones import FenceZone
+from companion.avoidance import Fence, Zone
+from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import MissionItem
-from companion.model import LatLon
+from companion.model import LatLon, Vec2
+
+_MIN_VERTICES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class FenceZone:
+    """One zone: a polygon (`vertices_deg`) or a circle (`centre_deg`, `radius_m`), of (lat, lon) [deg].
+
+    Heights are above home; `None`: no limit. The aircraft stays inside a zone with `inclusion`, and outside
+    any other. ValueError if it is neither a polygon nor a circle, or not on the globe.
+    """
+
+    inclusion: bool
+    vertices_deg: tuple[LatLon, ...] = ()
+    centre_deg: LatLon | None = None
+    radius_m: float | None = None
+    min_height_m: float | None = None
+    max_height_m: float | None = None
+
+    def __post_init__(self) -> None:
+        is_circle = self.centre_deg is not None and self.radius_m is not None
+        is_incomplete = (self.centre_deg is None) != (self.radius_m is None)
+        if is_incomplete or is_circle == bool(self.vertices_deg):
+            raise ValueError("must have either vertices_deg, or centre_deg and radius_m")
+        if self.vertices_deg and len(self.vertices_deg) < _MIN_VERTICES:
+            raise ValueError("vertices_deg must be at least three")
+        if self.radius_m is not None and not 0.0 < self.radius_m < math.inf:
+            raise ValueError("radius_m must be greater than 0")
+        for lat_deg, lon_deg in (*self.vertices_deg, *((self.centre_deg,) if self.centre_deg else ())):
+            if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+                raise ValueError("a place must be [latitude, longitude] in degrees")
+        low_m, high_m = self.min_height_m, self.max_height_m
+        if low_m is not None and high_m is not None and low_m >= high_m:
+            raise ValueError("min_height_m must be less than max_height_m")
+
+    def in_frame(self, frame: LocalFrame, home_altitude_m: float) -> Zone:
+        """The same zone in the local frame, with limits above mean sea level."""
+
+        def local(place: LatLon) -> Vec2:
+            return frame.to_north_east_m(*place)
+
+        def altitude_m(height_m: float | None) -> float | None:
+            return None if height_m is None else home_altitude_m + height_m
+
+        return Zone(
+            self.inclusion,
+            tuple(local(vertex) for vertex in self.vertices_deg),
+            None if self.centre_deg is None else local(self.centre_deg),
+            self.radius_m,
+            altitude_m(self.min_height_m),
+            altitude_m(self.max_height_m),
+        )
+
 
 # ArduPilot's bits of FENCE_TYPE and FENCE_OPTIONS
 _MAX_ALTITUDE, _CIRCLE, _ZONES, _MIN_ALTITUDE = 1, 2, 4, 8
@@ -147,3 +202,55 @@ def _circle(item: MissionItem) -> FenceZone | None:
         )
     except ValueError:
         return None
+
+
+# Own position, wind and the autopilot's course tracking are each known to within this distance.
+_MIN_MARGIN_M = 30.0
+
+
+class _Source(NamedTuple):
+    """Everything that the fence in the local frame is made from, besides the configuration."""
+
+    frame: LocalFrame
+    home_altitude_m: float
+    autopilot: AutopilotFence
+
+
+class FenceInForce:
+    """Combines the configured zones with the autopilot's fence; keeps the result until an input changes."""
+
+    def __init__(self, configured: tuple[FenceZone, ...] = ()) -> None:
+        self._configured = configured
+        self._source: _Source | None = None
+        self._fence: Fence | None = None
+
+    def in_frame(self, frame: LocalFrame, home_altitude_m: float, autopilot: AutopilotFence) -> Fence | None:
+        """The fence in the local frame, `None` without zones; the same object until an input changes.
+
+        Its margin is the autopilot's, but at least 30 m.
+        """
+        # Home's altitude varies by centimetres all the time; whole metres keep the fence constant.
+        source = _Source(frame, float(round(home_altitude_m)), autopilot)
+        if self._source != source:
+            self._source, self._fence = source, self._combine(source)
+        return self._fence
+
+    def _combine(self, source: _Source) -> Fence | None:
+        settings = source.autopilot.settings
+        uploaded = source.autopilot.zones if settings.zones else ()
+        others = [*self._configured]
+        if settings.home_radius_m is not None and source.autopilot.home_deg is not None:
+            home_circle = FenceZone(
+                True, centre_deg=source.autopilot.home_deg, radius_m=settings.home_radius_m
+            )
+            others.append(home_circle)
+        any_inclusion = settings.any_inclusion and sum(zone.inclusion for zone in uploaded) > 1
+        if any_inclusion and any(zone.inclusion for zone in others):
+            # A fence cannot express "inside any of these, and inside that one". The autopilot itself
+            # still enforces its own inclusion zones.
+            uploaded = tuple(zone for zone in uploaded if not zone.inclusion)
+            any_inclusion = False
+        zones = tuple(zone.in_frame(source.frame, source.home_altitude_m) for zone in (*others, *uploaded))
+        if not zones:
+            return None
+        return Fence(zones, max(settings.margin_m, _MIN_MARGIN_M), any_inclusion=any_inclusion)
