@@ -1,4 +1,4 @@
-"""Traffic assessment: all tracks measured against flying the mission on, and which are in conflict."""
+"""Traffic assessment: the tracks that matter, measured against flying the mission on, and the threats."""
 
 import math
 from collections.abc import Sequence
@@ -9,14 +9,72 @@ import numpy as np
 from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, Mask, RelativeMotion, any_of, position_at, relative_motion
-from companion.avoidance.own_flight import OwnFlight, OwnState
 from companion.avoidance.params import AvoidanceParams
-from companion.avoidance.protected_tracks import protected_horizontal_m
 from companion.avoidance.separation import Separation, separation
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import Commands, OwnFlight, OwnState, fly_ahead
 from companion.compiled import kernels
-from companion.model import Goal, Track, Vec2, Vec3
+from companion.model import Goal, Guidance, Layer, Threat, Track, TrafficKind, Vec2, Vec3
+from companion.units import wrap_pi
+
+# Larger distances and speeds than these cannot be real.
+_FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
+
+
+def is_relevant(track: Track) -> bool:
+    """Whether a track is finite, has realistic values, and is an aircraft or an obstacle."""
+    north_m, east_m, down_m = track.position_m
+    north_mps, east_mps, down_mps = track.velocity_mps
+    across_m, aloft_m = track.protected_horizontal_m, track.protected_vertical_m
+    # Comparisons with NaN are false.
+    sound = (
+        math.isfinite(track.time_s)
+        and -_FURTHEST_M < north_m < _FURTHEST_M
+        and -_FURTHEST_M < east_m < _FURTHEST_M
+        and -_FURTHEST_M < down_m < _FURTHEST_M
+        and -_FASTEST_MPS < north_mps < _FASTEST_MPS
+        and -_FASTEST_MPS < east_mps < _FASTEST_MPS
+        and -_FASTEST_MPS < down_mps < _FASTEST_MPS
+        and (across_m is None or -_FURTHEST_M < across_m < _FURTHEST_M)
+        and (aloft_m is None or -_FURTHEST_M < aloft_m < _FURTHEST_M)
+        and not math.isnan(track.vertical_uncertainty_m)
+    )
+    return sound and track.kind is not TrafficKind.SURFACE_VEHICLE
+
+
+def protected_tracks(now_s: float, tracks: Sequence[Track], params: AvoidanceParams) -> Tracks:
+    """The tracks extrapolated to `now_s`, with their protected volumes, margins included.
+
+    The uncertainty of a height is added to the volume before the margin: even if the whole error is against
+    us, the bare volume is kept.
+    """
+    rows = []
+    for track in tracks:
+        grounded = track.kind is TrafficKind.OBSTACLE
+        aloft_m = params.obstacle_vertical_m if grounded else params.well_clear_vertical_m
+        if track.protected_vertical_m is not None:
+            aloft_m = track.protected_vertical_m
+        uncertain_m = max(track.vertical_uncertainty_m, 0.0)
+        values = (
+            protected_horizontal_m(track, params),
+            (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
+            track.turn_radps,
+            grounded,
+        )
+        rows.append((position_at(track, now_s), track.velocity_mps, values))
+    position, velocity, (across, aloft, turns, on_ground) = kernels.columns(rows)
+    ids = tuple(track.track_id for track in tracks)
+    return Tracks(ids, position, velocity, across, aloft, on_ground > 0.0, np.zeros(len(ids)), turns)
+
+
+def protected_horizontal_m(track: Track, params: AvoidanceParams) -> float:
+    """Radius of the protected volume, margin included."""
+    across_m = track.protected_horizontal_m
+    if across_m is None:
+        grounded = track.kind is TrafficKind.OBSTACLE
+        across_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
+    return max(across_m, 1.0) * (1.0 + params.horizontal_margin)
+
 
 # Speed at which we could approach a track that is near but not coming nearer.
 _OWN_APPROACH_MPS = 20.0
@@ -238,3 +296,60 @@ def _is_clear(
         return False
     approach_rad = math.atan2(abs(north_m * east_mps - east_m * north_mps), along)
     return approach_rad > math.asin(radius_m / distance_m) + domain.wider_rad(track.track_id)
+
+
+def threats_of(assessment: TrafficAssessment, tracks: Sequence[Track], most: int) -> tuple[Threat, ...]:
+    """The conflicts among the assessed tracks, nearest first, at most `most`."""
+    indices = assessment.conflict.nonzero()[0]
+    indices = indices[assessment.surface_m[indices].argsort(kind="stable")][:most]
+    motion = assessment.motion
+    columns = (
+        indices,
+        motion.position_m[indices],
+        motion.own_velocity_mps[indices],
+        motion.closing_mps[indices],
+        motion.time_to_closest_s[indices],
+        assessment.surface_m[indices] < assessment.inner_reach_m[indices],
+        assessment.tracks.grounded[indices],
+    )
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return tuple(_threat(tracks[index], *values) for index, *values in rows)
+
+
+def _threat(
+    track: Track,
+    rel_m: Vec3,
+    own_rel_mps: Vec3,
+    closing_mps: float,
+    time_s: float,
+    is_inner: bool,
+    grounded: bool,
+) -> Threat:
+    (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = rel_m, own_rel_mps
+    to_go_s = max(time_s, 0.0) if math.isfinite(time_s) else 0.0
+    above_m = down_m - down_mps * to_go_s  # ours above it at the closest approach
+    return Threat(
+        track_id=track.track_id,
+        icao=track.icao,
+        distance_m=math.hypot(north_m, east_m),
+        relative_altitude_m=-down_m,
+        bearing_rad=math.atan2(east_m, north_m),
+        closing_mps=closing_mps,
+        time_to_closest_s=time_s,
+        miss_horizontal_m=math.hypot(north_m - north_mps * to_go_s, east_m - east_mps * to_go_s),
+        # An obstacle reaches down to the ground.
+        miss_vertical_m=max(above_m, 0.0) if grounded else abs(above_m),
+        layer=Layer.INNER if is_inner else Layer.OUTER,
+    )
+
+
+def reason(threat: Threat, guidance: Guidance, state: OwnState) -> str:
+    """The decision in words: the nearest threat and the guidance against it."""
+    course = math.degrees(guidance.course_rad) % 360.0
+    turn = math.degrees(wrap_pi(guidance.course_rad - state.course_rad))
+    turning = f"{'right' if turn > 0 else 'left'} to " if abs(turn) > 5.0 else ""
+    return (
+        f"{threat.track_id} {threat.distance_m:.0f} m, {threat.relative_altitude_m:+.0f} m, "
+        f"{threat.time_to_closest_s:.0f} s: course {turning}{course:03.0f}, "
+        f"height {guidance.altitude_m:.0f} m"
+    )

@@ -2,22 +2,27 @@
 
 from collections.abc import Sequence
 
-from companion.avoidance.assess import TrafficAssessment, assess_traffic, needs_no_assessment
+from companion.avoidance.assess import (
+    TrafficAssessment,
+    assess_traffic,
+    is_relevant,
+    needs_no_assessment,
+    protected_tracks,
+    reason,
+    threats_of,
+)
 from companion.avoidance.cone import TransitionDomain
-from companion.avoidance.constraints import Constraints
-from companion.avoidance.cost_context import Conflict, conflict_context, return_context
+from companion.avoidance.constraints import Constraints, Refusals
+from companion.avoidance.cost import Conflict, conflict_context, return_context
 from companion.avoidance.envelope import Control
 from companion.avoidance.fence import Fence
 from companion.avoidance.geometry import any_of
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
 from companion.avoidance.inner import InnerLayer
-from companion.avoidance.own_flight import OwnFlight, require_finite
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
-from companion.avoidance.protected_tracks import is_relevant, protected_tracks
-from companion.avoidance.refusals import Refusals
-from companion.avoidance.threats import reason, threats_of
 from companion.avoidance.tracks import Tracks
+from companion.avoidance.trajectory import OwnFlight, require_finite
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
@@ -97,11 +102,12 @@ class Avoider:
             self._domain.reset()
             return self._without_conflict(now_s, flight)
         assessment = self._assess(now_s, flight, relevant)
-        joint = self._cooperation.joint_guidance(
-            now_s, own, flight, relevant, assessment.tracks, assessment.conflict, self._constraints
-        )
-        if joint is not None:
-            return self._fly_jointly(joint, flight, assessment._replace(conflict=joint.members), relevant)
+        if self._cooperation.enabled:
+            joint = self._cooperation.joint_guidance(
+                now_s, own, flight, relevant, assessment.tracks, assessment.conflict, self._constraints
+            )
+            if joint is not None:
+                return self._fly_jointly(joint, flight, assessment._replace(conflict=joint.members), relevant)
         if not any_of(assessment.conflict):
             return self._without_conflict(now_s, flight)
         return self._avoid(now_s, flight, assessment, relevant)

@@ -3,8 +3,7 @@
 from collections.abc import Set
 from typing import NamedTuple
 
-from companion.avoidance.cost import EvaluatedRows, evaluate_rows
-from companion.avoidance.cost_context import Conflict, CostContext
+from companion.avoidance.cost import Conflict, CostContext, EvaluatedRows, evaluate_rows
 from companion.avoidance.envelope import Control, Pace
 from companion.avoidance.reactive_rules import heading_rule_rad, speed_rule
 from companion.avoidance.strategies import StrategyTable

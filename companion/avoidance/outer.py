@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.assess import TrafficAssessment
-from companion.avoidance.cost_context import CostContext
+from companion.avoidance.cost import CostContext
 from companion.avoidance.geometry import Array
 from companion.avoidance.potential import FieldParams, attraction, repulsion, repulsion_magnitude
 from companion.avoidance.strategies import Height, Speed, height_m, speed_mps

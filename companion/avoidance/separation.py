@@ -8,9 +8,8 @@ from typing import NamedTuple, Protocol
 
 from companion.avoidance.geometry import Array, Mask, RelativeMotion
 from companion.avoidance.maneuvers import IntruderManeuvers
-from companion.avoidance.prediction_times import HORIZON_S, KERNEL_TIMES, count_until
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Paths
+from companion.avoidance.trajectory import HORIZON_S, KERNEL_TIMES, Paths, count_until
 from companion.compiled import kernels
 from companion.model import Vec2
 

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from companion.avoidance.cost_context import CostContext
+from companion.avoidance.cost import CostContext
 from companion.avoidance.envelope import Control, Pace
 from companion.avoidance.trajectory import Commands
 

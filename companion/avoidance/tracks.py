@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.geometry import Array, Mask
-from companion.avoidance.prediction_times import KERNEL_TIMES
+from companion.avoidance.trajectory import KERNEL_TIMES
 from companion.compiled import kernels
 
 

@@ -106,12 +106,13 @@ class Engine:
             self.queries,
             self._picture,
             ObstacleMap(config.known_obstacles, config.obstacles),
-            self._settings,
+            config,
             self._handover,
             avoider or Avoider(config.avoidance),
         )
         self._boot_time_s = -math.inf
         self._prompted = False  # by a report of a threat since the last tick
+        self._resume = False  # the mission, on the operator's request since the last tick
         self._answers: list[Message] = []
         self._left: PersistedState | None = None  # by a former run: what it borrowed is put back
         self._kept_s: float | None = None
@@ -123,11 +124,11 @@ class Engine:
     @property
     def sender(self) -> Sender:
         """Our address: the autopilot's system, unless configured otherwise."""
-        system_id = self._settings.engine.system_id
+        system_id = self._applied.engine.system_id
         if system_id == "auto":
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
-        return _address(system_id, self._settings.engine.component_id)
+        return _address(system_id, self._applied.engine.component_id)
 
     @property
     def tracker(self) -> Tracker:
@@ -227,10 +228,11 @@ class Engine:
     def receive(self, fact: Fact, now_s: float) -> bool:
         """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
         sender = fact.sender
-        if sender.component_id == self._settings.engine.component_id and sender == self.sender:
+        if sender.component_id == self._applied.engine.component_id and sender == self.sender:
             return False
         if isinstance(fact, _OPERATOR_FACTS):
             self._answers += self.operator.receive(fact)
+            self._resume |= self.operator.take_resume()
             return bool(self._answers)
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
@@ -289,8 +291,9 @@ class Engine:
         was_flying = self.supervisor.flying
         overridden = self._handover.check_overrides(now_s)
         effects = self._emit(overridden or (), now_s)
-        effects += self._apply_settings()
-        orders = Orders(self.operator.role, self.operator.take_resume())
+        if self._answers:
+            effects += self._apply_settings()
+        orders, self._resume = Orders(self.operator.role, self._resume), False
         if overridden is None:
             self._deciding.update(orders.role, now_s)
             effects += self._emit(self._handover.step(self.decision, orders, now_s), now_s)
@@ -313,6 +316,7 @@ class Engine:
         if config.avoidance is not self._applied.avoidance:
             self.avoider.retune(config.avoidance)
         self._handover.retune(config.supervisor)
+        self._deciding.config = config
         self._applied = config
         before, self._saved = self._saved, self._settings.changed
         return [] if self._saved == before else [Save(self._saved)]
@@ -382,7 +386,7 @@ class Engine:
     def _say(self, notice: AnyNotice, now_s: float) -> list[Say | Message]:
         deciding = self._deciding
         situation = TrafficSituation(deciding.decision, deciding.own, deciding.tracks)
-        text = worded(notice, situation, self._settings.engine.text_units)
+        text = worded(notice, situation, self._applied.engine.text_units)
         return [] if text is None else self._statustext.say(text, now_s)
 
 

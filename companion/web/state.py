@@ -12,9 +12,7 @@ import numpy as np
 
 from companion.airspace.fences import FenceZone
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
-from companion.avoidance.own_flight import mission_guidance, own_state
-from companion.avoidance.prediction_times import TIMES_S
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead, mission_guidance, own_state
 from companion.geodesy import LocalFrame
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.output.decision_record import guidance_of, threat_text

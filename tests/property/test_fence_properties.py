@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 
 from companion.avoidance import Envelope, Fence, Zone
 from companion.avoidance.geometry import Array
-from companion.avoidance.own_flight import OwnState
-from companion.avoidance.prediction_times import times_until
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import Commands, OwnState, fly_ahead, times_until
 from companion.model import Guidance, Vec2
 
 # Single precision over some kilometres.

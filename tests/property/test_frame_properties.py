@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.cost import EvaluatedRows
-from companion.avoidance.cost_context import Conflict
+from companion.avoidance.cost import Conflict, EvaluatedRows
 from companion.avoidance.geometry import Mask
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.policies import LayerPolicy, OuterPolicy

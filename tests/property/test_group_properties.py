@@ -18,8 +18,7 @@ from companion.avoidance.group.formation import (
     group_around,
     joint_response,
 )
-from companion.avoidance.own_flight import OwnState
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Decision, Goal, Guidance, Member, Ownship, Track, Vec3
 from companion.units import wrap_pi
 from tests.support.avoidance_cases import (

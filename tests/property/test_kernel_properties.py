@@ -9,15 +9,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance.cone import approach_angle_rad
-from companion.avoidance.cost_weights import CostWeights
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, relative_motion
 from companion.avoidance.maneuvers import IntruderManeuvers
-from companion.avoidance.own_flight import OwnState, ground_velocity_mps
-from companion.avoidance.prediction_times import HORIZON_S, TIMES_S, index_at
+from companion.avoidance.params import CostWeights
 from companion.avoidance.separation import heights_to_pass, losses, outcomes, separation
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Commands, Paths, fly_ahead
+from companion.avoidance.trajectory import (
+    HORIZON_S,
+    TIMES_S,
+    Commands,
+    OwnState,
+    Paths,
+    fly_ahead,
+    ground_velocity_mps,
+    index_at,
+)
 from companion.compiled import kernels
 from companion.model import Guidance, Vec2, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2

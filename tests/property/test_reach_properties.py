@@ -6,11 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.assess import TrafficAssessment, assess_traffic, needs_no_assessment
+from companion.avoidance.assess import (
+    TrafficAssessment,
+    assess_traffic,
+    needs_no_assessment,
+    protected_tracks,
+)
 from companion.avoidance.cone import TransitionDomain, half_angle_rad
-from companion.avoidance.own_flight import OwnFlight
 from companion.avoidance.policies import policy_of
-from companion.avoidance.protected_tracks import protected_tracks
+from companion.avoidance.trajectory import OwnFlight
 from companion.model import Goal, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()

@@ -7,13 +7,11 @@ import numpy as np
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Envelope
-from companion.avoidance.cost_context import CostContext
-from companion.avoidance.cost_weights import CostWeights
+from companion.avoidance.cost import CostContext
 from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
-from companion.avoidance.own_flight import OwnState
-from companion.avoidance.params import Layers, OuterMethod
-from companion.avoidance.prediction_times import HORIZON_S
+from companion.avoidance.params import CostWeights, Layers, OuterMethod
 from companion.avoidance.tracks import Tracks
+from companion.avoidance.trajectory import HORIZON_S, OwnState
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import wrap_pi
 

@@ -17,10 +17,9 @@ from companion.avoidance.group.formation import (
     is_valid,
     joint_response,
 )
-from companion.avoidance.own_flight import OwnFlight, OwnState
 from companion.avoidance.separation import separation
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import Commands, OwnFlight, OwnState, fly_ahead
 from companion.model import Goal, Guidance, Member, Ownship, Track
 
 
@@ -56,7 +55,7 @@ class Cooperation:
     def retune(self, params: FormationParams, release_margin: float, *, enabled: bool) -> None:
         """Other parameters from now on; a conflict at hand goes on."""
         self._params, self._release_margin = params, release_margin
-        self._enabled = enabled and params.cooperate and bool(params.own_id)
+        self.enabled = enabled and params.cooperate and bool(params.own_id)
 
     def reset(self) -> None:
         """Forget the conflict at hand."""
@@ -78,8 +77,6 @@ class Cooperation:
         strangers come first: then there is no joint response.
         """
         self._answering, answering = False, self._answering
-        if not self._enabled:
-            return None
         member = describe_member(own, flight.goal, constraints.envelope)
         ours = MemberState(self._params.own_id, flight.state.position_m, own.velocity_mps, member)
         response = self._response(now_s, ours, tracks, answering=answering)

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.geometry import Array
-from companion.avoidance.own_flight import OwnState, course_and_altitude_to
-from companion.avoidance.prediction_times import TIME_SHARES
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import TIME_SHARES, Commands, OwnState, course_and_altitude_to, fly_ahead
 from companion.model import Guidance, Member, Vec3
 from companion.units import wrap_pi, wrap_two_pi
 

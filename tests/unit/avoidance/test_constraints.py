@@ -5,10 +5,8 @@ import math
 import pytest
 
 from companion.avoidance import Control, Envelope, Fence, Zone
-from companion.avoidance.constraints import Constraints
-from companion.avoidance.own_flight import OwnState
-from companion.avoidance.refusals import Refusals
-from companion.avoidance.trajectory import turn_around_s
+from companion.avoidance.constraints import Constraints, Refusals
+from companion.avoidance.trajectory import OwnState, turn_around_s
 from companion.model import Guidance
 
 ENVELOPE = Envelope(min_altitude_m=100.0, max_altitude_m=400.0)

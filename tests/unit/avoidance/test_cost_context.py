@@ -3,17 +3,13 @@
 import pytest
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.assess import assess_traffic
+from companion.avoidance.assess import assess_traffic, protected_tracks
 from companion.avoidance.cone import TransitionDomain
-from companion.avoidance.constraints import Constraints
-from companion.avoidance.cost import evaluate_rows
-from companion.avoidance.cost_context import CostContext, conflict_context
-from companion.avoidance.own_flight import OwnFlight
+from companion.avoidance.constraints import Constraints, Refusals
+from companion.avoidance.cost import CostContext, conflict_context, evaluate_rows
 from companion.avoidance.policies import policy_of
-from companion.avoidance.protected_tracks import protected_tracks
-from companion.avoidance.refusals import Refusals
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Commands
+from companion.avoidance.trajectory import Commands, OwnFlight
 from companion.model import Goal, Guidance, Ownship, Track
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)

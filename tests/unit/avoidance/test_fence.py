@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 
 from companion.avoidance import Envelope, Fence, Zone
-from companion.avoidance.own_flight import OwnState
-from companion.avoidance.prediction_times import HORIZON_S, times_until
-from companion.avoidance.trajectory import Commands, Paths, fly_ahead, turn_around_s
+from companion.avoidance.trajectory import (
+    HORIZON_S,
+    Commands,
+    OwnState,
+    Paths,
+    fly_ahead,
+    times_until,
+    turn_around_s,
+)
 from companion.model import Guidance, Vec2
 
 ENVELOPE = Envelope()

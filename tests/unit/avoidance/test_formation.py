@@ -8,8 +8,7 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
 from companion.avoidance.group.formation import FormationParams, MemberState, is_valid, joint_response
-from companion.avoidance.own_flight import OwnState
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Decision, Goal, Layer, Member, Ownship, Track, Vec3
 
 GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)

@@ -7,11 +7,10 @@ import pytest
 
 from companion.avoidance.cost import evaluate_rows
 from companion.avoidance.maneuvers import NO_MANEUVERS, ManeuverParams, enumerate_maneuvers
-from companion.avoidance.own_flight import OwnState
 from companion.avoidance.separation import separation
 from companion.avoidance.strategies import TABLE, StrategyTable
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Guidance
 from tests.support.avoidance_cases import make_context, one_track, random_tracks
 

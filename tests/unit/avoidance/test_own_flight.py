@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from companion.avoidance.own_flight import OwnFlight, own_state, require_finite
-from companion.avoidance.prediction_times import HORIZON_S
+from companion.avoidance.trajectory import HORIZON_S, OwnFlight, own_state, require_finite
 from companion.model import Goal, Ownship
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
+from companion.avoidance.assess import protected_tracks
 from companion.avoidance.params import Layers, OuterMethod
 from companion.avoidance.policies import (
     ClearedSphere,
@@ -20,7 +21,6 @@ from companion.avoidance.policies import (
     TransitionField,
     policy_of,
 )
-from companion.avoidance.protected_tracks import protected_tracks
 from companion.model import Goal, Layer, Ownship, Track
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Control
+from companion.avoidance.constraints import REFUSED_FOR_S, Refusals
 from companion.avoidance.group.formation import FormationParams
-from companion.avoidance.refusals import REFUSED_FOR_S, Refusals
 from companion.avoidance.trajectory import Commands
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 

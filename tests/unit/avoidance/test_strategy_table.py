@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import pytest
 
-from companion.avoidance.cost_context import CostContext
+from companion.avoidance.cost import CostContext
 from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
 from companion.avoidance.strategies import TABLE, Course, Height, Speed, StrategyTable
 from companion.model import Guidance

@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.own_flight import OwnState, ground_velocity_mps, own_state
-from companion.avoidance.prediction_times import HORIZON_S, TIMES_S
 from companion.avoidance.separation import separation
 from companion.avoidance.tracks import Tracks
-from companion.avoidance.trajectory import Commands, fly_ahead
+from companion.avoidance.trajectory import (
+    HORIZON_S,
+    TIMES_S,
+    Commands,
+    OwnState,
+    fly_ahead,
+    ground_velocity_mps,
+    own_state,
+)
 from companion.model import Guidance, Ownship
 from sim.dynamics import FixedWing
 

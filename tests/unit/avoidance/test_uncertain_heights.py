@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.protected_tracks import is_relevant, protected_tracks
+from companion.avoidance.assess import is_relevant, protected_tracks
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()
