@@ -57,7 +57,7 @@ class Deciding:
         if self._conflict_over:
             self._conflict_over = False
             self.avoider.reset()
-        if aircraft.blind(now_s):
+        if aircraft.position_lost(now_s):
             self.own, self.tracks = None, ()
             self._do_without("no position")
             return
@@ -90,7 +90,7 @@ class Deciding:
         if self.goal is None or self._handover.supervisor.state in WATCHING:
             goal = self._aircraft.goal(frame, now_s)
             if self._aircraft.mission_outdated(now_s):
-                self._queries.doubt_mission(now_s)
+                self._queries.reread_mission(now_s)
             return goal
         if self.goal.position_m is not None:
             return self.goal
@@ -117,7 +117,7 @@ class Deciding:
     def _apply_limits(self, frame: LocalFrame, now_s: float) -> None:
         """Give the avoider the aircraft's envelope, with floor, ceiling and fence of this place."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
-        self.avoider.prefers_turns = adapter is not None and adapter.loses_itself_in_climbs
+        self.avoider.prefers_turns = adapter is not None and adapter.invalid_after_climbs
         home_m = aircraft.home_altitude_m()
         if home_m is None:
             return

@@ -47,7 +47,7 @@ from companion.output.effects import Effect, Keep, Record, Save, Say, Transmit
 from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
-from companion.ownship.autopilot_queries import HEEDED, AutopilotQueries
+from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
 from companion.traffic import Tracker, TrafficPicture
 
@@ -174,7 +174,9 @@ class Engine:
     def finished(self) -> bool:
         """Whether, after `request_stop`, the aircraft and everything borrowed from it are given back."""
         adapter = self.aircraft.adapter
-        return self.supervisor.state is State.STOPPED and not (adapter is not None and adapter.borrowed)
+        return self.supervisor.state is State.STOPPED and not (
+            adapter is not None and adapter.changed_parameters
+        )
 
     def hindrances(self, now_s: float, role: Role | None = None) -> list[str]:
         """Why the aircraft would not be taken over now, in the present role or in `role`."""
@@ -212,7 +214,7 @@ class Engine:
             return
         if left.role is not None:
             self.operator.role = left.role
-        self.aircraft.expect(left.system_id)
+        self.aircraft.expect_system(left.system_id)
         self._handover.recover(left)
 
     def announce(self, text: str, now_s: float) -> list[Effect]:
@@ -240,7 +242,7 @@ class Engine:
             return self._receive_traffic(fact, now_s)
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
-        if type(fact) in HEEDED and self.aircraft.adapter is not None:
+        if type(fact) in RELEVANT_FACTS and self.aircraft.adapter is not None:
             self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
@@ -250,7 +252,7 @@ class Engine:
         match fact:
             case Heartbeat():
                 if back:
-                    self.aircraft.resume(now_s)
+                    self.aircraft.refresh_navigation(now_s)
                     self._ask_again()
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
@@ -341,7 +343,7 @@ class Engine:
             if self._left is not None:
                 # It may have been another aircraft's.
                 if self._left.system_id == adapter.target.system_id:
-                    adapter.put_back(self._left.borrowed)
+                    adapter.restore_parameters(self._left.borrowed)
                 self._left = None
             if self._commanding.may_fly or not flying:
                 outgoing += adapter.tick(now_s)
@@ -353,7 +355,7 @@ class Engine:
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
-        healthy = self.aircraft.heard(now_s) and not self.aircraft.blind(now_s)
+        healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
         return self._emit(outgoing, now_s) + self._keep(now_s)
 
