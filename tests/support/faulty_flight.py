@@ -87,7 +87,7 @@ class Notes(Recorder):
         await asyncio.Event().wait()
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
     def commands(self, since_s: float = 0.0) -> list[Message]:
         """The commands sent: mode, setpoints, guidance, parameters; without requests for messages."""
