@@ -1,9 +1,17 @@
-# make run: fly the demo.  make test: all checks and tests.  Both set up .venv first, from the lock file.
-PYTHON ?= $(shell command -v python3.11 || command -v python3)
+# make run: fly the demo.  make test: all checks and tests.  Both need Python 3.11 or newer, make and git; what else
+# they need goes into .venv, from the lock files.
+PYTHON ?= $(shell for each in python3.11 python3.12 python3.13 python3; do \
+	$$each -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && command -v $$each && break; done)
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.locked
-BUILT := $(VENV)/.built
+PIP := $(BIN)/python -m pip --disable-pip-version-check install
+# A compiler and Python's headers, or neither: another name, so that a compiler installed later is used.
+CAN_COMPILE = command -v cc >/dev/null && $(PYTHON) -c 'import pathlib, sys, sysconfig; \
+	sys.exit(not pathlib.Path(sysconfig.get_path("include"), "Python.h").exists())'
+CREATED := $(VENV)/.created
+NEEDED := $(VENV)/.requirements
+BUILT = $(VENV)/.$(shell $(CAN_COMPILE) && echo compiled || echo plain)
+TOOLS := $(VENV)/.dev
 
 .PHONY: run test check setup compiler browser orca lock clean pictures
 
@@ -13,7 +21,7 @@ run: setup
 test: check
 	$(BIN)/pytest --numprocesses 3
 
-check: setup
+check: setup $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -21,21 +29,40 @@ check: setup
 
 setup: $(BUILT)
 
-$(STAMP): requirements.lock
-	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "Companion needs Python 3.11 or newer")'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
-	touch $@
+# All that must be there already is looked for before anything is downloaded.
+$(CREATED):
+	@test -n "$(PYTHON)" || { echo "Companion needs Python 3.11 or newer, which is not installed; \
+	if it has another name: make PYTHON=NAME" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else \
+	"Companion needs Python 3.11 or newer, and $(PYTHON) is " + sys.version.split()[0])'
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "Companion needs the venv module of $(PYTHON): \
+	apt install python3-venv (Debian)" >&2; exit 1; }
+	@echo "== Setting up $(VENV): $$($(PYTHON) --version)"
+	@$(PYTHON) -m venv $(VENV)
+	@touch $@
 
-# What is compiled.
-$(BUILT): $(STAMP) pyproject.toml setup.py companion/compiled/kernels.pyx sim/compiled/wing.pyx
-	@command -v cc >/dev/null || { echo "Companion compiles two files and needs a C compiler: make compiler (Debian)" >&2; exit 1; }
-	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
-	touch $@
+$(NEEDED): $(CREATED) requirements.lock
+	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 30 MB to download"
+	@$(PIP) --require-hashes -r requirements.lock
+	@touch $@
 
-# A C compiler and Python's headers. Debian, as root.
+$(BUILT): $(NEEDED) pyproject.toml setup.py companion/compiled/kernels.py sim/compiled/airframe_step.py
+	@$(CAN_COMPILE) && echo "== Installing Companion: compiling two files, half a minute" || \
+		echo "== Installing Companion: without a C compiler and Python's headers (make compiler)"
+	@PYTHONWARNINGS=ignore $(PIP) --quiet --no-deps --no-build-isolation -e .
+	@$(BIN)/python -c 'from companion.compiled import slow_notice; print("==", slow_notice() or "Ready")'
+	@touch $@
+
+$(TOOLS): $(NEEDED) dev.lock orca.lock
+	@echo "== Installing what checks and tests need: $$(grep -c == dev.lock) packages, some 150 MB to download"
+	@$(PIP) --require-hashes -r dev.lock
+	@$(MAKE) --no-print-directory orca || \
+		echo "== The library of ORCA is not available here: its tests are skipped"
+	@touch $@
+
+# A C compiler and Python's headers, with which decisions are taken ten to fifty times as fast. Debian, as root.
 compiler:
-	command -v cc >/dev/null || { apt-get update -qq && \
+	{ $(CAN_COMPILE); } || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends gcc libc6-dev python3-dev; }
 
 # Chromium, for the tests of the display; they are skipped without. Debian, as root.
@@ -43,17 +70,20 @@ browser:
 	command -v chromium >/dev/null || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; }
 
-# The library of ORCA, which campaigns can compare with; its tests are skipped without.
-orca: setup
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r orca.lock
+# The library of ORCA, a method that campaigns compare with, without what it lists as its dependencies.
+orca: $(NEEDED)
+	$(PIP) --quiet --no-deps --require-hashes -r orca.lock
 
-# Writes requirements.lock anew from pyproject.toml; run it when a dependency changes.
-lock: $(STAMP)
-	CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/pip-compile --quiet --extra dev --all-build-deps --generate-hashes --allow-unsafe \
-		--strip-extras --no-emit-index-url --no-emit-find-links --output-file requirements.lock pyproject.toml
+# Writes the lock files again from pyproject.toml; run it when a dependency changes.
+LOCK = CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/pip-compile --quiet --all-build-deps --generate-hashes \
+	--allow-unsafe --strip-extras --no-emit-index-url --no-emit-find-links
+lock: $(TOOLS)
+	$(LOCK) --output-file requirements.lock pyproject.toml
+	$(LOCK) --extra report --extra sim --extra dev --constraint requirements.lock --output-file dev.lock pyproject.toml
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -f companion/compiled/*.so sim/compiled/*.so
 
 # Redraws display.png, the terminal in README.md and the tables in REFERENCE.md from what runs now.
 pictures: setup

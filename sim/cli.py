@@ -16,8 +16,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.cli import guarded, writable
-from companion.errors import CompanionError, ConfigError, LinkError, alone, require
+from companion.cli.common import VersionFlag, note_if_slow, run_app, show_version, writable
+from companion.errors import CompanionError, ConfigError, LinkError, require, ungrouped
 from companion.links import open_link
 from companion.web.settings import Settings
 from sim.bench import run as run_bench
@@ -37,6 +37,12 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: VersionFlag = False) -> None:
+    if version:
+        show_version("companion-sim")
 
 
 class Autopilot(StrEnum):
@@ -100,6 +106,7 @@ def demo(
         autopilot=autopilot.value,
         display=None if no_web else Settings(title=f"Demonstration: {Path(scenario).stem}"),
     )
+    note_if_slow()
     console = Console(highlight=False)
     with DemoView(console) as view:
         handler = _ViewHandler(view)
@@ -157,6 +164,7 @@ def vehicle(
         links = [open_link(address) for address in link]
     except LinkError as error:
         raise ConfigError(f"--link {error}") from error
+    note_if_slow()
     start_s = float(int(time.time()))
     world = build_world(chosen, start_s, autopilot=autopilot.value)
     clock = ScaledClock(speedup, start_s=start_s)
@@ -177,6 +185,7 @@ def bench(
     if report is not None:
         writable(report)
     logging.getLogger("companion").addHandler(logging.NullHandler())
+    note_if_slow()
     console = Console(highlight=False)
     status = console.status("starting") if console.is_terminal else contextlib.nullcontext()
     with status as shown:
@@ -230,6 +239,7 @@ def paper(
             return
         raise ConfigError("paper: give --out DIR for the results, or --table")
     command.folder(out)
+    note_if_slow()
     # A regular exit also ends the worker processes.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     well = True
@@ -313,6 +323,7 @@ def campaign(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
         tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part,
     )  # fmt: skip
+    note_if_slow()
     console = Console(highlight=False)
     figures = command.run(plan, results, console, workers=workers, scheduler=scheduler)
     command.print_figures(console, figures)
@@ -345,6 +356,7 @@ def encounter(
         writable(out)
     models = tuple(map(str, model or ()))
     plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height)
+    note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)
 
 
@@ -398,10 +410,10 @@ async def _relay_until_interrupted(between: Relay) -> None:
 async def _serve(server: VehicleServer) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, server.close)
-    with alone():
+    with ungrouped():
         await server.run()
 
 
 def main() -> None:
     """Entry point."""
-    sys.exit(guarded(app))
+    sys.exit(run_app(app))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from companion.model import Vec2, Vec3
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,

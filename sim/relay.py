@@ -8,8 +8,7 @@ from functools import partial
 
 from companion.address import NetworkAddress, NetworkKind, parse_address
 from companion.errors import LinkError
-from companion.links.queued import in_words
-from companion.links.resolve import SocketAddress, resolve
+from companion.links.sockets import SocketAddress, error_text, resolve
 from sim.faults import Faults, FaultyLine
 
 MAX_SOURCES = 16
@@ -68,7 +67,7 @@ class Relay:
             listening.bind(own)
         except OSError as error:
             listening.close()
-            raise LinkError(f"{self._names[0]}: {in_words(error)}") from error
+            raise LinkError(f"{self._names[0]}: {error_text(error)}") from error
         self._socket = listening
         asyncio.get_running_loop().add_reader(listening, self._read_sources, listening)
 
@@ -172,7 +171,7 @@ async def _resolved(name: str, address: NetworkAddress) -> SocketAddress:
     try:
         return await resolve(address.host, address.port, socket.SOCK_DGRAM)
     except (OSError, UnicodeError) as error:
-        words = in_words(error) if isinstance(error, OSError) else "this is not a host name"
+        words = error_text(error) if isinstance(error, OSError) else "this is not a host name"
         raise LinkError(f"{name}: {words}") from error
 
 

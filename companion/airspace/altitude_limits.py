@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from companion.airspace.autopilot_fences import FenceSettings
+from companion.airspace.fences import FenceSettings
 from companion.avoidance import Envelope
 
 

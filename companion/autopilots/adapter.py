@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from companion.autopilots.commands import CommandRetrier
 from companion.autopilots.parameters import ParameterTable
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender
@@ -52,14 +52,14 @@ class Adapter(ABC):
     # The mode that flies the mission.
     mission_mode: ClassVar[str]
     # Modes that circle or hold a course: the aircraft must be at the circle or on the course to enter them.
-    places: ClassVar[frozenset[str]] = frozenset()
-    courses: ClassVar[frozenset[str]] = frozenset()
+    loiter_modes: ClassVar[frozenset[str]] = frozenset()
+    course_hold_modes: ClassVar[frozenset[str]] = frozenset()
     # The parameters with the aircraft's limits, its fence and the size of its mission.
     parameters: ClassVar[ParameterTable]
 
     def __init__(self, target: Sender) -> None:
         self.target = target
-        self.desk = CommandRetrier()
+        self.commands = CommandRetrier()
 
     @staticmethod
     @abstractmethod
@@ -85,24 +85,24 @@ class Adapter(ABC):
         """The mode to request when the former one is refused: the aircraft loiters in it."""
 
     @abstractmethod
-    def left_behind_mode(self) -> int | None:
+    def setpoint_loss_mode(self) -> int | None:
         """The mode soon after our setpoints ended; `None`: unknown, or one that a pilot may have chosen."""
 
     @property
-    def loses_itself_in_climbs(self) -> bool:
+    def invalid_after_climbs(self) -> bool:
         """Whether leaving the guided mode in a climb or descent may make the attitude setpoint invalid."""
         return False
 
     @property
-    def left_to_itself_is_safe(self) -> bool:
+    def leaves_guided_by_itself(self) -> bool:
         """Whether the autopilot leaves the guided mode by itself, to a known mode, when our setpoints end."""
-        return self.left_behind_mode() not in (None, self.guided_mode)
+        return self.setpoint_loss_mode() not in (None, self.guided_mode)
 
     @abstractmethod
     def set_mode(self, custom_mode: int) -> Message:
         """The request for a mode, by one of `mode_commands`."""
 
-    def give_back(self, before: PriorFlightState) -> list[Message]:
+    def restore_mode(self, before: PriorFlightState) -> list[Message]:
         """Requests for the former mode, with its target if the autopilot would lose it otherwise."""
         return [self.set_mode(before.mode)]
 
@@ -125,18 +125,18 @@ class Adapter(ABC):
     def observe(self, fact: Fact, now_s: float) -> None:
         """Process a fact from the autopilot, such as the answer to a command or a parameter."""
         if isinstance(fact, CommandResult):
-            self.desk.answered(fact, now_s)
+            self.commands.answered(fact, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Messages that are due to be repeated."""
-        return self.desk.due(now_s)
+        return self.commands.due(now_s)
 
     @property
-    def borrowed(self) -> dict[str, float]:
+    def changed_parameters(self) -> dict[str, float]:
         """The original values of parameters that we changed for a while, by name."""
         return {}
 
-    def put_back(self, values: dict[str, float]) -> None:  # noqa: B027 - optional
+    def restore_parameters(self, values: dict[str, float]) -> None:  # noqa: B027 - optional
         """Restore parameters that a former run changed and did not restore."""
 
     @abstractmethod
@@ -149,15 +149,15 @@ class Adapter(ABC):
 
     def refusals(self) -> list[str]:
         """Commands that the autopilot refused since the last call, in words."""
-        return self.desk.refusals()
+        return self.commands.refusals()
 
     def refused_values(self) -> list[RefusedValue]:
         """Values that were refused twice since the last call, the second time moderated."""
         return []
 
-    def stand_back(self) -> None:
+    def drop_commands(self) -> None:
         """Drop all commands under way, because the aircraft is no longer ours."""
-        self.desk.forget()
+        self.commands.forget()
 
     def request_interval(self, message_id: int, interval_s: float) -> Message:
         """MAV_CMD_SET_MESSAGE_INTERVAL; it is repeated when the measured rate is low (see `MessageRates`)."""

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from companion.airspace.autopilot_fences import ardupilot_fence
+from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender
@@ -145,8 +145,8 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: 1.0,
     }
     mission_mode: ClassVar[str] = "AUTO"
-    places: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
-    courses: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
+    loiter_modes: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
+    course_hold_modes: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
     parameters: ClassVar[ParameterTable] = PARAMETERS
 
     def __init__(self, target: Sender) -> None:
@@ -171,7 +171,7 @@ class ArduPlane(Adapter):
         """LOITER circles at the present position."""
         return LOITER
 
-    def left_behind_mode(self) -> int | None:
+    def setpoint_loss_mode(self) -> int | None:
         """GUIDED, which flies on at the last heading without limit."""
         return GUIDED
 
@@ -181,15 +181,15 @@ class ArduPlane(Adapter):
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
         )
 
-    def give_back(self, before: PriorFlightState) -> list[Message]:
+    def restore_mode(self, before: PriorFlightState) -> list[Message]:
         """GUIDED is entered with its former target; all other modes by number."""
         if before.mode == GUIDED and before.target is not None:
             return [self.reposition(before.target)]
-        return super().give_back(before)
+        return super().restore_mode(before)
 
-    def stand_back(self) -> None:
+    def drop_commands(self) -> None:
         """Drop all commands under way, and what is known of those sent."""
-        super().stand_back()
+        super().drop_commands()
         self._sent.clear()
         self._refused.clear()
         self._given_up.clear()
@@ -199,7 +199,7 @@ class ArduPlane(Adapter):
         super().observe(fact, now_s)
         if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS:
             return
-        if self.desk.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
+        if self.commands.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
             return
         refused = self._refused.get(fact.command)
         wanted = self._sent[fact.command].value
@@ -232,11 +232,11 @@ class ArduPlane(Adapter):
         height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted.altitude_m)
         messages = []
         if self._is_due(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
-            messages.append(self.desk.ask(self._change_heading(command), now_s))
+            messages.append(self.commands.ask(self._change_heading(command), now_s))
         if self._is_due(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
-            messages.append(self.desk.ask(self._change_speed(command), now_s))
+            messages.append(self.commands.ask(self._change_speed(command), now_s))
         if self._is_due(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
-            messages.append(self.desk.ask(self._change_height(command), now_s))
+            messages.append(self.commands.ask(self._change_height(command), now_s))
         if self._setpoint_due(now_s, urgent=urgent):
             self._setpoints_s.append(now_s)
             messages.append(self._position_target(command, now_s))

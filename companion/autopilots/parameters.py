@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 
-from companion.airspace.autopilot_fences import FenceSettings
+from companion.airspace.fences import FenceSettings
 
 DEGREE_RAD = math.pi / 180.0
 # A value outside these ranges is a typing error or a wrong unit: no fixed wing that can be flown here has it.

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from companion.airspace.autopilot_fences import px4_fence
+from companion.airspace.fences import px4_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
 from companion.autopilots.temporary_parameter import TemporaryParameter
@@ -138,12 +138,12 @@ class Px4FixedWing(Adapter):
         """HOLD loiters at the present position."""
         return _HOLD
 
-    def left_behind_mode(self) -> int | None:
+    def setpoint_loss_mode(self) -> int | None:
         """The mode of COM_OBL_RC_ACT, a second after the last setpoint."""
         return _LOST_STREAM_MODES.get(int(self._parameters.get(LOST_STREAM_PARAMETER, 0.0)))
 
     @property
-    def loses_itself_in_climbs(self) -> bool:
+    def invalid_after_climbs(self) -> bool:
         """True up to 1.16: leaving OFFBOARD in a climb makes the attitude setpoint NaN."""
         return self._version is None or self._version < _VALID_AFTER_CLIMBS_FROM
 
@@ -154,11 +154,11 @@ class Px4FixedWing(Adapter):
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main, sub
         )
 
-    def give_back(self, before: PriorFlightState) -> list[Message]:
+    def restore_mode(self, before: PriorFlightState) -> list[Message]:
         """HOLD is entered at the place that was circled before; all other modes by number."""
         if before.mode == _HOLD and before.target is not None:
             return [self.reposition(before.target)]
-        return super().give_back(before)
+        return super().restore_mode(before)
 
     def entering(self, command: GuidanceCommand, now_s: float) -> list[Message]:
         """Velocity alone, along the present course."""
@@ -191,9 +191,9 @@ class Px4FixedWing(Adapter):
         mask = _POSITION_AND_VELOCITY if settled else _VELOCITY_ONLY
         return self._stream(replace(command, guidance=level), mask, now_s)
 
-    def stand_back(self) -> None:
+    def drop_commands(self) -> None:
         """Drop all commands under way, and restore the speed parameter."""
-        super().stand_back()
+        super().drop_commands()
         self._trim.restore()
 
     def observe(self, fact: Fact, now_s: float) -> None:
@@ -227,11 +227,11 @@ class Px4FixedWing(Adapter):
         return [f"{LOST_STREAM_PARAMETER} {action:.0f}: set 5 (Hold)"]
 
     @property
-    def borrowed(self) -> dict[str, float]:
+    def changed_parameters(self) -> dict[str, float]:
         """The original FW_AIRSPD_TRIM while it is changed."""
         return {} if self._trim.original is None else {_TRIM: self._trim.original}
 
-    def put_back(self, values: dict[str, float]) -> None:
+    def restore_parameters(self, values: dict[str, float]) -> None:
         """Restore what a former run changed and did not restore."""
         if _TRIM in values:
             self._trim.restore(values[_TRIM])

@@ -1,5 +1,17 @@
-"""What is compiled: the inner loops of the avoidance, in Cython (`kernels.pyx`).
+"""The inner loops of the avoidance: `kernels.py`, compiled by Cython where there is a C compiler.
 
-A decision flies hundreds of ways ahead past every track; on arrays as small as one aircraft's traffic numpy's
-price per call is most of that. After a change `make setup` builds it anew.
+A decision flies hundreds of paths ahead past every track. With arrays as small as one aircraft's traffic
+numpy spends most of that time on the overhead of its calls.
 """
+
+
+def slow_notice() -> str | None:
+    """A line for the user when the loops run as plain Python; `None` when they are compiled."""
+    from companion.compiled import kernels
+
+    if kernels.COMPILED:
+        return None
+    return (
+        "Companion runs without its compiled part, as no C compiler was found at installation: "
+        "the same decisions, but each takes 10 to 50 times as long"
+    )

@@ -1,4 +1,4 @@
-"""Types of the compiled kernels; what they do stands in `kernels.pyx`."""
+"""Types of `kernels.py`, whose own annotations are C types."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from companion.model import Vec3
 
 _Array = NDArray[np.float64]
+
+COMPILED: bool
 
 class Times:
     def __init__(self, times_s: _Array, turned_s: _Array, shares: _Array) -> None: ...

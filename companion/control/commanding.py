@@ -33,12 +33,12 @@ class Commanding:
         adapter, aircraft, state = self._aircraft.adapter, self._aircraft, self._handover.supervisor.state
         if adapter is None or not self._handover.holds:
             return []
-        level = aircraft.flown(aircraft.flying_now(), max_bank_rad=max_bank_rad)
+        level = aircraft.guidance_command(aircraft.present_guidance(), max_bank_rad=max_bank_rad)
         if level is None:
             return []
         # PX4 would enter OFFBOARD by itself with the first setpoint that comes through again, and wrongly so.
         releasing = state in (State.RELEASING, State.STOPPING)
-        contact = aircraft.in_contact(now_s) or not (releasing or adapter.left_to_itself_is_safe)
+        contact = aircraft.in_contact(now_s) or not (releasing or adapter.leaves_guided_by_itself)
         if not (contact and aircraft.heard(now_s)):
             return []
         if state in ENTERING:

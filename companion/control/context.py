@@ -45,7 +45,9 @@ class ControlContext:
     @property
     def clear(self) -> bool:
         """Whether nothing has to be avoided: no conflict, or only suppressed ones."""
-        return self.decision.layer is Layer.CLEAR or suppressed_threats.covers(self.data, self.decision)
+        if self.decision.layer is Layer.CLEAR:
+            return True
+        return bool(self.data.suppressed_s) and suppressed_threats.covers(self.data, self.decision)
 
     @property
     def conflict(self) -> Event:

@@ -25,7 +25,7 @@ class EmergencyRelease:
         self._request: ModeRequest | None = None
         held = supervisor.state in HELD or supervisor.state is State.STOPPING
         if held and self._adapter is not None:
-            self._adapter.stand_back()
+            self._adapter.drop_commands()
             self._request = ModeRequest(
                 self._adapter.guided_mode, self._prior.mode, now_s, delay_s=self._adapter.exit_s
             )
@@ -34,7 +34,7 @@ class EmergencyRelease:
     @property
     def finished(self) -> bool:
         """Whether there is nothing more to do: the aircraft is not ours, and what we borrowed is back."""
-        return self._request is None and not (self._adapter is not None and self._adapter.borrowed)
+        return self._request is None and not (self._adapter is not None and self._adapter.changed_parameters)
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Take in a fact."""
@@ -55,11 +55,11 @@ class EmergencyRelease:
         fresh = 0.0 <= now_s - self._heartbeat_s <= _FRESH_S
         if request is None or not fresh or not adapter.is_guided(self._mode):
             return messages
-        level = self._aircraft.flown(self._aircraft.flying_now(), max_bank_rad=0.0)
+        level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
         if level is not None:
             messages += adapter.leaving(level, now_s)
         if request.due(self._mode, self._heartbeat_s, now_s):
-            messages += adapter.give_back(self._prior)
+            messages += adapter.restore_mode(self._prior)
         return messages
 
     def _note_mode(self) -> None:

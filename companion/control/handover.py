@@ -92,22 +92,22 @@ class Handover:
     def persisted(self, now_s: float, changed_role: Role | None) -> PersistedState | None:
         """What the next run must know if this one is killed now."""
         adapter = self._context.aircraft.adapter
-        if adapter is None or not (self.holds or adapter.borrowed or changed_role is not None):
+        if adapter is None or not (self.holds or adapter.changed_parameters or changed_role is not None):
             return None
         prior = self.supervisor.data.prior if self.holds else None
-        left_behind = adapter.left_behind_mode()
+        left_behind = adapter.setpoint_loss_mode()
         system_id = adapter.target.system_id
-        return PersistedState(now_s, system_id, prior, changed_role, left_behind, adapter.borrowed)
+        return PersistedState(now_s, system_id, prior, changed_role, left_behind, adapter.changed_parameters)
 
     def goes_on_to(self) -> GeoPoint | None:
         """Where the aircraft will fly to when it is given back, as far as its mission says."""
-        return self._context.aircraft.mission_place(self.supervisor.data.prior) if self.holds else None
+        return self._context.aircraft.mission_destination(self.supervisor.data.prior) if self.holds else None
 
     def guidance(self) -> Guidance | None:
         """What to fly without a conflict: straight on to recover, or to where the former mode belongs."""
         aircraft, state, rejoin = self._context.aircraft, self.supervisor.state, self.supervisor.data.rejoin
         if state is State.RECOVERING:
-            return aircraft.flying_now()
+            return aircraft.present_guidance()
         return rejoin.guidance(aircraft) if state is State.RETURNING and rejoin is not None else None
 
     def answered(self, fact: CommandResult, now_s: float) -> None:
@@ -139,13 +139,13 @@ class Handover:
             return None
         if override is Event.MODE_CHANGED and self._left_guided_by_itself(now_s):
             # For a moment after a silence it is unknown how the aircraft is: nothing is done yet.
-            return None if self._context.aircraft.just_back(now_s) else self._fell_out(now_s)
+            return None if self._context.aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
         return self._hands_off(override, now_s)
 
     def _hands_off(self, override: Event, now_s: float) -> Outgoing:
         """Send nothing from now on, whatever becomes of the aircraft."""
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
-        context.adapter.stand_back()
+        context.adapter.drop_commands()
         changed = override is Event.MODE_CHANGED
         if data.guided_since_s is not None and not (changed and self._may_be_old_news(now_s)):
             data.forget_request()
@@ -159,7 +159,7 @@ class Handover:
 
     def _left_guided_by_itself(self, now_s: float) -> bool:
         """Whether the link was lost just now, and the mode is the one that the autopilot enters then."""
-        return self._context.aircraft.left_by_itself(now_s) and self.supervisor.heeds(Event.FOUND)
+        return self._context.aircraft.left_guided_by_itself(now_s) and self.supervisor.heeds(Event.FOUND)
 
     def _fell_out(self, now_s: float) -> Outgoing:
         """Give the aircraft back, or let its controller recover first."""
@@ -181,8 +181,8 @@ class Handover:
         """Act on the decision and on the operator's orders, by the state machine."""
         context, supervisor = self._context, self.supervisor
         context.decision, context.role = decision, orders.role
-        self._unattended.note_mode()
-        suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
+        if supervisor.data.suppressed_s:
+            suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
             supervisor.data.suppressed_s = {}  # when the role is fly again, everyone is avoided again
         if supervisor.state in WATCHING:
@@ -202,7 +202,7 @@ class Handover:
 
     def _is_just_back(self, now_s: float) -> bool:
         """Whether it left the guided mode in a silence that ended so lately that its state is unknown."""
-        if not (self._context.aircraft.just_back(now_s) and self._left_guided_by_itself(now_s)):
+        if not (self._context.aircraft.contact_just_regained(now_s) and self._left_guided_by_itself(now_s)):
             return False
         return Event.MODE_CHANGED in self._overrides.current(self.supervisor.data)
 
@@ -218,7 +218,7 @@ class Handover:
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
         aircraft, adapter = context.aircraft, context.adapter
         data.given_up = 0
-        lost = "own position lost" if aircraft.blind(now_s) else None
+        lost = "own position lost" if aircraft.position_lost(now_s) else None
         if not aircraft.heard(now_s):
             lost = "autopilot lost"  # and with it who has the aircraft
         if lost is not None:
@@ -267,6 +267,7 @@ class Handover:
 
     def _watch(self, now_s: float) -> Outgoing:
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
+        self._unattended.note_mode()
         self._note_choices()
         if self._is_invalid_outside(now_s) and supervisor.handle(Event.INVALID_OUTSIDE):
             return self._take_over.re_enter(now_s)
@@ -305,7 +306,7 @@ class Handover:
             data.guided_since_s = None
             data.left_in_prior_mode &= in_prior_mode
         if aircraft.adapter is not None and not in_prior_mode:
-            aircraft.adapter.desk.forget()
+            aircraft.adapter.commands.forget()
             data.forget_item()
 
     def _is_invalid_outside(self, now_s: float) -> bool:

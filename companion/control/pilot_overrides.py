@@ -41,4 +41,4 @@ class PilotOverrides:
             progress = data.request.progress(aircraft.custom_mode, aircraft.heartbeat_s)
             return progress is Progress.OVERRULED
         was_guided = adapter is not None and data.prior.mode == adapter.guided_mode
-        return not aircraft.guided or (was_guided and aircraft.sent_elsewhere(data.prior.target))
+        return not aircraft.guided or (was_guided and aircraft.redirected_from(data.prior.target))

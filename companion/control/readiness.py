@@ -51,7 +51,7 @@ class Readiness:
             yield "it is disarmed"
         elif not aircraft.flying(params.min_height_m):
             yield self._why_not_flying()
-        if not aircraft.known(now_s):
+        if not aircraft.landed_state_known(now_s):
             yield "it has not reported yet whether it is landing"
         if aircraft.failsafe:
             yield "it is in a failsafe"

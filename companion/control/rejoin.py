@@ -30,9 +30,9 @@ class Rejoin:
     def to(cls, prior: PriorFlightState, adapter: Adapter) -> "Rejoin | None":
         """The way that the former mode needs; `None` when the autopilot goes on by itself."""
         mode = adapter.mode_name(prior.mode)
-        if mode in adapter.places and prior.target is not None:
+        if mode in adapter.loiter_modes and prior.target is not None:
             return cls(prior, prior.target)
-        return cls(prior, None) if mode in adapter.courses else None
+        return cls(prior, None) if mode in adapter.course_hold_modes else None
 
     def guidance(self, aircraft: Aircraft) -> Guidance:
         """What to fly."""

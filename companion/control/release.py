@@ -31,14 +31,14 @@ class Release:
         """Ask for the former mode; to be called in the state RELEASING or STOPPING."""
         context, data = self._context, self._context.data
         aircraft, adapter = context.aircraft, context.adapter
-        adapter.stand_back()
+        adapter.drop_commands()
         # Our own request for the guided mode may still be under way. The former mode, seen too soon, is then
         # the one from before that request arrived.
         asked = data.request is None or data.request.tries > 0
         settle_s = 0.0 if data.guided_since_s is not None or not asked else _SETTLE_S
         if data.prior.mode == adapter.guided_mode:
             settle_s = _RETARGET_S
-        left = adapter.left_behind_mode()
+        left = adapter.setpoint_loss_mode()
         start = adapter.guided_mode if aircraft.custom_mode != left else aircraft.custom_mode
         ending = context.supervisor.state is State.STOPPING
         blind_tries = _BLIND_RELEASES_AT_END if ending else _BLIND_RELEASES
@@ -95,7 +95,7 @@ class Release:
             return []
         data.given_back_s = -math.inf
         adapter = context.adapter
-        return [adapter.desk.ask(adapter.select_item(wanted), now_s)]
+        return [adapter.commands.ask(adapter.select_item(wanted), now_s)]
 
     def _try_other_mode(self, now_s: float) -> Outgoing:
         """The former mode and the fallback in turn, while the autopilot refuses both."""

@@ -31,7 +31,7 @@ class ModeRequester:
         if entering:
             data.requested_s = now_s
         if not entering and request.wanted == data.prior.mode:
-            return [*adapter.give_back(data.prior)]
+            return [*adapter.restore_mode(data.prior)]
         return [adapter.set_mode(request.wanted)]
 
     def answered(self, fact: CommandResult, now_s: float) -> None:

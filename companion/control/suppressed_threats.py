@@ -15,8 +15,6 @@ def suppress(data: StateData, decision: Decision, now_s: float) -> None:
 
 def update(data: StateData, decision: Decision, settle_s: float, now_s: float) -> None:
     """Forget the tracks that have been out of conflict for `settle_s`; to be called on every tick."""
-    if not data.suppressed_s:
-        return
     conflicts = {threat.track_id for threat in decision.threats}
     last_s = {track: now_s if track in conflicts else at_s for track, at_s in data.suppressed_s.items()}
     data.suppressed_s = {track: at_s for track, at_s in last_s.items() if now_s - at_s <= settle_s}

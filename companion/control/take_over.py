@@ -32,11 +32,11 @@ class TakeOver:
         context, data = self._context, self._context.data
         adapter = context.adapter
         context.supervisor.handle(context.conflict)
-        data.prior = context.aircraft.doing(now_s)
+        data.prior = context.aircraft.prior_flight_state(now_s)
         self._overrides.begin(data)
         data.rejoin = Rejoin.to(data.prior, adapter)
         data.request = ModeRequest(data.prior.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
-        adapter.stand_back()
+        adapter.drop_commands()
         return [*self._requester.send(now_s), ConflictNotice(flying=True)]
 
     def re_enter(self, now_s: float) -> Outgoing:

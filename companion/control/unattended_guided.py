@@ -21,7 +21,7 @@ class UnattendedGuided:
         self._context = context
 
     def note_mode(self) -> None:
-        """Remember the newest mode that is not the guided one; to be called on every tick."""
+        """Remember the newest mode that is not the guided one, while the aircraft is not ours."""
         aircraft = self._context.aircraft
         if not aircraft.guided:
             self._context.data.last_unguided_mode = aircraft.custom_mode

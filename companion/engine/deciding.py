@@ -8,7 +8,7 @@ from companion.airspace.obstacles import ObstacleMap
 from companion.avoidance import Avoider, Envelope
 from companion.control.handover import Handover
 from companion.control.state_machine import WATCHING
-from companion.gcs.settings import Settings
+from companion.engine_config import EngineConfig
 from companion.geodesy import LocalFrame
 from companion.model import Decision, Goal, Layer, Ownship, Role, Track
 from companion.ownship.aircraft import Aircraft
@@ -28,11 +28,12 @@ class Deciding:
         queries: AutopilotQueries,
         picture: TrafficPicture,
         obstacles: ObstacleMap,
-        settings: Settings,
+        config: EngineConfig,
         handover: Handover,
         avoider: Avoider,
     ) -> None:
         self.avoider = avoider
+        self.config = config
         self.frame: LocalFrame | None = None
         self.goal: Goal | None = None
         self.decision = Decision(Layer.CLEAR, because="no position")
@@ -42,18 +43,25 @@ class Deciding:
         self._queries = queries
         self._picture = picture
         self._obstacles = obstacles
-        self._settings = settings
         self._handover = handover
+        self._conflict_over = False
         self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
+
+    def forget_conflict(self) -> None:
+        """Begin the next decision without the memory of this conflict."""
+        self._conflict_over = True
 
     def update(self, role: Role, now_s: float) -> None:
         """Decide; for a moment without a new position the last decision stands."""
         aircraft = self._aircraft
-        if aircraft.blind(now_s):
+        if self._conflict_over:
+            self._conflict_over = False
+            self.avoider.reset()
+        if aircraft.position_lost(now_s):
             self.own, self.tracks = None, ()
             self._do_without("no position")
             return
-        if now_s - aircraft.position_s > self._settings.engine.position_stale_s:
+        if now_s - aircraft.position_s > self.config.engine.position_stale_s:
             return
         self.frame = self._frame_here()
         if self.frame is None:
@@ -74,7 +82,7 @@ class Deciding:
 
     def _may_decide(self) -> bool:
         """Not on the ground; while it flies for us the aircraft may sink below the lowest height."""
-        min_height_m = self._settings.supervisor.min_height_m
+        min_height_m = self.config.supervisor.min_height_m
         return self._handover.supervisor.flying or self._aircraft.flying(min_height_m)
 
     def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
@@ -82,7 +90,7 @@ class Deciding:
         if self.goal is None or self._handover.supervisor.state in WATCHING:
             goal = self._aircraft.goal(frame, now_s)
             if self._aircraft.mission_outdated(now_s):
-                self._queries.doubt_mission(now_s)
+                self._queries.reread_mission(now_s)
             return goal
         if self.goal.position_m is not None:
             return self.goal
@@ -109,11 +117,11 @@ class Deciding:
     def _apply_limits(self, frame: LocalFrame, now_s: float) -> None:
         """Give the avoider the aircraft's envelope, with floor, ceiling and fence of this place."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
-        self.avoider.spares_heights = adapter is not None and adapter.loses_itself_in_climbs
+        self.avoider.prefers_turns = adapter is not None and adapter.invalid_after_climbs
         home_m = aircraft.home_altitude_m()
         if home_m is None:
             return
-        floor_m, ceiling_m = self._settings.supervisor.min_height_m, self._settings.engine.max_height_m
+        floor_m, ceiling_m = self.config.supervisor.min_height_m, self.config.engine.max_height_m
         heights = self._queries.heights(floor_m, ceiling_m, now_s)
         limits = self._queries.envelope, heights, home_m, aircraft.terrain.altitude_m(now_s)
         if limits != self._limits:  # on most ticks they are the same

@@ -47,7 +47,7 @@ from companion.output.effects import Effect, Keep, Record, Save, Say, Transmit
 from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
-from companion.ownship.autopilot_queries import HEEDED, AutopilotQueries
+from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
 from companion.traffic import Tracker, TrafficPicture
 
@@ -106,12 +106,13 @@ class Engine:
             self.queries,
             self._picture,
             ObstacleMap(config.known_obstacles, config.obstacles),
-            self._settings,
+            config,
             self._handover,
             avoider or Avoider(config.avoidance),
         )
         self._boot_time_s = -math.inf
         self._prompted = False  # by a report of a threat since the last tick
+        self._resume = False  # the mission, on the operator's request since the last tick
         self._answers: list[Message] = []
         self._left: PersistedState | None = None  # by a former run: what it borrowed is put back
         self._kept_s: float | None = None
@@ -123,11 +124,11 @@ class Engine:
     @property
     def sender(self) -> Sender:
         """Our address: the autopilot's system, unless configured otherwise."""
-        system_id = self._settings.engine.system_id
+        system_id = self._applied.engine.system_id
         if system_id == "auto":
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
-        return _address(system_id, self._settings.engine.component_id)
+        return _address(system_id, self._applied.engine.component_id)
 
     @property
     def tracker(self) -> Tracker:
@@ -173,7 +174,9 @@ class Engine:
     def finished(self) -> bool:
         """Whether, after `request_stop`, the aircraft and everything borrowed from it are given back."""
         adapter = self.aircraft.adapter
-        return self.supervisor.state is State.STOPPED and not (adapter is not None and adapter.borrowed)
+        return self.supervisor.state is State.STOPPED and not (
+            adapter is not None and adapter.changed_parameters
+        )
 
     def hindrances(self, now_s: float, role: Role | None = None) -> list[str]:
         """Why the aircraft would not be taken over now, in the present role or in `role`."""
@@ -211,7 +214,7 @@ class Engine:
             return
         if left.role is not None:
             self.operator.role = left.role
-        self.aircraft.expect(left.system_id)
+        self.aircraft.expect_system(left.system_id)
         self._handover.recover(left)
 
     def announce(self, text: str, now_s: float) -> list[Effect]:
@@ -227,10 +230,11 @@ class Engine:
     def receive(self, fact: Fact, now_s: float) -> bool:
         """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
         sender = fact.sender
-        if sender.component_id == self._settings.engine.component_id and sender == self.sender:
+        if sender.component_id == self._applied.engine.component_id and sender == self.sender:
             return False
         if isinstance(fact, _OPERATOR_FACTS):
             self._answers += self.operator.receive(fact)
+            self._resume |= self.operator.take_resume()
             return bool(self._answers)
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
@@ -238,7 +242,7 @@ class Engine:
             return self._receive_traffic(fact, now_s)
         mode_before = self.aircraft.custom_mode
         back = not self.aircraft.heard(now_s)
-        if type(fact) in HEEDED and self.aircraft.adapter is not None:
+        if type(fact) in RELEVANT_FACTS and self.aircraft.adapter is not None:
             self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, now_s):
             self.foreign += 1
@@ -248,7 +252,7 @@ class Engine:
         match fact:
             case Heartbeat():
                 if back:
-                    self.aircraft.resume(now_s)
+                    self.aircraft.refresh_navigation(now_s)
                     self._ask_again()
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
@@ -289,15 +293,15 @@ class Engine:
         was_flying = self.supervisor.flying
         overridden = self._handover.check_overrides(now_s)
         effects = self._emit(overridden or (), now_s)
-        effects += self._apply_settings()
-        effects += self._emit(self._notices.tick(now_s), now_s)
-        orders = Orders(self.operator.role, self.operator.take_resume())
+        if self._answers:
+            effects += self._apply_settings()
+        orders, self._resume = Orders(self.operator.role, self._resume), False
         if overridden is None:
             self._deciding.update(orders.role, now_s)
             effects += self._emit(self._handover.step(self.decision, orders, now_s), now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A conflict that the operator decided about goes on to be the same one.
-            self.avoider.reset()
+            self._deciding.forget_conflict()
         self.aircraft.ours = self._handover.holds
         effects += self._command(now_s)
         effects += self._housekeeping(now_s)
@@ -314,6 +318,7 @@ class Engine:
         if config.avoidance is not self._applied.avoidance:
             self.avoider.retune(config.avoidance)
         self._handover.retune(config.supervisor)
+        self._deciding.config = config
         self._applied = config
         before, self._saved = self._saved, self._settings.changed
         return [] if self._saved == before else [Save(self._saved)]
@@ -332,13 +337,13 @@ class Engine:
 
     def _housekeeping(self, now_s: float) -> list[Effect]:
         """Repetitions, rates, questions, answers, COLLISION, our own heartbeat, state for the next run."""
-        outgoing: list[Message | AnyNotice] = []
+        outgoing: list[Message | AnyNotice] = [*self._notices.tick(now_s)]
         adapter, flying = self.aircraft.adapter, self.supervisor.flying
         if adapter is not None:
             if self._left is not None:
                 # It may have been another aircraft's.
                 if self._left.system_id == adapter.target.system_id:
-                    adapter.put_back(self._left.borrowed)
+                    adapter.restore_parameters(self._left.borrowed)
                 self._left = None
             if self._commanding.may_fly or not flying:
                 outgoing += adapter.tick(now_s)
@@ -350,7 +355,7 @@ class Engine:
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
-        healthy = self.aircraft.heard(now_s) and not self.aircraft.blind(now_s)
+        healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
         return self._emit(outgoing, now_s) + self._keep(now_s)
 
@@ -383,7 +388,7 @@ class Engine:
     def _say(self, notice: AnyNotice, now_s: float) -> list[Say | Message]:
         deciding = self._deciding
         situation = TrafficSituation(deciding.decision, deciding.own, deciding.tracks)
-        text = worded(notice, situation, self._settings.engine.text_units)
+        text = worded(notice, situation, self._applied.engine.text_units)
         return [] if text is None else self._statustext.say(text, now_s)
 
 

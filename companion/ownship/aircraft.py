@@ -20,14 +20,10 @@ from companion.mavlink.facts import (
     Wind,
 )
 from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
-from companion.ownship.contact import Contact
-from companion.ownship.flight_state import FlightState
-from companion.ownship.identity import Identity
-from companion.ownship.kinematics import Kinematics
+from companion.ownship.autopilot_state import Contact, FlightState, Identity, Sticks
+from companion.ownship.kinematics import Kinematics, Terrain
 from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
-from companion.ownship.sticks import Sticks
-from companion.ownship.terrain import Terrain
 
 # The heartbeat with the mode comes once a second, so that after a silence it may be this late.
 _MODE_KNOWN_S = 2.5
@@ -123,12 +119,12 @@ class Aircraft:
             self.navigation.refresh_target(now_s)
         self.flight_state.custom_mode = custom_mode
 
-    def left_by_itself(self, now_s: float) -> bool:
+    def left_guided_by_itself(self, now_s: float) -> bool:
         """Whether a silence has just ended with the mode that the autopilot enters when our setpoints end."""
         adapter = self.adapter
         if adapter is None or self.guided or self.contact.since_silence_s(now_s) > _MODE_KNOWN_S:
             return False
-        return self.custom_mode == adapter.left_behind_mode()
+        return self.custom_mode == adapter.setpoint_loss_mode()
 
     def flying(self, min_height_m: float) -> bool:
         """Whether it is armed, at least this high above home, and neither taking off nor landing."""
@@ -138,7 +134,7 @@ class Aircraft:
             return False
         return self.position.height_above_home_m >= min_height_m
 
-    def known(self, now_s: float) -> bool:
+    def landed_state_known(self, now_s: float) -> bool:
         """Whether the landed state is known, or has been awaited long enough."""
         awaited_s = now_s - self.identity.adopted_s
         return self.flight_state.landed_state_heard or awaited_s >= _LANDED_STATE_AWAITED_S
@@ -147,7 +143,7 @@ class Aircraft:
         """Whether a mission is flown whose item takes off, approaches or lands, as far as that is known."""
         return self._in_mission and self.navigation.taking_off_or_landing()
 
-    def doing(self, now_s: float) -> PriorFlightState:
+    def prior_flight_state(self, now_s: float) -> PriorFlightState:
         """The present flight state, to return to later."""
         own = self.kinematics
         target, course_rad = self.target(now_s), own.course_rad()
@@ -155,7 +151,7 @@ class Aircraft:
             self.custom_mode, self.sequence, target, course_rad, own.altitude_m(), own.airspeed_mps()
         )
 
-    def mission_place(self, before: PriorFlightState) -> GeoPoint | None:
+    def mission_destination(self, before: PriorFlightState) -> GeoPoint | None:
         """The place that the mission flown before leads to; `None` when there was none or it is unknown."""
         if self.adapter is None or not self.adapter.is_mission(before.mode):
             return None
@@ -197,7 +193,7 @@ class Aircraft:
         """Systems whose autopilot is not the configured one, and since when they are heard."""
         return self.identity.unwanted_since_s
 
-    def expect(self, system_id: int) -> None:
+    def expect_system(self, system_id: int) -> None:
         """Adopt the autopilot of this system without waiting."""
         self.identity.expect(system_id)
 
@@ -221,9 +217,9 @@ class Aircraft:
         """Whether messages arrive right now, with a heartbeat since the last silence."""
         return self.contact.in_contact(now_s)
 
-    def just_back(self, now_s: float) -> bool:
+    def contact_just_regained(self, now_s: float) -> bool:
         """Whether a silence ended so recently that not all frequent messages have arrived since."""
-        return self.contact.just_back(now_s)
+        return self.contact.contact_just_regained(now_s)
 
     # --- flight state
 
@@ -268,7 +264,7 @@ class Aircraft:
         """Time at which the newest position was received."""
         return self.kinematics.position_s
 
-    def blind(self, now_s: float) -> bool:
+    def position_lost(self, now_s: float) -> bool:
         """Whether the position is too old for any use."""
         return self.kinematics.position_lost(now_s)
 
@@ -292,11 +288,11 @@ class Aircraft:
         """Ownship in the local frame, valid at the time when the position was received."""
         return self.kinematics.ownship(frame)
 
-    def flying_now(self) -> Guidance:
+    def present_guidance(self) -> Guidance:
         """The present course, airspeed and height."""
         return self.kinematics.guidance()
 
-    def flown(self, guidance: Guidance, *, max_bank_rad: float) -> GuidanceCommand | None:
+    def guidance_command(self, guidance: Guidance, *, max_bank_rad: float) -> GuidanceCommand | None:
         """The guidance with what a setpoint needs besides; `None` without a position."""
         return self.kinematics.command(guidance, max_bank_rad)
 
@@ -329,11 +325,11 @@ class Aircraft:
         """The place that the autopilot itself flies to or circles; `None` when it is unknown or old."""
         return self.navigation.target(now_s)
 
-    def resume(self, now_s: float) -> None:
+    def refresh_navigation(self, now_s: float) -> None:
         """Treat mission item and target as reported now, as after a silence."""
         self.navigation.refresh(now_s)
 
-    def sent_elsewhere(self, target: GeoPoint | None) -> bool:
+    def redirected_from(self, target: GeoPoint | None) -> bool:
         """Whether the target that is reported while our setpoints are flown is far from `target`."""
         return self.navigation.redirected_from(target)
 

@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from companion.airspace.altitude_limits import HeightLimits
-from companion.airspace.autopilot_fences import AutopilotFence, FenceSettings, zones_of
-from companion.airspace.fence_in_force import FenceInForce
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import AutopilotFence, FenceInForce, FenceSettings, FenceZone, zones_of
 from companion.autopilots import Adapter
 from companion.autopilots.parameters import ReportedLimits, reported_limits
 from companion.avoidance import Envelope, Fence
@@ -32,7 +30,7 @@ from companion.ownship.parameter_reader import ParameterReader
 from companion.ownship.performance_limits import AircraftLimits, PerformanceLimits, limits_in_effect
 
 # The facts that `AutopilotQueries.observe` processes.
-HEEDED: frozenset[type] = frozenset(
+RELEVANT_FACTS: frozenset[type] = frozenset(
     (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
 )
 _REQUEST_INTERVAL_S = 0.2
@@ -99,7 +97,7 @@ class AutopilotQueries:
         self._missions.restart()
 
     def observe(self, fact: Fact, adapter: Adapter, us: Sender, now_s: float) -> None:
-        """Process a fact from any sender; those that are not `HEEDED` have no effect."""
+        """Process a fact from any sender; those that are not `RELEVANT_FACTS` have no effect."""
         self._adopt(adapter, now_s)
         self._missions.observe(fact, us, adapter.target, now_s)
         if fact.sender != adapter.target:
@@ -134,7 +132,7 @@ class AutopilotQueries:
             notices.append(Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {warning}", once=True))
         return notices
 
-    def doubt_mission(self, now_s: float) -> None:
+    def reread_mission(self, now_s: float) -> None:
         """Read the mission again, as the autopilot flies elsewhere than the known one leads."""
         if now_s - self._reread_s >= _REREAD_INTERVAL_S:
             self._reread_s = now_s

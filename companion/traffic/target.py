@@ -12,10 +12,10 @@ from companion.traffic.track_filter import (
     HorizontalFilter,
     HorizontalFix,
     OutlierGate,
+    TurnFilter,
     VerticalFilter,
     VerticalFix,
 )
-from companion.traffic.turn_filter import TurnFilter
 
 # More distinct reports of one aircraft within the window mean a rate of 9 Hz: the oldest is forgotten.
 _MAX_REMEMBERED = 64

@@ -56,5 +56,5 @@ def _digest() -> str:
 def _sources() -> Iterator[tuple[str, Path]]:
     for package in (companion, sim):
         root = Path(package.__path__[0])
-        for path in (*root.rglob("*.py"), *root.rglob("*.pyx")):
+        for path in root.rglob("*.py"):
             yield f"{root.name}/{path.relative_to(root).as_posix()}", path

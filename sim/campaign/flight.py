@@ -13,7 +13,7 @@ from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import PressureAltitude, Traffic
 from companion.model import AltitudeReference, TrafficReport, TrafficSource, adsb_key
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,

@@ -14,7 +14,7 @@ from companion.model import Layer
 from companion.report.drawing import BANDS
 from companion.report.html import image, table
 from companion.report.html import page as html_page
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,

@@ -1,5 +1,4 @@
-"""What is compiled of the simulation: an aircraft that flies on, in Cython (`wing.pyx`).
+"""The simulated aircraft's steps: `airframe_step.py`, compiled by Cython where there is a C compiler.
 
-An encounter of a campaign is more than a thousand steps of a tenth of a second. After a change `make setup`
-builds it anew.
+An encounter of a campaign takes more than a thousand steps of a tenth of a second.
 """

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.model import Vec3
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,

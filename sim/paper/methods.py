@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, replace
 
 from companion.avoidance import AvoidanceParams, Envelope
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.avoidance.group.formation import FormationParams
-from companion.avoidance.maneuvers import NO_SURPRISES
-from companion.avoidance.outer import FieldParams, OuterMethod
-from companion.avoidance.params import Layers
+from companion.avoidance.maneuvers import NO_MANEUVERS
+from companion.avoidance.params import Layers, OuterMethod
+from companion.avoidance.potential import FieldParams
 from sim.paper.scene import Scene, Uav
 
 # Cost weight of the inner sphere. On random fields 10000 to 10059, weights of 10, 20 and 30 gave a clearance
@@ -66,7 +66,7 @@ class Method:
             # course is judged by its angle. A conflict begins where its cone does.
             begin_near=1.0,
             begin_far=1.0,
-            surprises=NO_SURPRISES,
+            surprises=NO_MANEUVERS,
             weights=replace(defaults.weights, nearness=self.nearness, aside=0.0, unresolved=0.0, switch=0.6),
             envelope=envelope_of(scene, uav),
             formation=FormationParams(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from companion.model import Vec2
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
-from sim.compiled.wing import L1_TIME_S, line_bank_rad
+from sim.compiled.airframe_step import L1_TIME_S, line_bank_rad
 from sim.dynamics import FixedWing
 
 _LOITER_APPROACH = 2.0  # gain with which a loiter closes on its circle

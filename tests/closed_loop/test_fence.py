@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope, Fence, Zone
-from companion.avoidance.cost import CostWeights
-from companion.avoidance.params import Layers
+from companion.avoidance.params import CostWeights, Layers
 from companion.model import Goal, Guidance, Layer, Ownship, Track, Vec2
 from sim.dynamics import FixedWing
 from tests.support.encounter import ALTITUDE_M, Aircraft, fly, straight

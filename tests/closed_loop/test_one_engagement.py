@@ -9,7 +9,7 @@ import pytest
 from companion.control.state_machine import State
 from companion.engine import Engine
 from companion.model import Vec2
-from companion.separation import WELL_CLEAR_HORIZONTAL_M
+from companion.units import WELL_CLEAR_HORIZONTAL_M
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Conflict, Scenario, load_scenario
 from sim.traffic import AdsbReceiver, Intruder, Maneuver

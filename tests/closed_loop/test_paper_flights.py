@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
-from companion.avoidance.assess import moved
-from companion.avoidance.group.formation import Answer, MemberState, group_of, joint_response
+from companion.avoidance.geometry import position_at
+from companion.avoidance.group.formation import JointResponse, MemberState, group_around, joint_response
 from companion.model import Decision, Goal, Layer, Ownship, Track
 from companion.units import STANDARD_GRAVITY_MPS2
 from sim.paper.flight import LAYERS, Flight, UavFlight, fly
@@ -209,12 +209,12 @@ class Observation:
     def own_id(self) -> str:
         return self.avoider.params.formation.own_id
 
-    def joint(self) -> Answer | None:
+    def joint(self) -> JointResponse | None:
         """The group's answer, computed from this UAV's inputs alone."""
         states = [
             MemberState(
                 self.own_id,
-                moved(self.own, self.now_s),
+                position_at(self.own, self.now_s),
                 self.own.velocity_mps,
                 self.avoider.member(self.own, self.goal),
             )
@@ -222,10 +222,10 @@ class Observation:
         for track in self.tracks:
             assert track.member is not None
             states.append(
-                MemberState(track.track_id, moved(track, self.now_s), track.velocity_mps, track.member)
+                MemberState(track.track_id, position_at(track, self.now_s), track.velocity_mps, track.member)
             )
         params = self.avoider.params.formation
-        return joint_response(group_of(states, params.reach_m), params)
+        return joint_response(group_around(states, params.reach_m), params)
 
 
 @dataclass(frozen=True)

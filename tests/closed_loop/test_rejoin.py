@@ -8,7 +8,7 @@ import pytest
 from companion.control.state_machine import State, SupervisorParams
 from companion.engine import Engine, EngineConfig
 from companion.mavlink.dialect import mavlink
-from companion.separation import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
+from companion.units import WELL_CLEAR_HORIZONTAL_M, WELL_CLEAR_VERTICAL_M
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, load_scenario
 from sim.traffic import Intruder, Maneuver

@@ -1,4 +1,4 @@
-"""Real logs, damaged as they came: the reader loses no good frame, and what they say stays what they said."""
+"""Real logs with real damage: the reader loses no good frame, and their content stays the same."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from companion.model import AltitudeReference
 from tests.support.paths import TLOGS as LOGS
 
 pytestmark = pytest.mark.skipif(
-    not LOGS.is_dir(), reason=f"the real logs are not beside the checkout ({LOGS})"
+    not LOGS.is_dir(), reason=f"the recorded logs are not beside the checkout ({LOGS})"
 )
 
 # frames, bad bytes, wrong checksums, unknown messages
@@ -36,12 +36,12 @@ COUNTS = {
 def log_path(name: str) -> Path:
     path = LOGS / f"{name}.tlog"
     if not path.exists():
-        pytest.skip(f"{path} is not there")
+        pytest.skip(f"{path} is missing")
     return path
 
 
 def every_good_frame(data: bytes) -> Iterator[bytes]:
-    """Tries pymavlink's checksum at every byte that could begin a frame: slow, and blind to records."""
+    """Tries pymavlink's checksum at every byte that could begin a frame: slow, but needs no records."""
     at = 0
     while at < len(data):
         size = good_frame_size(data, at) if data[at] in (0xFD, 0xFE) else 0
@@ -67,7 +67,7 @@ def good_frame_size(data: bytes, at: int) -> int:
 
 
 @pytest.mark.parametrize("name", COUNTS)
-def test_no_good_frame_is_lost_and_the_damage_is_counted(name: str) -> None:
+def test_no_good_frame_is_lost_and_damage_is_counted(name: str) -> None:
     path = log_path(name)
     reader = read_tlog(path)
     assert [frame.raw for _, frame in reader] == list(every_good_frame(path.read_bytes()))
@@ -76,7 +76,7 @@ def test_no_good_frame_is_lost_and_the_damage_is_counted(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", COUNTS)
-def test_handing_over_only_the_wanted_messages_changes_nothing_else(name: str) -> None:
+def test_reading_only_wanted_messages_changes_no_counter(name: str) -> None:
     everything = read_tlog(log_path(name))
     wanted = read_tlog(log_path(name), only=WANTED)
     assert list(wanted) == [record for record in everything if record[1].message_id in WANTED]
@@ -84,14 +84,14 @@ def test_handing_over_only_the_wanted_messages_changes_nothing_else(name: str) -
 
 
 @pytest.mark.parametrize("name", ["arduplane_sitl_adsb_two_intruders", "plane_real_2012_v1_apm"])
-def test_both_ways_to_a_fact_agree_and_every_frame_decodes(name: str) -> None:
+def test_every_frame_decodes_and_gives_the_same_fact_in_both_ways(name: str) -> None:
     for time_us, frame in read_tlog(log_path(name), only=WANTED):
         message = decode(frame)
         assert message is not None
         assert frame_to_fact(frame, time_us / 1e6) == to_fact(message, time_us / 1e6)
 
 
-def test_arduplane_log_tells_of_two_intruders_without_vertical_speed() -> None:
+def test_the_arduplane_log_has_two_intruders_without_vertical_speed() -> None:
     reports = [
         fact.report
         for time_us, frame in read_tlog(log_path("arduplane_sitl_adsb_two_intruders"), only=WANTED)
@@ -112,12 +112,12 @@ def test_an_intact_log_is_read_byte_for_byte() -> None:
     assert records == reader.path.read_bytes()
 
 
-def test_stamps_are_handed_over_as_written_where_time_runs_backwards() -> None:
+def test_stamps_that_run_backwards_are_returned_as_written() -> None:
     stamps_us = [time_us for time_us, _ in read_tlog(log_path("copter_2021_v2_zero_pages"))]
     assert sum(later < earlier for earlier, later in pairwise(stamps_us)) == 2
 
 
-def test_a_flight_gives_positions_with_plausible_numbers() -> None:
+def test_a_flight_has_plausible_positions() -> None:
     positions = [
         fact
         for time_us, frame in read_tlog(log_path("plane_real_2018_v2_cuav"), only={33})

@@ -167,7 +167,7 @@ async def test_a_heading_that_is_never_acknowledged_is_told_and_repeated(does: b
         assert asked_lately.count(CHANGE_HEADING) >= 3
         adapter = flight.engine.aircraft.adapter
         assert adapter is not None
-        assert adapter.desk.outcome(CHANGE_HEADING) in (Outcome.PENDING, Outcome.UNANSWERED)
+        assert adapter.commands.outcome(CHANGE_HEADING) in (Outcome.PENDING, Outcome.UNANSWERED)
         await flight.until(lambda: flight.now_s - flight.world.start_s > MEET_AT_S + 2.0, 90.0)
         assert not flight.nmac, "height and speed are still obeyed"
         assert setpoints(flight, flight.now_s - 2.0) >= 8

@@ -15,7 +15,7 @@ def report(log: Path, out: Path, *words: str) -> subprocess.CompletedProcess[str
     return call("report", str(log), "--out", str(out), *words)
 
 
-def test_of_a_recording(tmp_path: Path) -> None:
+def test_report_of_a_recording(tmp_path: Path) -> None:
     result = report(recording(tmp_path / "a.mcap"), tmp_path / "r.html")
     assert result.returncode == 0, result.stderr
     assert "r.html" in result.stdout
@@ -24,7 +24,7 @@ def test_of_a_recording(tmp_path: Path) -> None:
     assert "N1 (A00001)" in text
 
 
-def test_of_a_recording_that_was_cut_off(tmp_path: Path) -> None:
+def test_report_of_a_truncated_recording(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap", close=False)
     path.write_bytes(path.read_bytes()[:-50])
     result = report(path, tmp_path / "r.html")
@@ -35,7 +35,7 @@ def test_of_a_recording_that_was_cut_off(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not LOGS.is_dir(), reason=f"the recorded logs are not here: {LOGS}")
 @pytest.mark.parametrize("name", ["px4_sih_fixed_wing_adsb_two_intruders", "copter_2021_v2_cut"])
-def test_of_a_tlog(tmp_path: Path, name: str) -> None:
+def test_report_of_a_tlog(tmp_path: Path, name: str) -> None:
     result = report(LOGS / f"{name}.tlog", tmp_path / "r.html")
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "r.html").read_text()
@@ -43,7 +43,7 @@ def test_of_a_tlog(tmp_path: Path, name: str) -> None:
         assert "N51402 (A10001)" in text
         assert "decided 46 s, not flown" in text
     else:
-        assert "nothing is known of a position" in text
+        assert "the log has no own position" in text
 
 
 def test_errors_are_one_line(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_flown_demonstration_is_recorded_and_reported(tmp_path: Path) -> None:
     mcap = name.path(tmp_path / "rec", ".mcap")
     log = read_mcap(mcap)
     assert {entry.topic for entry in log} >= {"/companion/decision", "/companion/text"}
-    assert log.whole
+    assert log.closed
     result = report(mcap, tmp_path / "r.html")
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "r.html").read_text()

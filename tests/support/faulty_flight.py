@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.cost import CostWeights
+from companion.avoidance.params import CostWeights
 from companion.clock import Clock
 from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig

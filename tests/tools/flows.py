@@ -90,9 +90,10 @@ class _Seat:
 
     def report(self) -> Flow:
         message = self._await(self._reports)
-        flow = Flow("report", "setpoint sent")
-        with self._recorded(flow):
-            self._feed(message, _AUTOPILOT)
+        flow = Flow("report", "setpoint made")
+        datagram = self._encoder.encode(message, *_AUTOPILOT)
+        with self._recorded(flow, made="MAVLink_set_position_target_global_int_message.__init__"):
+            self._take_in(datagram)
         assert self._flies, "the aircraft was released before the report"
         _check(flow, lambda sent: sent.get_type().startswith("SET_POSITION_TARGET_"))
         return flow
@@ -177,14 +178,21 @@ class _Seat:
         self._sent += [effect.message for effect in effects if isinstance(effect, Transmit)]
 
     @contextmanager
-    def _recorded(self, flow: Flow, until: Callable[[], bool] | None = None) -> Iterator[None]:
-        """Note in `flow` which functions run, and before which of them `until` becomes true."""
+    def _recorded(
+        self, flow: Flow, until: Callable[[], bool] | None = None, made: str | None = None
+    ) -> Iterator[None]:
+        """Note in `flow` which functions run, and before which of them its outcome is there.
+
+        The outcome is that `until` becomes true, or that the function `made` of the dialect runs.
+        """
         self._sent = flow.sent
 
         def observe(frame: FrameType, event: str, _argument: Any) -> None:
             if event != "call":
                 return
             if until is not None and flow.until_outcome is None and until():
+                flow.until_outcome = len(flow.calls)
+            if made is not None and frame.f_code.co_qualname == made and flow.until_outcome is None:
                 flow.until_outcome = len(flow.calls)
             module = frame.f_globals.get("__name__", "")
             if module == _PACKAGE or module.startswith(f"{_PACKAGE}."):
@@ -223,10 +231,10 @@ def describe(flow: Flow) -> list[str]:
             f"  until {flow.outcome}: {len(before)} calls in {len(modules(before))} files",
             f"  after it: {len(after)} calls in {len(modules(after))} files",
         ]
-        for room in ("control", "avoidance"):
-            calls = list(dict.fromkeys(in_room(before, room)))
-            lines.append(f"  {room}/ until then: {len(calls)} functions")
-            lines += [f"    {module.removeprefix(_PACKAGE + '.')}.{name}" for module, name in calls]
+        calls = list(dict.fromkeys(in_room(before, "control")))
+        lines.append(f"  control/ until then: {len(calls)} functions")
+        lines += [f"    {module.removeprefix(_PACKAGE + '.')}.{name}" for module, name in calls]
+        lines.append(f"  avoidance/ until then: {len(set(in_room(before, 'avoidance')))} functions")
         lines.append(f"  avoidance/ after it: {len(set(in_room(after, 'avoidance')))} functions")
     lines.append(f"  calls (files) by room: {_rooms(flow.calls)}")
     return lines

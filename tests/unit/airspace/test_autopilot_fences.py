@@ -2,8 +2,7 @@
 
 import pytest
 
-from companion.airspace.autopilot_fences import zones_of
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone, zones_of
 from companion.mavlink.facts import MissionItem
 from tests.support.responder import FENCE, US, Item, as_fact, item_message
 

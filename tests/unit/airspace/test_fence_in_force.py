@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 
-from companion.airspace.autopilot_fences import AutopilotFence, FenceSettings
-from companion.airspace.fence_in_force import FenceInForce
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import AutopilotFence, FenceInForce, FenceSettings, FenceZone
 from companion.avoidance import Fence
 from companion.geodesy import LocalFrame
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.geodesy import LocalFrame
 
 TRIANGLE = ((47.0, 8.0), (47.0, 8.1), (47.1, 8.0))

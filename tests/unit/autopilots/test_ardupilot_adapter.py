@@ -7,7 +7,7 @@ import pytest
 
 from companion.autopilots import ArduPlane, Px4FixedWing, choose
 from companion.autopilots.adapter import GuidanceCommand, RefusedValue
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import CommandResult, Sender
@@ -136,14 +136,14 @@ def test_all_messages_can_be_packed() -> None:
 def test_after_standing_back_all_values_are_sent_again() -> None:
     adapter = ArduPlane(TARGET)
     adapter.command(guidance_command(), 100.0, urgent=False)
-    adapter.stand_back()
+    adapter.drop_commands()
     assert kinds(adapter.command(guidance_command(), 101.1, urgent=False))["COMMAND_INT 43001"] == 1
 
 
 def test_after_standing_back_no_command_is_repeated() -> None:
     adapter = ArduPlane(TARGET)
     adapter.command(guidance_command(), 100.0, urgent=False)
-    adapter.stand_back()
+    adapter.drop_commands()
     assert adapter.tick(105.0) == []
 
 
@@ -209,10 +209,10 @@ def test_a_late_refusal_of_an_accepted_command_is_ignored() -> None:
 
 def test_guided_is_given_back_with_its_former_target() -> None:
     adapter = ArduPlane(TARGET)
-    (message,) = adapter.give_back(PriorFlightState(15, target=GeoPoint(-35.1, 149.2, 650.0)))
+    (message,) = adapter.restore_mode(PriorFlightState(15, target=GeoPoint(-35.1, 149.2, 650.0)))
     assert (message.get_type(), message.command) == ("COMMAND_INT", 192)
     assert (message.param2, message.x, message.y, message.z) == (1.0, -351_000_000, 1_492_000_000, 650.0)
-    (mission,) = adapter.give_back(PriorFlightState(10, target=GeoPoint(-35.1, 149.2, 650.0)))
+    (mission,) = adapter.restore_mode(PriorFlightState(10, target=GeoPoint(-35.1, 149.2, 650.0)))
     assert (mission.command, mission.param2) == (176, 10)
 
 

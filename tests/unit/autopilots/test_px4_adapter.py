@@ -109,12 +109,12 @@ def test_the_speed_parameter_is_set_until_confirmed_and_restored(adapter: Px4Fix
     assert trims(adapter, 11.0, 2.5) == [18.0, 18.0, 18.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 13.5)
     assert trims(adapter, 13.6, 3.0) == []
-    assert adapter.borrowed == {"FW_AIRSPD_TRIM": 15.0}
-    adapter.stand_back()
+    assert adapter.changed_parameters == {"FW_AIRSPD_TRIM": 15.0}
+    adapter.drop_commands()
     assert trims(adapter, 17.0, 1.0) == [15.0]
-    assert adapter.borrowed == {"FW_AIRSPD_TRIM": 15.0}, "until the autopilot confirms it"
+    assert adapter.changed_parameters == {"FW_AIRSPD_TRIM": 15.0}, "until the autopilot confirms it"
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 18.0)
-    assert adapter.borrowed == {}
+    assert adapter.changed_parameters == {}
     assert trims(adapter, 19.0, 3.0) == []
 
 
@@ -133,24 +133,24 @@ def test_a_tiny_change_of_speed_is_not_sent(adapter: Px4FixedWing) -> None:
 
 def test_a_speed_that_a_former_run_changed_is_restored() -> None:
     adapter = Px4FixedWing(TARGET)
-    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    adapter.restore_parameters({"FW_AIRSPD_TRIM": 15.0})
     assert trims(adapter, 0.0, 1.0) == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 1.0)
-    assert adapter.borrowed == {}
+    assert adapter.changed_parameters == {}
 
 
 def test_unanswered_changes_are_dropped_and_restorations_repeated(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
     assert len(trims(adapter, 11.0, 60.0)) <= 5, "a change is dropped"
-    adapter.stand_back()
+    adapter.drop_commands()
     assert 5 < len(trims(adapter, 80.0, 100.0)) < 15, "a restoration is not"
 
 
 def test_hold_is_given_back_at_its_former_place(adapter: Px4FixedWing) -> None:
-    (message,) = adapter.give_back(PriorFlightState(HOLD, target=GeoPoint(47.41, 8.52, 640.0)))
+    (message,) = adapter.restore_mode(PriorFlightState(HOLD, target=GeoPoint(47.41, 8.52, 640.0)))
     assert (message.command, message.param2) == (mavlink.MAV_CMD_DO_REPOSITION, 1.0)
     assert (message.x, message.y, message.z) == (474_100_000, 85_200_000, 640.0)
-    (mission,) = adapter.give_back(PriorFlightState(MISSION, target=GeoPoint(47.41, 8.52, 640.0)))
+    (mission,) = adapter.restore_mode(PriorFlightState(MISSION, target=GeoPoint(47.41, 8.52, 640.0)))
     assert (mission.command, mission.param2, mission.param3) == (mavlink.MAV_CMD_DO_SET_MODE, 4, 4)
 
 
@@ -160,21 +160,21 @@ def test_hold_is_given_back_at_its_former_place(adapter: Px4FixedWing) -> None:
 def test_the_mode_after_the_last_setpoint(action: float, mode: int | None) -> None:
     adapter = Px4FixedWing(TARGET)
     adapter.observe(Parameter(TARGET, "COM_OBL_RC_ACT", action), 0.0)
-    assert adapter.left_behind_mode() == mode
+    assert adapter.setpoint_loss_mode() == mode
 
 
 def test_all_messages_can_be_packed(adapter: Px4FixedWing) -> None:
     encoder = Encoder()
     messages = [*adapter.entering(COMMAND, 1.0), *adapter.command(COMMAND, 2.0, urgent=True)]
     messages += adapter.command(COMMAND, 2.2, urgent=True) + adapter.leaving(COMMAND, 3.0) + adapter.tick(3.0)
-    messages += adapter.give_back(PriorFlightState(HOLD, target=PLACE))
+    messages += adapter.restore_mode(PriorFlightState(HOLD, target=PLACE))
     assert len(messages) >= 5
     for message in messages:
         assert encoder.encode(message, 1, 196)
 
 
 def test_an_answer_ends_the_repetition_of_a_command(adapter: Px4FixedWing) -> None:
-    adapter.desk.ask(adapter.select_item(3), 1.0)
+    adapter.commands.ask(adapter.select_item(3), 1.0)
     adapter.observe(CommandResult(TARGET, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0, None), 1.1)
     assert adapter.tick(5.0) == []
 
@@ -183,10 +183,10 @@ def test_a_late_change_after_the_restoration_is_restored_again(adapter: Px4Fixed
     masks(adapter, 10.0, 1.0)
     (change,) = [m for m in adapter.tick(11.0) if m.get_type() == "PARAM_SET"]
     assert change.param_value == 18.0
-    adapter.stand_back()
+    adapter.drop_commands()
     assert [m.param_value for m in adapter.tick(11.1)] == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 11.2)
-    assert adapter.borrowed == {}
+    assert adapter.changed_parameters == {}
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 12.0)  # a datagram that came twice
     assert [m.param_value for m in adapter.tick(12.1)] == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 12.2)
@@ -202,4 +202,4 @@ def test_the_versions_that_climbs_make_invalid(
 ) -> None:
     if version is not None:
         adapter.observe(AutopilotVersion(TARGET, "", *version, capabilities=0), 1.0)
-    assert adapter.loses_itself_in_climbs is loses
+    assert adapter.invalid_after_climbs is loses

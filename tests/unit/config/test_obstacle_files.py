@@ -95,7 +95,7 @@ def test_obstacles_of_a_geojson_file(tmp_path: Path) -> None:
         ),
         (
             "obstacles:\n- {name: A, lat_deg: 47, lon_deg: 8, top_amsl_m: 9, ground_amsl_m: 3}",
-            "m.yaml:2: obstacles[0]: A: ground_amsl_m goes with height_m",
+            "m.yaml:2: obstacles[0]: A: ground_amsl_m needs height_m",
         ),
         (
             "obstacles:\n- {name: A, lat_deg: 47, lon_deg: 8, hight_m: 9}",
@@ -126,11 +126,11 @@ def test_a_mistake_in_a_yaml_file_is_named(tmp_path: Path, text: str, message: s
             geojson(
                 feature("Point", [8, 47], height_m=30), feature("Point", [47, 118], name="B", height_m=30)
             ),
-            "m.geojson: features[1] (B): no longitude and latitude in degrees: [47, 118]",
+            "m.geojson: features[1] (B): must be longitude and latitude in degrees: [47, 118]",
         ),
         (
             geojson(feature("Point", [8, None], height_m=30)),
-            "m.geojson: features[0]: no longitude and latitude in degrees: [8, None]",
+            "m.geojson: features[0]: must be longitude and latitude in degrees: [8, None]",
         ),
         (
             geojson(feature("LineString", [[8, 47]], height_m=30)),

@@ -225,7 +225,7 @@ def test_the_speed_is_put_back_before_the_service_ends() -> None:
     seat.until(*FLYING)
     adapter = seat.engine.aircraft.adapter
     assert adapter is not None
-    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    adapter.restore_parameters({"FW_AIRSPD_TRIM": 15.0})
     seat.obeys = lambda message: message.get_type() != "PARAM_SET"
     seat.stop()
     seat.fly(3.0)
@@ -274,7 +274,7 @@ def test_an_emergency_gives_back_the_speed_too() -> None:
     seat.fly(1.0)
     adapter = seat.engine.aircraft.adapter
     assert adapter is not None
-    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    adapter.restore_parameters({"FW_AIRSPD_TRIM": 15.0})
     release = seat.engine.emergency_release(seat.now_s)
     sent = [m for tick in range(14) for m in release.messages(seat.now_s + tick / 10)]
     assert MISSION >> 16 & 0xFF in modes(sent)

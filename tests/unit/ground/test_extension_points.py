@@ -16,7 +16,7 @@ import pytest
 
 from companion import autopilots
 from companion.autopilots import MODES_OF, NAMES, NEVER_TAKEN, Adapter, choose
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.avoidance.strategies import TABLE, Course, Height, Speed
 from companion.config import Config
 from companion.control.state_machine import SupervisorParams

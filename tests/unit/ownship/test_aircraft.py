@@ -73,10 +73,10 @@ def test_it_flies_high_enough_in_the_air(landed_state: int | None, height_m: flo
 
 def test_the_landed_state_is_awaited_four_seconds() -> None:
     ours = aircraft()
-    assert not ours.known(3.9)
-    assert ours.known(4.0)
+    assert not ours.landed_state_known(3.9)
+    assert ours.landed_state_known(4.0)
     ours.observe(LandedState(AUTOPILOT, None), 1.0)
-    assert ours.known(1.0)
+    assert ours.landed_state_known(1.0)
 
 
 def test_a_fence_breach_ends_when_the_fence_is_no_longer_reported() -> None:
@@ -106,7 +106,7 @@ def test_the_former_target_counts_again_when_the_guided_mode_is_left() -> None:
 
 def test_a_prior_flight_state_names_what_to_return_to() -> None:
     ours = aircraft(position(), MissionProgress(AUTOPILOT, 3), NavigationTarget(AUTOPILOT, 47.2, 8.0, 650.0))
-    before = ours.doing(1.0)
+    before = ours.prior_flight_state(1.0)
     assert (before.mode, before.sequence, before.target) == (AUTO, 3, GeoPoint(47.2, 8.0, 650.0))
     assert (before.course_rad, before.altitude_m, before.airspeed_mps) == (0.0, 700.0, 20.0)
 
@@ -120,8 +120,8 @@ def test_after_a_silence_the_lost_stream_mode_was_entered_by_the_autopilot_itsel
     assert ours.adapter is not None
     ours.adapter.observe(Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0), 0.0)
     ours.observe(heartbeat(mode, px4=True), 4.0)
-    assert ours.left_by_itself(4.5) is by_itself
-    assert not ours.left_by_itself(7.0)
+    assert ours.left_guided_by_itself(4.5) is by_itself
+    assert not ours.left_guided_by_itself(7.0)
 
 
 def test_the_newest_stick_positions_are_stored() -> None:

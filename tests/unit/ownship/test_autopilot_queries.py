@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.autopilots import Adapter, ArduPlane, Px4FixedWing
 from companion.avoidance import Envelope, Fence
 from companion.engine import AircraftLimits

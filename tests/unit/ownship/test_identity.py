@@ -5,7 +5,7 @@ import pytest
 from companion.autopilots import ArduPlane, Px4FixedWing
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Heartbeat, Sender
-from companion.ownship.identity import Identity
+from companion.ownship.autopilot_state import Identity
 
 ARDUPILOT, PX4 = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4
 PLANE, COPTER = mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_TYPE_QUADROTOR

@@ -3,7 +3,7 @@
 import pytest
 
 from companion.mavlink.facts import RcChannels, Sender
-from companion.ownship.sticks import Sticks
+from companion.ownship.autopilot_state import Sticks
 
 
 def channels(*pulses_us: int | None) -> RcChannels:

@@ -8,8 +8,7 @@ from companion.airspace.altitude_limits import HeightLimits, limit_heights
 from companion.avoidance import Envelope
 from companion.geodesy import GeoPoint
 from companion.mavlink.facts import OwnPosition, Sender, TerrainReport, Wind
-from companion.ownship.terrain import Terrain
-from companion.ownship.wind import WindEstimator
+from companion.ownship.kinematics import Terrain, WindEstimator
 
 AUTOPILOT = Sender(1, 1)
 

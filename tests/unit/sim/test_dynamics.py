@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from companion.model import Vec2
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
-from sim.compiled.wing import line_bank_rad
+from sim.compiled.airframe_step import line_bank_rad
 from sim.dynamics import Airframe, FixedWing, heading_for_course_rad
 
 STEP_S = 0.05

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.traffic.track_filter import EstimateParams
-from companion.traffic.turn_filter import TurnFilter
+from companion.traffic.track_filter import EstimateParams, TurnFilter
 
 STANDARD_RADPS = math.radians(3.0)
 
