@@ -31,8 +31,8 @@ _Parcel = tuple[_Source, bytes]
 class Relay:
     """Forwards datagrams from `listen` (udpin) to `to` (udpout), and the answers back, with faults both ways.
 
-    Each source on the listening side has its own port on the other side, so the far end can tell the sources
-    apart and answers return to the right source. `forth` leads away from the listening side, `back` to it.
+    Each source on the listening side has its own port on the other side, so the far end can distinguish the
+    sources and answers return to the right one. `forth` leads away from the listening side, `back` to it.
     """
 
     def __init__(

@@ -51,7 +51,7 @@ class VehicleServer:
 
     @property
     def overruns(self) -> int:
-        """How often the machine was too slow for the clock's speedup; `clock.slipped_s` is the time lost."""
+        """Number of times that the machine was too slow for the speedup; see `clock.slipped_s`."""
         return self._clock.overruns
 
     async def run(self) -> None:

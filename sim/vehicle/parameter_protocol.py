@@ -27,7 +27,7 @@ class ParameterCoding(ABC):
 
 
 class AsFloat(ParameterCoding):
-    """ArduPilot's encoding: every value as a number, whatever its type."""
+    """ArduPilot's encoding: every value as a number, for all types."""
 
     def encode(self, parameter: Parameter) -> float:
         """The value."""

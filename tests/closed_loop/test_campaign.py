@@ -171,7 +171,7 @@ def figures_of(results: list[ResultLine]) -> Figures:
 
 
 def test_ratios_are_weighted() -> None:
-    """Of conflicts with weights 1, 1 and 2 the last is not avoided: a half, not a third."""
+    """The last of three conflicts with weights 1, 1 and 2 is not avoided: a half, not a third."""
     figures = figures_of([result(1), result(2), result(3, weight=2.0, kept=False), result(4, lost=False)])
     summary = summary_of(figures)
     assert summary["risk_ratio"] == 0.5

@@ -29,7 +29,8 @@ from sim.files import checked_from
 from sim.scenario import Scenario
 from sim.server import VehicleServer
 from sim.world import build_world
-from tests.integration.test_loop_over_udp import SOON, free_port
+from tests.integration.test_loop_over_udp import SOON
+from tests.support.faulty_flight import free_ports
 
 pytest.importorskip("mavsdk", reason="MAVSDK's library cannot be loaded on this platform")
 
@@ -142,7 +143,7 @@ def check(config: Path) -> str:
 
 
 def test_settings_outlast_the_companion_that_is_killed(tmp_path: Path) -> None:
-    port = free_port()
+    port = free_ports(1)[0]
     config, saved = configured(tmp_path, port), tmp_path / "settings"
     with running(config) as process, client(port) as station:
         assert station.everything() == pytest.approx(DEFAULTS, rel=1e-6)
@@ -173,7 +174,7 @@ def test_settings_outlast_the_companion_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_a_damaged_file_of_settings_does_not_keep_it_from_starting(tmp_path: Path) -> None:
-    port = free_port()
+    port = free_ports(1)[0]
     config = configured(tmp_path, port)
     (tmp_path / "settings").write_bytes(b"\0" * 512)
     assert "damaged, not used" in check(config)

@@ -19,7 +19,7 @@ from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-# What comes after is the mission alone; that it is finished is seen in lockstep.
+# Time after the last meeting; the lockstep tests fly the rest of the mission.
 SETTLED_S = 10.0
 
 

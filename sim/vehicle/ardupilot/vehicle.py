@@ -124,7 +124,7 @@ class FakeArduPlane(FakeVehicle):
         self._parameter_protocol.announce(self.parameters.record(name, len(items)))
 
     def _mode_changed(self) -> None:
-        """Nothing: the next heartbeat reports the mode."""
+        """Do nothing: the next heartbeat reports the mode."""
 
     def _fence_changed(self) -> None:
         self._send_all(self._telemetry.fence_status(self.time_s))

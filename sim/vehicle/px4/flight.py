@@ -285,7 +285,7 @@ class Px4Flight(MissionFlight):
             self.set_mode(action)
 
     def _say(self, text: str) -> None:
-        """Nothing: PX4 does not report mission progress."""
+        """Do nothing: PX4 does not report mission progress."""
 
     def _read_limits(self) -> Limits:
         return limits_of(self.parameters)

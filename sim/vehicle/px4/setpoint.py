@@ -1,4 +1,4 @@
-"""How a PX4 fixed wing interprets SET_POSITION_TARGET_*: flown, frozen, or invalid."""
+"""PX4's interpretation of SET_POSITION_TARGET_* as a fixed wing: flown, frozen, or invalid."""
 
 import math
 from dataclasses import dataclass

@@ -15,6 +15,7 @@ from companion.links import Link, OnFrames, open_link
 from companion.links.udp import UdpInLink
 from sim.faults import Faults
 from sim.relay import MAX_SOURCES, Relay
+from tests.support.faulty_flight import free_ports
 from tests.support.inbox import Inbox, frame, until
 
 pytestmark = pytest.mark.wire
@@ -166,9 +167,7 @@ async def test_the_command_relays_until_sigterm() -> None:
     assert isinstance(companion, UdpInLink)
     heard = Inbox()
     async with running(companion, heard):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        (port,) = free_ports(1)
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-c", "from sim.cli import main; main()", "relay",
             "--listen", f"udpin:127.0.0.1:{port}", "--to", f"udpout:127.0.0.1:{companion.local_port}",

@@ -1,4 +1,4 @@
-"""Weather 8 hPa off the standard: barometric traffic is passed at the right true distance all the same."""
+"""Barometric traffic in weather 8 hPa off the standard is passed at the correct true distance."""
 
 import json
 from dataclasses import replace
@@ -17,18 +17,18 @@ _LAPSE_PER_M, _EXPONENT = 2.25577e-5, 5.25588  # of the fake vehicle's atmospher
 
 
 def pressure_altitude_m(altitude_m: float) -> float:
-    """What a barometer set to the standard shows in this weather: here some 67 m too much."""
+    """The reading of a standard altimeter in this weather, about 67 m too high."""
     ratio = (QNH_HPA / STANDARD_HPA) ** (1.0 / _EXPONENT)
     return (1.0 - ratio * (1.0 - _LAPSE_PER_M * altitude_m)) / _LAPSE_PER_M
 
 
 class LowPressure(ClosedLoop):
-    """The scenario in that weather; traffic reports by barometer, our own pressure is heard or not."""
+    """A scenario in that weather: barometric traffic, and our own pressure received or not."""
 
     def __init__(self, scenario: Scenario, engine: Engine, *, own_pressure: bool) -> None:
         super().__init__(scenario, engine)
         self._own_pressure = own_pressure
-        self.seen: list[Track] = []
+        self.tracks: list[Track] = []
 
     def _hear(self, message: Message) -> None:
         kind = message.get_type()
@@ -42,12 +42,12 @@ class LowPressure(ClosedLoop):
         super()._hear(message)
         assert self.engine is not None
         if self._now_us - self.start_us < 5_000_000:
-            return  # until everything was heard once
-        self.seen += self.engine.snapshot(self._now_us / 1e6).tracks
+            return  # until all messages were received once
+        self.tracks += self.engine.snapshot(self._now_us / 1e6).tracks
 
 
 def above_us(miss_height_m: float) -> Scenario:
-    """A head-on intruder that passes so far above us in truth."""
+    """A head-on intruder with this true height above us."""
     scenario = load_scenario("head-on")
     (conflict,) = scenario.intruders
     return replace(scenario, intruders=(replace(conflict, miss_height_m=miss_height_m),))
@@ -62,32 +62,32 @@ def fly(own_pressure: bool, pressure_unknown_m: float = 60.0, miss_height_m: flo
     return loop
 
 
-def test_with_our_own_pressure_the_height_of_the_other_is_true() -> None:
+def test_with_our_own_pressure_the_intruders_height_is_correct() -> None:
     loop = fly(own_pressure=True)
     (intruder,) = loop.world.intruders
-    heights_m = [-track.position_m[2] for track in loop.seen]
-    assert {track.vertical_uncertainty_m for track in loop.seen} == {0.0}
-    # A thousandth of the 300 m or so that the other one's air is stretched by, and rounding on the wire.
+    heights_m = [-track.position_m[2] for track in loop.tracks]
+    assert {track.vertical_uncertainty_m for track in loop.tracks} == {0.0}
+    # The tolerance covers the different temperature lapse and the rounding in the messages.
     assert max(abs(height_m + intruder.position_m[2]) for height_m in heights_m) < 3.0
     (encounter,) = loop.flight.score.encounters.values()
-    # 250 ft and a quarter: as far as any other, no further.
+    # 250 ft plus a quarter, the usual vertical margin.
     assert encounter.vertical_m == pytest.approx(1.25 * 76.2, abs=5.0)
     assert loop.flight.resumed
 
 
-def test_without_it_the_volume_is_wider_by_what_is_not_known() -> None:
+def test_without_it_the_volume_grows_by_the_uncertainty() -> None:
     loop = fly(own_pressure=False)
-    assert {track.vertical_uncertainty_m for track in loop.seen} == {60.0}
+    assert {track.vertical_uncertainty_m for track in loop.tracks} == {60.0}
     (encounter,) = loop.flight.score.encounters.values()
-    # It seems 67 m higher than it is, so it is passed below; above, it would be passed by that much more.
-    seeming_m = encounter.vertical_m + 67.0
-    assert seeming_m == pytest.approx(1.25 * (76.2 + 60.0), abs=8.0)
+    # It seems 67 m too high and is passed below.
+    apparent_m = encounter.vertical_m + 67.0
+    assert apparent_m == pytest.approx(1.25 * (76.2 + 60.0), abs=8.0)
     assert not encounter.lowc
     assert loop.flight.resumed
 
 
-def test_taken_for_true_the_same_height_would_lose_well_clear() -> None:
-    """It seems to pass 100 m above: outside the volume, so that nothing is done. It passes 33 m above."""
+def test_without_the_uncertainty_well_clear_would_be_lost() -> None:
+    """It seems to pass 100 m above, outside the volume, but passes 33 m above."""
     loop = fly(own_pressure=False, pressure_unknown_m=0.0)
     (encounter,) = loop.flight.score.encounters.values()
     assert encounter.lowc
@@ -95,7 +95,7 @@ def test_taken_for_true_the_same_height_would_lose_well_clear() -> None:
 
 
 @pytest.mark.parametrize("own_pressure", [True, False])
-def test_who_passes_far_enough_above_is_left_alone(own_pressure: bool) -> None:
+def test_an_intruder_far_enough_above_is_not_avoided(own_pressure: bool) -> None:
     loop = fly(own_pressure=own_pressure, miss_height_m=115.0)
     layers = {json.loads(line)["layer"] for line in loop.flight.decisions}
     assert layers == {"clear"}

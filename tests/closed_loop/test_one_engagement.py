@@ -1,4 +1,4 @@
-"""A hundred random encounters: kept clear of, one engagement each, and none again for who is past."""
+"""RandomEncounter encounters: well clear, one engagement each, and none for an intruder that has passed."""
 
 import math
 import random
@@ -17,14 +17,14 @@ from sim.traffic import AdsbReceiver, Intruder, Maneuver
 BASE = load_scenario("head-on")
 ENCOUNTERS = 40
 BATCHES = 20
-# As the aircraft of the scenarios flies; where an encounter starts is reckoned by it.
+# The airspeed in the scenarios; it determines where an encounter starts.
 CRUISE_MPS = 24.0
-# So long after it was given back, the intruder past and flying away, there is nothing left to happen.
+# Time after the release, with the intruder past and opening, after which a flight ends.
 QUIET_S, NEVER_ENGAGED_QUIET_S = 10.0, 3.0
 
 
 def random_conflict(seed: int) -> Conflict:
-    """From any side, slow and fast, past us and through us, level and climbing; it starts far outside."""
+    """A conflict from any side, slow or fast, hit or miss, level or climbing, that starts far outside."""
     chance = random.Random(seed)
     while True:
         conflict = Conflict(
@@ -42,7 +42,7 @@ def random_conflict(seed: int) -> Conflict:
 
 
 def starts_outside(conflict: Conflict) -> bool:
-    """Whether nobody is near us at the beginning, where nothing could keep clear any more."""
+    """True if the intruder starts far enough away to be avoided."""
     from_rad = math.radians(conflict.from_deg)
     closing: Vec2 = (
         CRUISE_MPS + conflict.speed_mps * math.cos(from_rad),
@@ -52,8 +52,8 @@ def starts_outside(conflict: Conflict) -> bool:
     return away_m > 2.0 * WELL_CLEAR_HORIZONTAL_M
 
 
-class Random(ClosedLoop):
-    """Flown until the intruder is past, and the aircraft back on its mission, for a while."""
+class RandomEncounter(ClosedLoop):
+    """A flight until some time after the intruder has passed and the mission is resumed."""
 
     def __init__(self, conflict: Conflict, autopilot: Autopilot, *, seed: int) -> None:
         scenario: Scenario = replace(BASE, duration_s=90.0, intruders=(conflict,))
@@ -61,7 +61,7 @@ class Random(ClosedLoop):
         self.past_s = conflict.meet_at_s
 
     def meet(self, intruder: Intruder) -> None:
-        """Another one instead of the scenario's, before anything was flown."""
+        """Replace the scenario's intruder before the flight."""
         scenario = self.scenario
         receiver = AdsbReceiver([intruder], scenario.frame, self.start_us / 1e6)
         self.world = replace(self.world, intruders=(intruder,), receiver=receiver)
@@ -72,13 +72,13 @@ class Random(ClosedLoop):
         while quiet_s < (QUIET_S if self.flight.engagements else NEVER_ENGAGED_QUIET_S):
             self.run(1.0)
             flown_s = (self._now_us - self.start_us) / 1e6
-            assert flown_s < limit_s, "never given back"
+            assert flown_s < limit_s, "never released"
             assert self.engine is not None
             back = self.engine.supervisor.state is State.MONITOR and flown_s > self.past_s
             quiet_s = quiet_s + 1.0 if back and self.is_opening() else 0.0
 
     def is_opening(self) -> bool:
-        """Whether the intruder flies away from us."""
+        """True if the distance to the intruder increases."""
         truth = self.world.vehicle.truth
         (intruder,) = self.world.intruders
         there_m, there_mps = intruder.state_at(self._now_us / 1e6)
@@ -91,7 +91,7 @@ class Random(ClosedLoop):
 def test_one_engagement_for_each_encounter(batch: int) -> None:
     for seed in range(batch, ENCOUNTERS, BATCHES):
         conflict = random_conflict(seed)
-        loop = Random(conflict, "px4" if seed % 2 else "ardupilot", seed=seed)
+        loop = RandomEncounter(conflict, "px4" if seed % 2 else "ardupilot", seed=seed)
         loop.fly()
         flight = loop.flight
         (encounter,) = flight.score.encounters.values()
@@ -104,14 +104,14 @@ def test_one_engagement_for_each_encounter(batch: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_one_that_comes_back_is_avoided_once_more(seed: int) -> None:
-    """It passes us, turns around half a minute later, and comes after us: once more at most."""
+def test_an_intruder_that_returns_is_avoided_once_more_at_most(seed: int) -> None:
+    """It passes, turns around half a minute later, and follows."""
     chance = random.Random(1000 + seed)
     conflict = replace(
         random_conflict(seed), from_deg=chance.uniform(-60.0, 60.0), speed_mps=chance.uniform(35.0, 60.0),
         climb_mps=0.0, miss_m=chance.uniform(-300.0, 300.0), miss_height_m=chance.uniform(-40.0, 40.0),
     )  # fmt: skip
-    loop = Random(conflict, "px4" if seed % 2 else "ardupilot", seed=seed)
+    loop = RandomEncounter(conflict, "px4" if seed % 2 else "ardupilot", seed=seed)
     (straight,) = loop.world.intruders
     turns_s = straight.anchor_s + 30.0
     rate_rps = chance.choice([-1.0, 1.0]) * math.radians(6.0)

@@ -1,4 +1,4 @@
-"""A closed loop whose every command is noted, and whose links can lose or change what they carry."""
+"""A closed loop that records all commands, and whose links can drop or change messages."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,29 +27,29 @@ _STEP_US = 50_000
 _OPERATOR, _OPERATOR_COMPONENT = 255, 190
 
 
-class Watched(ClosedLoop):
-    """Notes every flying command that leaves, and can drop what the vehicle hears.
+class MonitoredLoop(ClosedLoop):
+    """Records every flight command that is sent, and can drop commands before the vehicle gets them.
 
-    `sent` are (microseconds, message type and command), `states` (microseconds, state, how much was sent
-    before) at every change.
-    `altered` sees what the vehicle says before the engine does, and may change it, or drop it with `None`.
+    `sent` are (time [us], message type and command); `states` are (time [us], state, number of commands sent
+    before) at every change. `drops` selects the messages that do not reach the vehicle. `alter` may change a
+    message of the vehicle before the engine receives it; `None` drops it.
     """
 
     def __init__(
         self,
         scenario: Scenario | str = "head-on",
         *,
-        deaf: Callable[[Transmit], bool] = lambda _: False,
+        drops: Callable[[Transmit], bool] = lambda _: False,
         config: EngineConfig | None = None,
         autopilot: Autopilot = "ardupilot",
         parameters: dict[str, float] | None = None,
     ) -> None:
         self.sent: list[tuple[int, str]] = []
         self.states: list[tuple[int, State, int]] = []
-        self.deaf = deaf
-        self.altered: Callable[[Message], Message | None] = lambda message: message
+        self.drops = drops
+        self.alter: Callable[[Message], Message | None] = lambda message: message
         self._awaited: Callable[[Fact], bool] = lambda _: False
-        self._said_us: int | None = None
+        self._reported_us: int | None = None
         if isinstance(scenario, str):
             scenario = load_scenario(scenario)
         self._engine = Engine(config)
@@ -72,10 +72,10 @@ class Watched(ClosedLoop):
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         message = effect.message
-        asking = getattr(message, "command", None) in (SET_INTERVAL, REQUEST_MESSAGE)
-        if message.get_type() in COMMANDS and not asking:
+        is_query = getattr(message, "command", None) in (SET_INTERVAL, REQUEST_MESSAGE)
+        if message.get_type() in COMMANDS and not is_query:
             self.sent.append((time_us, f"{message.get_type()} {getattr(message, 'command', '')}".strip()))
-        if not self.deaf(effect):
+        if not self.drops(effect):
             super()._transmit(time_us, effect)
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
@@ -84,50 +84,50 @@ class Watched(ClosedLoop):
         super()._perform(time_us, effects)
 
     def _hear(self, message: Message) -> None:
-        changed = self.altered(message)
+        changed = self.alter(message)
         if changed is None:
             return
-        if self._said_us is None and self._awaited(self._fact(changed)):
-            self._said_us = self._now_us
+        if self._reported_us is None and self._awaited(self._fact(changed)):
+            self._reported_us = self._now_us
         super()._hear(changed)
 
     def _fact(self, message: Message) -> Fact | None:
-        """What the engine will make of a message."""
+        """The fact that the engine makes of a message."""
         vehicle = self.world.vehicle
         raw = self._encoder.encode(message, vehicle.system_id, vehicle.component_id)
         (frame,) = FrameSplitter().feed_datagram(raw)
         return frame_to_fact(frame, self.now_s)
 
     def step(self) -> None:
-        """The smallest bit of time."""
+        """Fly for the smallest time step."""
         self._now_us += _STEP_US
         self._step()
 
     def until(self, *states: State, limit_s: float = 120.0) -> None:
-        """Fly on until the supervisor is in one of the states."""
-        self.until_so(lambda: self.state in states, limit_s)
+        """Fly until the supervisor is in one of the states."""
+        self.until_true(lambda: self.state in states, limit_s)
 
-    def until_so(self, is_so: Callable[[], bool], limit_s: float = 120.0) -> None:
-        """Fly on until something is so."""
+    def until_true(self, condition: Callable[[], bool], limit_s: float = 120.0) -> None:
+        """Fly until a condition is true."""
         for _ in range(round(limit_s * 20)):
-            if is_so():
+            if condition():
                 return
             self.step()
-        raise AssertionError(f"never came to it, stayed in {self.state}, {self.mode_name}")
+        raise AssertionError(f"timeout in {self.state}, {self.mode_name}")
 
-    def until_said(self, says: Callable[[Fact], bool], limit_s: float = 2.0) -> int:
-        """Fly on until the vehicle has said something, the ticks after that not yet made; when [us]."""
-        self._awaited, self._said_us = says, None
-        self.until_so(lambda: self._said_us is not None, limit_s)
-        assert self._said_us is not None
-        return self._said_us
+    def until_reported(self, shows: Callable[[Fact], bool], limit_s: float = 2.0) -> int:
+        """Fly until the vehicle has sent a certain fact, before the next tick; its time [us]."""
+        self._awaited, self._reported_us = shows, None
+        self.until_true(lambda: self._reported_us is not None, limit_s)
+        assert self._reported_us is not None
+        return self._reported_us
 
     def entered_us(self, state: State) -> int:
-        """When it came into a state the last time."""
+        """Time of the last entry into a state [us]."""
         return next(at_us for at_us, entered, _ in reversed(self.states) if entered is state)
 
     def sent_since(self, state: State) -> list[str]:
-        """All that was commanded since it came into a state the last time, what that tick sent included."""
+        """All commands since the last entry into a state, those of that tick included."""
         before = next(before for _, entered, before in reversed(self.states) if entered is state)
         return [sent for _, sent in self.sent[before:]]
 
@@ -143,8 +143,8 @@ class Watched(ClosedLoop):
         self._perform(self._now_us, effects)
         return effects
 
-    def tell_companion(self, message: Message) -> None:
-        """A ground station tells the companion something."""
+    def send_to_companion(self, message: Message) -> None:
+        """Send a message from a ground station to the companion."""
         raw = self._encoder.encode(message, _OPERATOR, _OPERATOR_COMPONENT)
         (frame,) = FrameSplitter().feed_datagram(raw)
         fact = frame_to_fact(frame, self.now_s)
@@ -162,7 +162,7 @@ class Watched(ClosedLoop):
         goes_s: float | None = None,
         named: tuple[int, str] = (0xABCDEF, "SUDDEN"),
     ) -> Intruder:
-        """Somebody appears ahead of us and comes against us; after `goes_s` he climbs away steeply."""
+        """Add an intruder that appears ahead and closes head-on; after `goes_s` it climbs away steeply."""
         truth = self.world.vehicle.truth
         north_mps, east_mps, _ = truth.velocity_mps
         course_rad = truth.heading_rad if truth.on_ground else math.atan2(east_mps, north_mps)
@@ -185,15 +185,10 @@ class Watched(ClosedLoop):
         return intruder
 
 
-def alone(name: str = "head-on", duration_s: float = 60.0) -> Scenario:
-    """A scenario without its traffic."""
+def without_traffic(name: str = "head-on", duration_s: float = 60.0) -> Scenario:
+    """A scenario without its intruders."""
     return replace(load_scenario(name), intruders=(), duration_s=duration_s)
 
 
-def asks_for_a_mode(effect: Transmit) -> bool:
+def is_mode_request(effect: Transmit) -> bool:
     return getattr(effect.message, "command", None) == DO_SET_MODE
-
-
-def wanted_mode(effect: Transmit) -> int | None:
-    """The number of the mode that a message asks for, main mode for PX4."""
-    return int(effect.message.param2) if asks_for_a_mode(effect) else None

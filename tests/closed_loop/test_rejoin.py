@@ -1,4 +1,4 @@
-"""The aircraft goes back to what it did before: a mission, a circle, a course, a place to fly to."""
+"""After an avoidance the aircraft resumes its prior flight: mission, loiter, course or guided target."""
 
 import math
 from dataclasses import replace
@@ -15,18 +15,18 @@ from sim.traffic import Intruder, Maneuver
 from sim.vehicle import Mode, Px4Mode
 
 
-class Standing(ClosedLoop):
-    """No mission traffic: the aircraft does something else, and one intruder comes from the north."""
+class OtherModes(ClosedLoop):
+    """A flight in other modes than the mission, with one intruder from the north."""
 
     def __init__(self, *modes: str, autopilot: Autopilot = "ardupilot") -> None:
         config = EngineConfig(supervisor=SupervisorParams(take_over_from=modes))
-        # The mission is not what is flown here, and so its length is of no interest to anybody.
-        nobody = replace(load_scenario("clear"), intruders=(), duration_s=1.0)
-        super().__init__(nobody, Engine(config), autopilot=autopilot)
+        # The mission is not flown, so a short duration is enough.
+        scenario = replace(load_scenario("clear"), intruders=(), duration_s=1.0)
+        super().__init__(scenario, Engine(config), autopilot=autopilot)
         self.run(5.0)
 
     def intrude(self, north_m: float, east_m: float, height_m: float, *, after_s: float) -> None:
-        """Somebody flies south through that place, so many seconds from now."""
+        """Add a southbound intruder that passes a place in `after_s`."""
         now_s = self._now_us / 1e6
         self.world.receiver.add(
             Intruder(
@@ -46,7 +46,7 @@ class Standing(ClosedLoop):
         self.world.vehicle.receive(message, self._now_us / 1e6, 1)
 
     def states(self, seconds: float) -> list[State]:
-        """The states one after the other, until it watches the mission again after having flown."""
+        """The sequence of states, until MONITOR after an avoidance."""
         assert self.engine is not None
         seen = [self.engine.supervisor.state]
         for _ in range(round(seconds * 20)):
@@ -60,8 +60,8 @@ class Standing(ClosedLoop):
         return seen
 
 
-def test_a_circle_is_flown_again_around_its_centre() -> None:
-    loop = Standing("LOITER")
+def test_a_loiter_is_resumed_around_its_centre() -> None:
+    loop = OtherModes("LOITER")
     loop.world.vehicle.set_mode(Mode.LOITER)
     loop.run(5.0)
     north_m, east_m, down_m = loop.world.vehicle.truth.position_m
@@ -81,8 +81,8 @@ def test_a_circle_is_flown_again_around_its_centre() -> None:
     assert abs(truth.position_m[2] - centre_m[2]) < 15.0
 
 
-def test_a_course_is_flown_again() -> None:
-    loop = Standing("CRUISE")
+def test_a_course_is_resumed() -> None:
+    loop = OtherModes("CRUISE")
     loop.world.vehicle.set_mode(Mode.CRUISE)
     loop.run(3.0)
     before = loop.world.vehicle.truth
@@ -103,8 +103,8 @@ def test_a_course_is_flown_again() -> None:
     assert abs(truth.position_m[2] - before.position_m[2]) < 15.0
 
 
-def guided(loop: Standing, north_m: float) -> tuple[int, int]:
-    """A ground station sends the aircraft to a place in the north, as DO_REPOSITION does."""
+def guided(loop: OtherModes, north_m: float) -> tuple[int, int]:
+    """Send DO_REPOSITION to a place in the north, as a ground station."""
     truth = loop.world.vehicle.truth
     place = loop.world.frame.to_geo(truth.position_m[0] + north_m, truth.position_m[1], truth.position_m[2])
     lat_e7, lon_e7 = round(place.lat_deg * 1e7), round(place.lon_deg * 1e7)
@@ -112,8 +112,8 @@ def guided(loop: Standing, north_m: float) -> tuple[int, int]:
     return lat_e7, lon_e7
 
 
-def test_the_target_of_guided_is_flown_to_again() -> None:
-    loop = Standing("GUIDED")
+def test_a_guided_target_is_resumed() -> None:
+    loop = OtherModes("GUIDED")
     lat_e7, lon_e7 = guided(loop, 4000.0)
     loop.run(3.0)
     truth = loop.world.vehicle.truth
@@ -128,8 +128,8 @@ def test_the_target_of_guided_is_flown_to_again() -> None:
     assert guided_targets.centre.lon_deg == pytest.approx(lon_e7 / 1e7, abs=1e-6)
 
 
-def test_another_target_in_guided_is_somebody_elses_word() -> None:
-    loop = Standing("GUIDED")
+def test_another_guided_target_overrides_the_avoidance() -> None:
+    loop = OtherModes("GUIDED")
     guided(loop, 4000.0)
     loop.run(3.0)
     truth = loop.world.vehicle.truth
@@ -147,7 +147,7 @@ def test_another_target_in_guided_is_somebody_elses_word() -> None:
     assert loop.world.vehicle.flight.guided.centre.lat_deg == pytest.approx(lat_e7 / 1e7, abs=1e-6)
 
 
-def test_a_mission_that_starts_anew_is_sent_to_its_item() -> None:
+def test_a_mission_that_restarts_is_set_to_its_item() -> None:
     loop = ClosedLoop(load_scenario("head-on"), Engine())
     while loop.engine is not None and loop.engine.supervisor.state is not State.OUTER:
         loop.run(0.5)
@@ -170,8 +170,8 @@ def test_a_mission_that_starts_anew_is_sent_to_its_item() -> None:
 # --- PX4
 
 
-def test_px4_circles_its_former_place_again() -> None:
-    loop = Standing("HOLD", autopilot="px4")
+def test_px4_resumes_its_hold_position() -> None:
+    loop = OtherModes("HOLD", autopilot="px4")
     loop.world.vehicle.set_mode(Px4Mode.HOLD)
     loop.run(5.0)
     centre = loop.world.vehicle.flight.target
@@ -191,8 +191,8 @@ def test_px4_circles_its_former_place_again() -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_taken_over_before_the_mission_was_read_its_waypoint_is_what_counts(autopilot: Autopilot) -> None:
-    """As after a restart in the middle of a conflict: then the waypoint becomes known while we fly."""
+def test_the_waypoint_becomes_the_goal_when_the_mission_is_read_in_flight(autopilot: Autopilot) -> None:
+    """After a restart within a conflict, the mission is read during the avoidance."""
     loop = ClosedLoop(load_scenario("clear"), Engine(), autopilot=autopilot)
     truth = loop.world.vehicle.truth
     north_m, east_m, down_m = truth.position_m
@@ -216,8 +216,8 @@ def test_taken_over_before_the_mission_was_read_its_waypoint_is_what_counts(auto
 
 
 @pytest.mark.parametrize(("autopilot", "side"), [("ardupilot", 1.0), ("px4", -1.0)])
-def test_not_given_back_as_long_as_an_intruder_stays_beside_us(autopilot: Autopilot, side: float) -> None:
-    """It converges, turns onto our course, and flies along under us; then it goes away."""
+def test_no_release_while_an_intruder_stays_alongside(autopilot: Autopilot, side: float) -> None:
+    """The intruder converges, turns onto our course, flies alongside, and then leaves."""
     loop = ClosedLoop(replace(load_scenario("clear"), intruders=()), Engine(), autopilot=autopilot)
     truth = loop.world.vehicle.truth
     (north_m, east_m, down_m), began_s = truth.position_m, truth.time_s
@@ -248,7 +248,7 @@ def test_not_given_back_as_long_as_an_intruder_stays_beside_us(autopilot: Autopi
 
 
 def separation(loop: ClosedLoop, intruder: Intruder) -> float:
-    """How far it is now, as a share of well clear: 1 and more is clear."""
+    """The present separation relative to well clear: 1 or more is clear."""
     here_m = loop.world.vehicle.truth.position_m
     there_m, _ = intruder.state_at(loop.world.vehicle.time_s)
     horizontal = math.dist(here_m[:2], there_m[:2]) / WELL_CLEAR_HORIZONTAL_M

@@ -1,4 +1,4 @@
-"""An aircraft that does most of what it is told, among pilots, failures and intruders."""
+"""A random aircraft for the engine: it obeys most commands, with overrides, failures and intruders."""
 
 import math
 import random
@@ -26,12 +26,12 @@ ARDUPILOT, PX4 = 3, 12
 GUIDED = {ARDUPILOT: 15, PX4: 6 << 16}
 MISSION = {ARDUPILOT: 10, PX4: 4 << 16 | 4 << 24}
 OTHER_MODES = {ARDUPILOT: (0, 5, 11, 12, 14), PX4: (1 << 16, 3 << 16, 4 << 16 | 3 << 24, 4 << 16 | 5 << 24)}
-QUESTIONS = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
+QUERIES = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
 _T = TypeVar("_T")
 
 
-class Aeroplane:
-    """An aircraft that does most of what it is told, among pilots, failures and intruders. All by chance."""
+class RandomAircraft:
+    """An aircraft that obeys most commands, with random overrides, failures and intruders."""
 
     def __init__(self, chance: random.Random, autopilot: int) -> None:
         self.chance = chance
@@ -44,15 +44,15 @@ class Aeroplane:
         self._answers: list[Fact] = []
         self._meet_s = T0 + 40.0
 
-    def hear(self, message: Message) -> None:
-        """Do as told, or not."""
+    def receive(self, message: Message) -> None:
+        """Obey a command, or not."""
         command = getattr(message, "command", None)
         if message.get_type() == "PARAM_SET" and message.target_component == 1:
             self.parameters[str(message.param_id)] = message.param_value
             self._answers.append(Parameter(AUTOPILOT, str(message.param_id), message.param_value))
         if (
             message.get_type() not in ("COMMAND_LONG", "COMMAND_INT")
-            or command in QUESTIONS
+            or command in QUERIES
             or self.chance.random() < 0.2
         ):
             return
@@ -63,8 +63,8 @@ class Aeroplane:
         if self.chance.random() < 0.8:
             self._answers.append(CommandResult(AUTOPILOT, command, result, self.chance.choice((None, US))))
 
-    def live(self, now_s: float) -> None:
-        """Whatever may happen within a tenth of a second."""
+    def advance(self, now_s: float) -> None:
+        """Let random events happen, for a tenth of a second."""
         pick = self.chance
         self.mode = self._rarely(0.004, self.mode, (*OTHER_MODES[self.autopilot], MISSION[self.autopilot]))
         if self.mode not in (GUIDED[self.autopilot], MISSION[self.autopilot]):
@@ -82,7 +82,7 @@ class Aeroplane:
         if now_s > self._meet_s:
             self._meet_s = now_s + pick.uniform(20.0, 60.0)
 
-    def says(self, now_s: float, tick: int) -> list[Fact]:
+    def facts(self, now_s: float, tick: int) -> list[Fact]:
         """Telemetry, answers and one intruder."""
         answers, self._answers = self._answers, []
         if now_s < self.silent_until_s:

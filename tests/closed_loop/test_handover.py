@@ -1,4 +1,4 @@
-"""Who has the aircraft: the pilot whenever he wants it, the mission when nothing is wrong."""
+"""Take-over and release: the pilot always has precedence, and the aircraft is never left behind."""
 
 from collections.abc import Callable
 
@@ -7,20 +7,20 @@ import pytest
 from companion.control.state_machine import State
 from companion.engine import Transmit
 from sim.vehicle import Mode
-from tests.support.watched import COMMANDS, SET_INTERVAL, Watched, asks_for_a_mode
+from tests.support.monitored_loop import COMMANDS, SET_INTERVAL, MonitoredLoop, is_mode_request
 
 
-def flying(loop: Watched) -> None:
+def flying(loop: MonitoredLoop) -> None:
     loop.until(State.OUTER, State.INNER)
     loop.run(5.0)
 
 
 @pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.LOITER, Mode.RTL, Mode.FBWA, Mode.AVOID_ADSB, Mode.AUTO])
-def test_a_mode_that_the_pilot_chooses_ends_ours_at_once(mode: Mode) -> None:
-    loop = Watched()
+def test_a_mode_change_by_the_pilot_ends_the_avoidance(mode: Mode) -> None:
+    loop = MonitoredLoop()
     flying(loop)
     loop.world.vehicle.set_mode(mode)
-    loop.run(1.1)  # his choice is known by the next heartbeat
+    loop.run(1.1)  # until the next heartbeat reports the mode
     sent_back = mode is Mode.AUTO
     assert loop.engine.supervisor.state is (State.SUPPRESSED if sent_back else State.HANDS_OFF)
     known_us = loop.now_us
@@ -29,8 +29,8 @@ def test_a_mode_that_the_pilot_chooses_ends_ours_at_once(mode: Mode) -> None:
     assert [sent for at_us, sent in loop.sent if at_us > known_us] == []
 
 
-def test_taken_up_again_only_after_the_aircraft_settled_in_an_allowed_mode() -> None:
-    loop = Watched()
+def test_avoidance_resumes_only_after_settling_in_an_allowed_mode() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     loop.world.vehicle.set_mode(Mode.LOITER)
     loop.run(8.0)
@@ -43,8 +43,8 @@ def test_taken_up_again_only_after_the_aircraft_settled_in_an_allowed_mode() -> 
     assert loop.engine.supervisor.state is not State.HANDS_OFF
 
 
-def test_the_pilot_changes_the_mode_while_we_ask_for_ours() -> None:
-    loop = Watched(deaf=asks_for_a_mode)
+def test_a_mode_change_during_our_request_is_respected() -> None:
+    loop = MonitoredLoop(drops=is_mode_request)
     loop.until(State.ENGAGING)
     loop.world.vehicle.set_mode(Mode.FBWA)
     loop.run(1.2)
@@ -54,7 +54,7 @@ def test_the_pilot_changes_the_mode_while_we_ask_for_ours() -> None:
 
 
 def test_disarmed_means_hands_off() -> None:
-    loop = Watched()
+    loop = MonitoredLoop()
     flying(loop)
     loop.world.vehicle.flight.armed = False
     loop.run(1.1)
@@ -62,8 +62,8 @@ def test_disarmed_means_hands_off() -> None:
 
 
 @pytest.mark.parametrize("mode", [Mode.LOITER, Mode.GUIDED, Mode.FBWA, Mode.MANUAL])
-def test_never_taken_from_another_mode(mode: Mode) -> None:
-    loop = Watched()
+def test_no_take_over_from_another_mode(mode: Mode) -> None:
+    loop = MonitoredLoop()
     loop.world.vehicle.set_mode(mode)
     loop.run(60.0)
     assert loop.engine.supervisor.state is State.STANDBY
@@ -72,7 +72,7 @@ def test_never_taken_from_another_mode(mode: Mode) -> None:
 
 
 def test_nothing_happens_on_the_ground_or_below_the_minimum_height() -> None:
-    loop = Watched("two-intruders")
+    loop = MonitoredLoop("two-intruders")
     lowest_m = None
     for _ in range(1200):
         loop.run(0.1)
@@ -82,8 +82,8 @@ def test_nothing_happens_on_the_ground_or_below_the_minimum_height() -> None:
     assert lowest_m > 30.0
 
 
-def test_a_stop_gives_the_aircraft_back_first() -> None:
-    loop = Watched()
+def test_a_stop_releases_the_aircraft_first() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     loop.stop()
     assert loop.engine.supervisor.state is State.STOPPING
@@ -92,35 +92,35 @@ def test_a_stop_gives_the_aircraft_back_first() -> None:
     assert loop.mode() is Mode.AUTO
     sent = len(loop.sent)
     loop.run(5.0)
-    assert len(loop.sent) == sent, "nothing is commanded after the end"
+    assert len(loop.sent) == sent, "no commands after the end"
 
 
-def test_a_stop_without_anything_to_give_back_ends_at_once() -> None:
-    loop = Watched()
+def test_a_stop_without_engagement_ends_at_once() -> None:
+    loop = MonitoredLoop()
     loop.run(5.0)
     assert loop.stop() == []
     assert loop.engine.finished
 
 
-def test_commands_that_get_lost_are_sent_again() -> None:
-    heard: dict[str, int] = {}
+def test_lost_commands_are_sent_again() -> None:
+    count: dict[str, int] = {}
 
-    def deaf(effect: Transmit) -> bool:
+    def first_two(effect: Transmit) -> bool:
         message = effect.message
         if message.get_type() not in COMMANDS:
             return False
         kind = f"{message.get_type()} {getattr(message, 'command', '')}"
-        heard[kind] = heard.get(kind, 0) + 1
-        return heard[kind] <= 2
+        count[kind] = count.get(kind, 0) + 1
+        return count[kind] <= 2
 
-    loop = Watched(deaf=deaf)
+    loop = MonitoredLoop(drops=first_two)
     flight = loop.run()
     assert flight.mission_completed
     assert not any(e.nmac or e.lowc for e in flight.score.encounters.values())
 
 
-def test_an_autopilot_that_never_answers_is_asked_with_patience_and_announced_once() -> None:
-    loop = Watched(deaf=asks_for_a_mode)
+def test_requests_to_a_silent_autopilot_are_moderated_and_reported_once() -> None:
+    loop = MonitoredLoop(drops=is_mode_request)
     flight = loop.run(90.0)
     assert flight.engagements == 0
     assert 0 < len(loop.sent) < 60 * 2
@@ -128,8 +128,8 @@ def test_an_autopilot_that_never_answers_is_asked_with_patience_and_announced_on
     assert len(flight.texts) < 12
 
 
-def test_position_lost_while_flying_gives_the_aircraft_back() -> None:
-    loop = Watched()
+def test_a_lost_position_releases_the_aircraft() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     hear = loop._hear
     loop._hear = lambda message: None if message.get_type() == "GLOBAL_POSITION_INT" else hear(message)  # type: ignore[method-assign]
@@ -137,11 +137,11 @@ def test_position_lost_while_flying_gives_the_aircraft_back() -> None:
     assert loop.mode() is Mode.AUTO
     assert "Avoidance: own position lost" in loop.flight.texts
     loop.run(20.0)
-    assert loop.mode() is Mode.AUTO, "blind, it takes nothing over"
+    assert loop.mode() is Mode.AUTO, "no take-over without position"
 
 
-def test_rates_are_asked_for_again_after_the_autopilot_forgot_them() -> None:
-    loop = Watched("clear")
+def test_message_rates_are_requested_again_after_a_reset() -> None:
+    loop = MonitoredLoop("clear")
     loop.run(10.0)
     loop.world.vehicle.add_channel(0)  # as after a reboot: default rates
     loop.run(12.0)
@@ -160,10 +160,10 @@ def test_rates_are_asked_for_again_after_the_autopilot_forgot_them() -> None:
     assert len(loop.flight.decisions) > before
 
 
-def test_a_lost_request_for_traffic_is_made_again() -> None:
+def test_a_lost_request_for_traffic_is_repeated() -> None:
     requests = 0
 
-    def deaf(effect: Transmit) -> bool:
+    def first_request(effect: Transmit) -> bool:
         nonlocal requests
         message = effect.message
         if getattr(message, "command", None) != SET_INTERVAL or message.param1 != 246:
@@ -171,13 +171,13 @@ def test_a_lost_request_for_traffic_is_made_again() -> None:
         requests += 1
         return requests == 1
 
-    loop = Watched(deaf=deaf)
+    loop = MonitoredLoop(drops=first_request)
     loop.until(State.OUTER, State.INNER)
     assert requests == 2
 
 
-def silent_downlink(loop: Watched) -> Callable[[], None]:
-    """Nothing of the vehicle is heard until the returned function is called."""
+def silent_downlink(loop: MonitoredLoop) -> Callable[[], None]:
+    """Drop everything from the vehicle until the returned function is called."""
     hear = loop._hear
     loop._hear = lambda _message: None  # type: ignore[method-assign]
 
@@ -188,8 +188,8 @@ def silent_downlink(loop: Watched) -> Callable[[], None]:
 
 
 @pytest.mark.parametrize("after_s", [0.05, 0.3, 0.6, 1.1, 1.7, 2.6])
-def test_lost_answers_do_not_take_the_aircraft_from_the_pilot(after_s: float) -> None:
-    loop = Watched()
+def test_lost_acknowledgements_do_not_override_the_pilot(after_s: float) -> None:
+    loop = MonitoredLoop()
     hear = loop._hear
     loop._hear = lambda message: None if message.get_type() == "COMMAND_ACK" else hear(message)  # type: ignore[method-assign]
     loop.until(State.ENGAGING)
@@ -201,11 +201,11 @@ def test_lost_answers_do_not_take_the_aircraft_from_the_pilot(after_s: float) ->
     assert loop.flight.modes[-1][1] == "FBWA"
 
 
-def test_giving_back_blindly_does_not_take_the_aircraft_from_the_pilot() -> None:
-    loop = Watched()
+def test_a_release_without_reception_does_not_override_the_pilot() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     silent_downlink(loop)
-    loop.run(7.0)  # own position is lost, and the aircraft given back
+    loop.run(7.0)  # own position lost, aircraft released
     assert loop.mode() is Mode.AUTO
     loop.world.vehicle.set_mode(Mode.FBWA)
     before = len(loop.sent)
@@ -214,8 +214,8 @@ def test_giving_back_blindly_does_not_take_the_aircraft_from_the_pilot() -> None
     assert len(loop.sent) - before <= 3
 
 
-def test_silent_after_the_request_and_back_later_the_aircraft_is_not_left_behind() -> None:
-    loop = Watched()
+def test_an_outage_after_the_request_does_not_strand_the_aircraft() -> None:
+    loop = MonitoredLoop()
     loop.until(State.ENGAGING)
     back = silent_downlink(loop)
     loop.run(8.0)
@@ -226,16 +226,16 @@ def test_silent_after_the_request_and_back_later_the_aircraft_is_not_left_behind
     assert loop.mode() is Mode.AUTO
 
 
-def test_stopped_while_asking_for_the_mode_and_the_first_answer_lost() -> None:
+def test_a_stop_during_the_request_survives_a_lost_release() -> None:
     lost = 0
 
-    def deaf(effect: Transmit) -> bool:
+    def first_release(effect: Transmit) -> bool:
         nonlocal lost
-        auto = asks_for_a_mode(effect) and effect.message.param2 == Mode.AUTO
+        auto = is_mode_request(effect) and effect.message.param2 == Mode.AUTO
         lost += auto
         return auto and lost == 1
 
-    loop = Watched(deaf=deaf)
+    loop = MonitoredLoop(drops=first_release)
     loop.until(State.ENGAGING)
     loop.stop()
     loop.run(4.0)
@@ -243,8 +243,8 @@ def test_stopped_while_asking_for_the_mode_and_the_first_answer_lost() -> None:
     assert loop.mode() is Mode.AUTO
 
 
-def test_an_autopilot_that_refuses_the_mission_is_left_loitering() -> None:
-    loop = Watched()
+def test_a_refused_mission_mode_ends_in_loiter() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     receive = loop.world.vehicle.receive
     refused = 0
@@ -262,12 +262,12 @@ def test_an_autopilot_that_refuses_the_mission_is_left_loitering() -> None:
     loop.run(12.0)
     assert loop.engine.finished
     assert loop.mode() is Mode.LOITER
-    assert refused == 3, "then something else is asked for"
+    assert refused == 3, "then another mode is requested"
     assert "Avoidance: AUTO refused, LOITER instead" in "".join(loop.flight.texts)
 
 
-def test_who_sends_the_aircraft_on_against_us_has_decided_about_this_conflict() -> None:
-    loop = Watched()
+def test_a_return_to_the_mission_by_the_pilot_suppresses_the_conflict() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     loop.world.vehicle.set_mode(Mode.AUTO)
     loop.run(40.0)
@@ -277,8 +277,8 @@ def test_who_sends_the_aircraft_on_against_us_has_decided_about_this_conflict() 
     assert loop.engine.supervisor.state is State.MONITOR, "the traffic is past"
 
 
-def test_refused_setpoints_are_told() -> None:
-    loop = Watched()
+def test_refused_setpoints_are_reported() -> None:
+    loop = MonitoredLoop()
     loop.until(State.ENGAGING)
     receive = loop.world.vehicle.receive
 
@@ -294,42 +294,42 @@ def test_refused_setpoints_are_told() -> None:
 
 
 def test_a_request_that_arrives_after_the_stop_does_not_strand_the_aircraft() -> None:
-    held: list[Transmit] = []
+    delayed: list[Transmit] = []
 
-    def deaf(effect: Transmit) -> bool:
-        late = asks_for_a_mode(effect) and effect.message.param2 == Mode.GUIDED
-        early = asks_for_a_mode(effect) and effect.message.param2 == Mode.AUTO and bool(held)
+    def delays(effect: Transmit) -> bool:
+        late = is_mode_request(effect) and effect.message.param2 == Mode.GUIDED
+        early = is_mode_request(effect) and effect.message.param2 == Mode.AUTO and bool(delayed)
         if late:
-            held.append(effect)
+            delayed.append(effect)
         return late or early
 
-    loop = Watched(deaf=deaf)
+    loop = MonitoredLoop(drops=delays)
     loop.until(State.ENGAGING)
     loop.stop()
     loop.run(0.4)
-    (request, *_) = held
-    held.clear()  # from here on the mode commands get through
+    (request, *_) = delayed
+    delayed.clear()  # from here on mode commands are delivered
     loop.world.vehicle.receive(request.message, loop.now_us / 1e6, 0)
     loop.run(5.0)
     assert loop.engine.finished
     assert loop.mode() is Mode.AUTO
 
 
-def test_a_request_that_arrives_after_the_pilots_choice_is_undone() -> None:
-    held: list[Transmit] = []
+def test_a_request_that_arrives_after_the_pilots_mode_change_is_undone() -> None:
+    delayed: list[Transmit] = []
 
-    def deaf(effect: Transmit) -> bool:
-        if asks_for_a_mode(effect) and effect.message.param2 == Mode.GUIDED:
-            held.append(effect)
+    def delays(effect: Transmit) -> bool:
+        if is_mode_request(effect) and effect.message.param2 == Mode.GUIDED:
+            delayed.append(effect)
             return True
         return False
 
-    loop = Watched(deaf=deaf)
+    loop = MonitoredLoop(drops=delays)
     loop.until(State.ENGAGING)
     loop.world.vehicle.set_mode(Mode.FBWA)
     loop.run(0.5)
     assert loop.engine.supervisor.state is State.HANDS_OFF
-    loop.world.vehicle.receive(held[0].message, loop.now_us / 1e6, 0)
+    loop.world.vehicle.receive(delayed[0].message, loop.now_us / 1e6, 0)
     assert loop.mode() is Mode.GUIDED
     loop.run(3.0)
     assert loop.mode() is Mode.FBWA
@@ -337,8 +337,8 @@ def test_a_request_that_arrives_after_the_pilots_choice_is_undone() -> None:
 
 
 @pytest.mark.parametrize("after_s", [0.2, 0.7, 1.2])
-def test_without_heartbeats_nothing_is_taken_from_the_pilot(after_s: float) -> None:
-    loop = Watched()
+def test_an_outage_does_not_override_the_pilot(after_s: float) -> None:
+    loop = MonitoredLoop()
     loop.until(State.ENGAGING)
     back = silent_downlink(loop)
     loop.run(after_s)
@@ -349,8 +349,8 @@ def test_without_heartbeats_nothing_is_taken_from_the_pilot(after_s: float) -> N
     assert loop.mode() is Mode.FBWA
 
 
-def test_silent_for_long_after_the_request_it_is_still_given_back() -> None:
-    loop = Watched()
+def test_after_a_long_outage_the_aircraft_is_released() -> None:
+    loop = MonitoredLoop()
     loop.until(State.ENGAGING)
     back = silent_downlink(loop)
     loop.run(20.0)
@@ -359,8 +359,8 @@ def test_silent_for_long_after_the_request_it_is_still_given_back() -> None:
     assert loop.mode() is Mode.AUTO
 
 
-def test_an_autopilot_that_refuses_everything_is_told_to_the_operator() -> None:
-    loop = Watched()
+def test_an_autopilot_that_refuses_all_modes_is_reported() -> None:
+    loop = MonitoredLoop()
     flying(loop)
     receive = loop.world.vehicle.receive
 
@@ -377,8 +377,8 @@ def test_an_autopilot_that_refuses_everything_is_told_to_the_operator() -> None:
     assert "Avoidance: cannot leave GUIDED, take over" in loop.flight.texts
 
 
-def test_an_autopilot_that_says_not_yet_is_asked_again_while_the_stream_goes_on() -> None:
-    """PX4 wants half a second of setpoints before OFFBOARD; the first may be lost, or come in a heap."""
+def test_a_temporary_rejection_is_followed_by_another_request() -> None:
+    """PX4 needs half a second of setpoints before OFFBOARD; the first may be lost or delayed."""
     lost = 0
 
     def first_setpoints(effect: Transmit) -> bool:
@@ -388,7 +388,7 @@ def test_an_autopilot_that_says_not_yet_is_asked_again_while_the_stream_goes_on(
         lost += 1
         return True
 
-    loop = Watched(autopilot="px4", deaf=first_setpoints)
+    loop = MonitoredLoop(autopilot="px4", drops=first_setpoints)
     loop.until(State.ENGAGING)
     began_us = loop.now_us
     loop.until(State.OUTER, State.INNER)

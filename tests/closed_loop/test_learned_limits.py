@@ -1,4 +1,4 @@
-"""What the engine learns from the fake ArduPlane, and flies by."""
+"""Limits and mission that the engine reads from the autopilot, and their effect."""
 
 import json
 import math
@@ -10,11 +10,11 @@ from companion.engine import Effect, Engine, Transmit
 from companion.mavlink.dialect import Message, mavlink
 from sim.closed_loop import ClosedLoop
 from sim.scenario import load_scenario
-from tests.support.watched import Watched
+from tests.support.monitored_loop import MonitoredLoop
 
 
-def learnt(**parameters: float) -> ClosedLoop:
-    """The head-on scenario, the vehicle's parameters changed, ten seconds after the start."""
+def flown_with(**parameters: float) -> ClosedLoop:
+    """The head-on scenario with changed vehicle parameters, ten seconds after the start."""
     loop = ClosedLoop(load_scenario("head-on"), Engine())
     for name, value in parameters.items():
         loop.world.vehicle.parameters.set(name, value)
@@ -23,8 +23,8 @@ def learnt(**parameters: float) -> ClosedLoop:
     return loop
 
 
-def test_limits_and_mission_are_learnt_from_the_vehicle() -> None:
-    loop = learnt(ROLL_LIMIT_DEG=40.0, TECS_CLMB_MAX=3.0, AIRSPEED_MAX=26.0)
+def test_limits_and_mission_are_read_from_the_vehicle() -> None:
+    loop = flown_with(ROLL_LIMIT_DEG=40.0, TECS_CLMB_MAX=3.0, AIRSPEED_MAX=26.0)
     assert loop.engine is not None
     envelope = loop.engine.queries.envelope
     assert math.degrees(envelope.max_bank_rad) == pytest.approx(40.0)
@@ -37,27 +37,27 @@ def test_limits_and_mission_are_learnt_from_the_vehicle() -> None:
     assert len(mission.items) == len(loop.world.vehicle.flight.mission.items)
 
 
-def test_what_is_predicted_of_a_climb_is_what_is_flown() -> None:
-    """With a tenth of its climb rate the aircraft cannot climb out of the way, and does not count on it."""
-    loop = learnt(TECS_CLMB_MAX=0.5, TECS_SINK_MAX=0.5)
+def test_the_predicted_climb_is_the_flown_one() -> None:
+    """With a tenth of its climb rate the aircraft turns instead of climbing."""
+    loop = flown_with(TECS_CLMB_MAX=0.5, TECS_SINK_MAX=0.5)
     flight = loop.run(100.0)
     (encounter,) = flight.score.encounters.values()
     assert flight.engagements == 1
     assert not encounter.lowc
-    assert encounter.min_horizontal_m > 600.0, "around it, not over it"
+    assert encounter.min_horizontal_m > 600.0, "horizontally, not above"
 
 
 @pytest.mark.parametrize(("minor", "climbs"), [(16, False), (17, True)])
-def test_px4_that_loses_itself_in_climbs_turns(minor: int, climbs: bool) -> None:
-    """A pilot who takes over, or a companion that dies, must not find it in a climb, where a turn will do."""
-    loop = Watched(autopilot="px4")
+def test_px4_versions_with_invalid_setpoints_in_climbs_turn(minor: int, climbs: bool) -> None:
+    """An override or a crash of the companion must not happen in a climb if a turn suffices."""
+    loop = MonitoredLoop(autopilot="px4")
 
     def of_that_version(message: Message) -> Message:
         if message.get_type() == "AUTOPILOT_VERSION":
             message.flight_sw_version = 1 << 24 | minor << 16 | 255
         return message
 
-    loop.altered = of_that_version
+    loop.alter = of_that_version
     level_m, furthest_m = loop.world.vehicle.truth.position_m[2], 0.0
     loop.until(State.OUTER)
     while loop.state is not State.MONITOR:
@@ -69,7 +69,7 @@ def test_px4_that_loses_itself_in_climbs_turns(minor: int, climbs: bool) -> None
 
 
 class Speeds(ClosedLoop):
-    """Notes the airspeeds commanded, with the limit of the moment."""
+    """Records the commanded airspeeds, with the limit at that time."""
 
     commanded: list[tuple[float, float]]
 
@@ -84,7 +84,7 @@ class Speeds(ClosedLoop):
             self.commanded.append((effect.message.param2, fastest))
 
 
-def test_no_speed_beyond_the_limits_of_the_aircraft_also_when_they_change_in_flight() -> None:
+def test_no_speed_beyond_the_limits_even_if_they_change_in_flight() -> None:
     loop = Speeds(load_scenario("overtaken"), Engine())
     loop.commanded = []
     for second in range(62):
