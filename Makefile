@@ -13,7 +13,7 @@ NEEDED := $(VENV)/.requirements
 BUILT = $(VENV)/.$(shell $(CAN_COMPILE) && echo compiled || echo plain)
 TOOLS := $(VENV)/.dev
 
-.PHONY: run test check setup compiler browser orca lock clean
+.PHONY: run test check setup compiler browser orca lock clean pictures
 
 run: setup
 	$(BIN)/companion-sim demo
@@ -84,3 +84,8 @@ lock: $(TOOLS)
 clean:
 	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	rm -f companion/compiled/*.so sim/compiled/*.so
+
+# Redraws display.png, the terminal in README.md and the tables in REFERENCE.md from what runs now.
+pictures: setup
+	$(BIN)/python -m tests.tools.documents
+	$(BIN)/python -m tests.tools.pictures

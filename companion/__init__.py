@@ -1,3 +1,3 @@
 """Collision-avoidance companion for fixed-wing MAVLink autopilots."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

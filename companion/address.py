@@ -1,14 +1,14 @@
-"""Link addresses as users write them.
+"""Link addresses, as users write them.
 
 | address | meaning |
 |---|---|
-| `udpin:HOST:PORT` | listens, and answers whoever talks to it |
-| `udpout:HOST:PORT` | sends there, and hears only what comes from there |
-| `tcpin:HOST:PORT` | listens; several may connect |
-| `tcpout:HOST:PORT` | connects to there |
-| `serial:DEVICE:BAUD` | a serial port by its absolute path; without BAUD 57600 |
+| `udpin:HOST:PORT` | listens, and sends to each peer that it hears |
+| `udpout:HOST:PORT` | sends to this address, and receives from this address only |
+| `tcpin:HOST:PORT` | listens; several clients may connect |
+| `tcpout:HOST:PORT` | connects to this address |
+| `serial:DEVICE:BAUD` | a serial port, by absolute path; 57600 baud unless given |
 
-A `?listen` at the end promises that nothing is ever sent there.
+With `?listen` at the end, nothing is ever sent on the link.
 """
 
 import re
@@ -17,7 +17,7 @@ from enum import StrEnum
 
 from companion.errors import LinkError
 
-DEFAULT_BAUD = 57_600  # of the TELEM ports of both autopilots
+DEFAULT_BAUD = 57_600  # of the TELEM ports of ArduPilot and PX4
 _FORMS = "udpin|udpout|tcpin|tcpout:HOST:PORT or serial:/dev/NAME:BAUD"
 
 _LISTEN_ONLY = "?listen"
@@ -26,13 +26,13 @@ _NETWORK = re.compile(
     r"(?:\[(?P<v6>[0-9A-Fa-f:.%\w]+)\]|(?P<host>[^\s:\[\]?]+)):(?P<port>\d{1,5})",
     re.ASCII,
 )
-# Names under /dev/serial/by-path have colons themselves: only digits after the last one are a baud rate.
+# Names under /dev/serial/by-path contain colons: only digits after the last colon are a baud rate.
 _SERIAL = re.compile(r"serial:(?P<device>/[^\s?]+?)(?::(?P<baud>\d{1,8}))?", re.ASCII)
 _SLOWEST_BAUD, _FASTEST_BAUD = 1_200, 4_000_000
 
 
 class NetworkKind(StrEnum):
-    """How a socket gets its peer."""
+    """UDP or TCP, and which side connects."""
 
     UDP_IN = "udpin"
     UDP_OUT = "udpout"
@@ -41,13 +41,13 @@ class NetworkKind(StrEnum):
 
     @property
     def listens(self) -> bool:
-        """Whether it waits for others at a port of its own."""
+        """Whether the link waits for peers at a port of its own."""
         return self in (NetworkKind.UDP_IN, NetworkKind.TCP_IN)
 
 
 @dataclass(frozen=True, slots=True)
 class NetworkAddress:
-    """A well-formed address of a host; whether the host exists turns out when the link is opened."""
+    """A well-formed host address; whether the host exists is known when the link is opened."""
 
     kind: NetworkKind
     host: str
@@ -56,13 +56,13 @@ class NetworkAddress:
 
     @property
     def place(self) -> tuple[object, ...]:
-        """What two links cannot both have."""
+        """The host and port, or device, that only one link can use."""
         return self.kind, self.host, self.port
 
 
 @dataclass(frozen=True, slots=True)
 class SerialAddress:
-    """A well-formed address of a serial port; whether the device exists turns out when the link is opened."""
+    """A well-formed serial port address; whether the device exists is known when the link is opened."""
 
     device: str
     baud: int = DEFAULT_BAUD
@@ -70,7 +70,7 @@ class SerialAddress:
 
     @property
     def place(self) -> tuple[object, ...]:
-        """What two links cannot both have."""
+        """The host and port, or device, that only one link can use."""
         return (self.device,)
 
 
@@ -78,7 +78,7 @@ LinkAddress = NetworkAddress | SerialAddress
 
 
 def parse_address(text: str) -> LinkAddress:
-    """The address that a text stands for, IPv6 hosts in brackets. `LinkError` for anything else."""
+    """The address in a text, IPv6 hosts in brackets; `LinkError` if it is not one."""
     listen_only = text.endswith(_LISTEN_ONLY)
     body = text.removesuffix(_LISTEN_ONLY)
     if (match := _NETWORK.fullmatch(body)) is not None:
@@ -89,22 +89,22 @@ def parse_address(text: str) -> LinkAddress:
     if (match := _SERIAL.fullmatch(body)) is not None:
         baud = DEFAULT_BAUD if match["baud"] is None else int(match["baud"])
         if not _SLOWEST_BAUD <= baud <= _FASTEST_BAUD:
-            raise LinkError(f"{text}: {baud} is no baud rate")
+            raise LinkError(f"{text}: baud rate must be {_SLOWEST_BAUD} to {_FASTEST_BAUD} (got {baud})")
         return SerialAddress(match["device"], baud, listen_only)
-    raise LinkError(f"{text!r} is no link address: use {_FORMS}")
+    raise LinkError(f"{text!r} is not a link address: use {_FORMS}")
 
 
 def _check_network(text: str, address: NetworkAddress) -> None:
     if address.port > 65_535:
-        raise LinkError(f"{text}: {address.port} is no port")
+        raise LinkError(f"{text}: port must be at most 65535 (got {address.port})")
     if address.port == 0 and not address.kind.listens:
-        raise LinkError(f"{text}: {address.port} is no port to send to")
+        raise LinkError(f"{text}: port 0 cannot be sent to")
     if address.kind is NetworkKind.UDP_OUT and address.listen_only:
-        raise LinkError(f"{text}: who sends nothing by udpout is never answered; use udpin to listen")
+        raise LinkError(f"{text}: a udpout link that never sends gets no answer; use udpin to listen")
 
 
 def host_and_port(listen: str) -> tuple[str, int]:
-    """HOST:PORT apart, IPv6 in brackets; `ValueError` when it is something else."""
+    """Host and port from HOST:PORT, IPv6 hosts in brackets; `ValueError` if it is not one."""
     host, _, port = listen.rpartition(":")
     if host.startswith("[") and host.endswith("]"):
         host = host[1:-1]

@@ -5,17 +5,17 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What the shell needs of a clock; a simulated one may run faster than the wall's."""
+    """The clock that the service needs; a simulated one may run faster than real time."""
 
     def now_us(self) -> int:
         """Unix time [us]; never runs backwards."""
 
     def wall_seconds_until(self, time_us: int) -> float:
-        """How long to sleep, in seconds of the wall, until that time comes; 0 when it is past."""
+        """How long to sleep until `time_us` [s of real time]; 0 when it is past."""
 
 
 class SteadyClock:
-    """Unix time as read once, advanced by the monotonic clock: setting the system's time changes nothing."""
+    """Unix time read once, then advanced by the monotonic clock: setting the system time has no effect."""
 
     def __init__(self) -> None:
         self._start_us = time.time_ns() // 1000
@@ -26,5 +26,5 @@ class SteadyClock:
         return self._start_us + (time.monotonic_ns() - self._start_ns) // 1000
 
     def wall_seconds_until(self, time_us: int) -> float:
-        """Seconds until that time."""
+        """Seconds until `time_us`; 0 when it is past."""
         return max((time_us - self.now_us()) / 1e6, 0.0)

@@ -1,11 +1,11 @@
-"""What the engine is built from: every section of the configuration, and the rules between them."""
+"""The configuration of the engine: its sections, and the rules between them."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.avoidance import AvoidanceParams
 from companion.control.state_machine import SupervisorParams
@@ -22,14 +22,14 @@ class EngineParams:
     # 1 is the autopilot itself.
     component_id: Annotated[int, Ge(2), Le(255)] = 196
     autopilot_system_id: Literal["auto"] | Annotated[int, Ge(1), Le(255)] = "auto"
-    # With no autopilot configured, others are waited for so long; of several none is chosen.
+    # Without a configured system, wait this long for other autopilots; of several none is chosen.
     adopt_after_s: Annotated[float, Ge(0), Le(60)] = 1.5
-    # Own position older than this begins no take-over; older than the second, no decision is made anew.
+    # With an own position older than this, nothing is taken over; older than the second, nothing is decided.
     position_fresh_s: Annotated[float, Gt(0), Le(5)] = 0.5
     position_stale_s: Annotated[float, Gt(0), Le(5)] = 2.0
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
     max_height_m: Annotated[float, Gt(0)] | None = None
-    # In which the operator is told of heights and speeds: metres and m/s, or feet and knots.
+    # Units of the texts for the operator: metres and m/s, or feet and knots.
     text_units: TextUnits = "metric"
 
     def __post_init__(self) -> None:
@@ -39,7 +39,7 @@ class EngineParams:
 
 @dataclass(frozen=True)
 class EngineConfig:
-    """All that the engine is built from."""
+    """Every section that the engine uses."""
 
     autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     engine: EngineParams = field(default_factory=EngineParams)

@@ -1,4 +1,4 @@
-"""The errors a user can cause. Each is shown as one line; anything else is a bug and keeps its traceback."""
+"""The errors that a user can cause. Each is shown as one line; any other is a bug and keeps its traceback."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,11 +6,11 @@ from importlib.util import find_spec
 
 
 class CompanionError(Exception):
-    """Something failed in a way that its one-line message explains."""
+    """A failure that its one-line message explains."""
 
 
 class ConfigError(CompanionError):
-    """The configuration cannot be used: says file, line, key and what is allowed."""
+    """The configuration cannot be used; the message has file, line, key and what is allowed."""
 
 
 class LinkError(CompanionError):
@@ -18,7 +18,7 @@ class LinkError(CompanionError):
 
 
 class LinkDownError(LinkError):
-    """A link does not work now; there is hope that it will later."""
+    """A link does not work now, but may work later."""
 
 
 class LogError(CompanionError):
@@ -32,10 +32,10 @@ def require(package: str, command: str, extra: str) -> None:
 
 
 @contextmanager
-def alone() -> Iterator[None]:
-    """Raise the first `CompanionError` of a group of tasks in place of the group, if all it holds are such.
+def ungrouped() -> Iterator[None]:
+    """Raise the first `CompanionError` of an `ExceptionGroup` in its place, if it holds no other errors.
 
-    By `except*` it would be in a group again: Python before 3.11.4 wraps what is raised there.
+    `except*` cannot do this: before 3.11.4 Python wraps an error raised there in a group again.
     """
     try:
         yield

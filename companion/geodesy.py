@@ -1,4 +1,4 @@
-"""Geographic positions and the local north-east-down frame in which everything is decided."""
+"""Geographic positions, and the local north-east-down frame in which decisions are made."""
 
 import math
 from dataclasses import dataclass
@@ -23,8 +23,7 @@ class LocalFrame:
     """A flat north-east-down frame touching the ellipsoid; down is minus the height above mean sea level.
 
     Lengths use the ellipsoid's two radii of curvature at the origin. Ten kilometres away the error of a
-    distance is below 0.2 % at 60 degrees of latitude, so the frame is moved along with the aircraft
-    (see `Engine`).
+    distance is below 0.2 % at 60 degrees of latitude, so the engine moves the frame along with the aircraft.
     """
 
     lat_deg: float
@@ -32,7 +31,7 @@ class LocalFrame:
 
     @property
     def metres_per_degree(self) -> tuple[float, float]:
-        """Length of a degree of latitude and of one of longitude [m]: the same everywhere in the frame."""
+        """Length of a degree of latitude and of longitude [m], the same everywhere in the frame."""
         return _metres_per_degree(self.lat_deg)
 
     def to_ned_m(self, point: GeoPoint) -> tuple[float, float, float]:
@@ -42,7 +41,7 @@ class LocalFrame:
     def to_north_east_m(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
         """North and east of a latitude and longitude [m]."""
         north_m_per_deg, east_m_per_deg = _metres_per_degree(self.lat_deg)
-        dlon_deg = (lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0  # the short way over the date line
+        dlon_deg = (lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0  # shorter way across the date line
         return (lat_deg - self.lat_deg) * north_m_per_deg, dlon_deg * east_m_per_deg
 
     def to_geo(self, north_m: float, east_m: float, down_m: float) -> GeoPoint:
@@ -52,13 +51,13 @@ class LocalFrame:
         return GeoPoint(self.lat_deg + north_m / north_m_per_deg, (lon_deg + 180.0) % 360.0 - 180.0, -down_m)
 
 
-# Far more places are looked at in a frame than there are frames: the local one, one for each aircraft heard.
+# Frames are few (the local one, and one for each aircraft heard); positions in them are many.
 @lru_cache(maxsize=256)
 def _metres_per_degree(lat_deg: float) -> tuple[float, float]:
-    """Length of a degree of latitude and of one of longitude at a latitude [m]."""
+    """Length of a degree of latitude and of longitude at a latitude [m]."""
     lat_rad = math.radians(lat_deg)
     w2 = 1.0 - _ECCENTRICITY_SQUARED * math.sin(lat_rad) ** 2
     meridian_m = _SEMI_MAJOR_AXIS_M * (1.0 - _ECCENTRICITY_SQUARED) / w2**1.5
-    # A pole has no east: keep the frame invertible there.
+    # At a pole the length is 0; a metre keeps the frame invertible.
     parallel_m = max(_SEMI_MAJOR_AXIS_M / math.sqrt(w2) * math.cos(lat_rad), 1.0)
     return math.radians(meridian_m), math.radians(parallel_m)

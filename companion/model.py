@@ -1,4 +1,4 @@
-"""The nouns that every room shares. SI units, radians, north-east-down; `None` means unknown."""
+"""The data types that all rooms share. SI units, radians, north-east-down; `None` means unknown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,20 +9,22 @@ from companion.geodesy import GeoPoint
 
 Vec2 = tuple[float, float]
 Vec3 = tuple[float, float, float]
-# The units of texts for the operator: metres and m/s, or feet and knots.
+LatLon = tuple[float, float]
+"""Latitude and longitude [deg]."""
+# Units in texts for the operator: metres and m/s, or feet and knots.
 TextUnits = Literal["metric", "aviation"]
 
 
 class Role(IntEnum):
-    """What the operator lets us do. The numbers are those of the MAVLink parameter and command."""
+    """What the operator permits. The numbers are the values of the MAVLink parameter and command."""
 
-    OFF = 0  # nothing is computed
-    ADVISE = 1  # everything is computed, announced and recorded, nothing commanded
+    OFF = 0  # no decisions
+    ADVISE = 1  # decisions are announced and recorded, but not commanded
     FLY = 2
 
 
 class Layer(StrEnum):
-    """Which of the two layers decides (paper §2.3)."""
+    """The avoidance layer that decides (paper §2.3)."""
 
     CLEAR = "clear"
     OUTER = "outer"
@@ -30,7 +32,7 @@ class Layer(StrEnum):
 
 
 class TrafficKind(StrEnum):
-    """What a report is about, as far as avoidance cares."""
+    """The kinds of objects that avoidance distinguishes."""
 
     AIRCRAFT = "aircraft"
     UAV = "uav"
@@ -39,15 +41,15 @@ class TrafficKind(StrEnum):
 
 
 class AltitudeReference(StrEnum):
-    """What a reported height is measured against."""
+    """The reference that an altitude is measured from."""
 
-    BAROMETRIC = "barometric"  # 1013.25 hPa in the standard atmosphere, as transponders report it
-    GEOMETRIC = "geometric"  # the ellipsoid of WGS 84, as satellites give it
-    SEA_LEVEL = "sea level"  # mean sea level, as autopilots estimate it
+    BAROMETRIC = "barometric"  # the 1013.25 hPa level of the standard atmosphere, used by transponders
+    GEOMETRIC = "geometric"  # the WGS 84 ellipsoid, used by satellite receivers
+    SEA_LEVEL = "sea level"  # mean sea level, as estimated by autopilots
 
 
 class TrafficSource(StrEnum):
-    """By what an aircraft makes itself known."""
+    """The channel that a traffic report came by."""
 
     ADSB = "ADS-B"
     UTM = "UTM"
@@ -55,22 +57,22 @@ class TrafficSource(StrEnum):
 
 
 def adsb_key(icao: int) -> str:
-    """The key of an ICAO address."""
+    """The key of an ICAO address: its six hexadecimal digits."""
     return f"{icao:06X}"
 
 
 def uas_key(uas_id: str) -> str:
-    """The key of a UAS id in hexadecimal; the zero bytes that fill it up do not count."""
+    """The key of a hexadecimal UAS id, without the trailing zero bytes that pad it."""
     return f"UTM-{bytes.fromhex(uas_id).rstrip(bytes(1)).hex().upper()}"
 
 
 @dataclass(frozen=True, slots=True)
 class TrafficReport:
-    """One report of one other aircraft, valid at `time_s`; what the sender did not vouch for is `None`.
+    """A report of another aircraft, valid at `time_s`; values that the sender did not mark valid are `None`.
 
-    `key` names the aircraft among all that are heard, of whatever source, and its track after it: the six
-    digits of an ICAO address, or the source's own name with a prefix. The sigmas are standard deviations that
-    the sender states. `airborne`: not known to stand on the ground.
+    `key` identifies the aircraft across all sources: the six digits of its ICAO address, or a prefix with the
+    source's own identifier. The sigmas are standard deviations as stated by the sender. `airborne` is False
+    only when the aircraft is known to be on the ground.
     """
 
     source: TrafficSource
@@ -97,8 +99,8 @@ class TrafficReport:
 class Ownship:
     """Our aircraft: position and ground velocity in the shared local frame (north, east, down).
 
-    `heading_rad` is where the nose points, clockwise from true north; `wind_mps` is the velocity of the
-    air over the ground (north, east), `None` when nobody measured it.
+    `heading_rad` is the direction of the nose, clockwise from true north; `wind_mps` is the velocity of the
+    air over the ground (north, east), `None` when it was not measured.
     """
 
     time_s: float
@@ -113,12 +115,11 @@ class Ownship:
 class Track:
     """Another aircraft, as estimated at `time_s` in the shared local frame (north, east, down).
 
-    `protected_horizontal_m` and `protected_vertical_m` are the volume to keep out of; `None` takes the
-    well-clear volume of the avoidance parameters. `member`: it is one of our group, and tells. A `kind` of
-    OBSTACLE stands on the ground: its position is its top, and nothing flies under it.
-    `turn_radps`: how fast its course turns, positive to the right. `vertical_uncertainty_m`: by how much its
-    height and ours may be wrong against each other, beyond what the avoidance's own margin covers (an unknown
-    altimeter setting, different references).
+    `protected_horizontal_m` and `protected_vertical_m` define the volume to stay out of; `None` selects the
+    well-clear volume of the avoidance parameters. `member` is set for an aircraft of our group. An OBSTACLE
+    stands on the ground: its position is its top, and the space below it is blocked. `turn_radps` is its rate
+    of turn, positive to the right. `vertical_uncertainty_m` is the possible error of its altitude relative to
+    ours that the avoidance's own margin does not cover (unknown altimeter setting, different references).
     """
 
     track_id: str
@@ -138,11 +139,11 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What the mission wants: a course and an altitude to hold, or a position to reach.
+    """The mission's present aim: a course and an altitude to hold, or a position to reach.
 
-    `altitude_m` is height above the zero of the local frame (in flight: mean sea level). With `position_m`
-    the course and altitude follow from it. `is_end`: the flight ends at the position, so that nothing beyond
-    it matters.
+    `altitude_m` is the height above the zero of the local frame (in flight: mean sea level). `position_m`
+    determines course and altitude. With `is_end` the flight ends at the position, and conflicts beyond it do
+    not count.
     """
 
     course_rad: float | None = None
@@ -154,7 +155,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """What a UAV of our group tells the others: where it goes, and what it can do."""
+    """What a UAV of our group announces to the others: its goal and its performance."""
 
     goal: Goal
     min_airspeed_mps: float
@@ -164,7 +165,7 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class Guidance:
-    """What to fly, absolute: course over ground, airspeed, height above the zero of the local frame."""
+    """Absolute targets: course over ground, airspeed, height above the zero of the local frame."""
 
     course_rad: float
     airspeed_mps: float
@@ -173,9 +174,9 @@ class Guidance:
 
 @dataclass(frozen=True, slots=True)
 class Threat:
-    """A track that takes part in a conflict, measured at the moment of the decision.
+    """A track in conflict with us, as it is at the time of the decision.
 
-    `time_to_closest_s` and the two miss distances are those of flying the mission on, unavoided.
+    `time_to_closest_s` and the two miss distances are predicted for the mission without avoidance.
     """
 
     track_id: str
@@ -192,7 +193,7 @@ class Threat:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The avoider's answer. `guidance` is `None` when the mission may be flown."""
+    """The avoider's decision. `guidance` is `None` when the mission may be flown."""
 
     layer: Layer
     guidance: Guidance | None = None
@@ -202,9 +203,9 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class PriorFlightState:
-    """What the aircraft was doing when it was taken over, and goes back to.
+    """What the aircraft was doing when we took it over, and resumes afterwards.
 
-    `target` is where it was flying to or circling; course and altitude are those it flew.
+    `target` is the place that it was flying to or circling; course and altitude are those it flew.
     """
 
     mode: int
@@ -217,7 +218,7 @@ class PriorFlightState:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """All that a display needs to know about one moment."""
+    """The state at one moment, for a display."""
 
     time_s: float
     state: str

@@ -1,4 +1,4 @@
-"""What there is at the other end of the links, and whether it would be flown: asked, never commanded."""
+"""Listens to the autopilot and asks it questions: what was found, and whether it would be taken over."""
 
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,47 +8,47 @@ from companion.autopilots import Adapter
 from companion.clock import Clock
 from companion.config import Config
 from companion.engine import Engine
-from companion.errors import alone
+from companion.errors import ungrouped
 from companion.links import Link
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from companion.runtime import Runtime
 
-# The rates are those of whole windows of five seconds, after the autopilot was adopted and asked for them.
+# Message rates are measured over whole windows of five seconds, which begin when they have been requested.
 DEFAULT_SECONDS = 12.0
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One line: what it is about, what was found, and whether that is as it should be."""
+    """One line: a topic, what was found, and whether that is good."""
 
     topic: str
-    words: str
+    text: str
     good: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """All that was found. `hindrances` are the reasons why it would not be flown now."""
+    """What was found. `reasons_not_to_fly` is empty if the aircraft would be taken over in a conflict."""
 
     heard: bool
     findings: tuple[Finding, ...]
-    hindrances: tuple[str, ...]
+    reasons_not_to_fly: tuple[str, ...]
 
 
-async def look(
+async def run_preflight(
     config: Config, links: Sequence[Link], seconds: float = DEFAULT_SECONDS, clock: Clock | None = None
 ) -> Preflight:
-    """Listen and ask for so long. Whatever the configuration says, nothing is commanded meanwhile.
+    """Listen and ask for this long. Nothing is commanded meanwhile, whatever the configured role.
 
-    `CompanionError` for a link that can never be opened.
+    `CompanionError` if a link can never be opened.
     """
     engine_config = config.for_engine()
     advising = replace(engine_config, supervisor=replace(engine_config.supervisor, role="advise"))
     engine = Engine(advising)
     engine.operator.at_most = Role.ADVISE
     runtime = Runtime(engine, links, clock=clock)
-    with alone():
+    with ungrouped():
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(runtime.run(), name="preflight")
             until_us = runtime.clock.now_us() + round(seconds * 1e6)
@@ -58,7 +58,7 @@ async def look(
             result = Preflight(
                 engine.aircraft.adapter is not None,
                 (*_findings(runtime, now_s), Finding("role", wanted.name.lower(), wanted is Role.FLY)),
-                tuple(engine.readiness.hindrances(now_s, role=wanted)),
+                tuple(engine.hindrances(now_s, wanted)),
             )
             runtime.stop()
     return result
@@ -68,18 +68,18 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     engine = runtime.engine
     for link in runtime.links:
         counted = link.counters
-        words = f"{counted.frames} frames, {counted.bad_bytes} bad bytes, {counted.lost} lost"
-        yield Finding(f"link {link.address}", words, counted.frames > 0)
+        text = f"{counted.frames} frames, {counted.bad_bytes} bad bytes, {counted.lost} lost"
+        yield Finding(f"link {link.address}", text, counted.frames > 0)
     aircraft = engine.aircraft
     adapter = aircraft.adapter
     if adapter is None:
         several = f"several: systems {sorted(aircraft.others)}" if aircraft.others else "none heard"
         yield Finding("autopilot", several, good=False)
         return
-    kind = "fixed wing" if aircraft.fixed_wing else "no fixed wing"
+    kind = "fixed wing" if aircraft.fixed_wing else "not a fixed wing"
     version = aircraft.version or "of unknown version"
-    words = f"{adapter.name} {version}, system {adapter.target.system_id}, {kind}"
-    yield Finding("autopilot", words, aircraft.fixed_wing)
+    text = f"{adapter.name} {version}, system {adapter.target.system_id}, {kind}"
+    yield Finding("autopilot", text, aircraft.fixed_wing)
     if aircraft.others:
         yield Finding("other autopilots", ", ".join(f"system {number}" for number in sorted(aircraft.others)))
     armed = "armed" if aircraft.armed else "disarmed"
@@ -91,26 +91,26 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield from _rates(engine.rates_hz, adapter)
     mission = engine.queries.mission
     yield Finding("mission", "not read" if mission is None else f"{len(mission.items)} items")
-    for taken in engine.queries.limits.taken:
-        yield Finding("limit", str(taken))
-    for doubt in (*engine.queries.limits.doubts, *adapter.advice(engine.queries.parameters)):
-        yield Finding("set otherwise", doubt, good=False)
+    for limit in engine.queries.limits.sourced:
+        yield Finding("limit", str(limit))
+    for warning in (*engine.queries.limits.warnings, *adapter.advice(engine.queries.parameters)):
+        yield Finding("check setting", warning, good=False)
     other = adapter.other_avoider(engine.queries.parameters)
-    yield Finding("second avoider", other or "none acts", other is None)
+    yield Finding("other avoidance", other or "not active", other is None)
     offset_s = aircraft.clock_offset_s
-    words = "unknown" if offset_s is None else f"{offset_s:+.1f} s from ours"
-    yield Finding("its clock", words, offset_s is not None and abs(offset_s) < 5.0)
+    text = "unknown" if offset_s is None else f"{offset_s:+.1f} s from ours"
+    yield Finding("autopilot clock", text, offset_s is not None and abs(offset_s) < 5.0)
     tracks = engine.snapshot(now_s).tracks
     yield Finding("traffic", ", ".join(track.track_id for track in tracks) or "none heard")
 
 
 def _rates(measured_hz: Mapping[int, float], adapter: Adapter) -> Iterator[Finding]:
-    """How often the messages came that were asked for, as far as that can be measured."""
+    """The rates of the requested messages, if they could be measured."""
     if not measured_hz:
-        yield Finding("rates", "not measured in so short a time", good=False)
+        yield Finding("rates", "not measured: listen longer", good=False)
     for message_id, wanted_s in adapter.intervals_s.items():
         rate_hz = measured_hz.get(message_id)
         if rate_hz is not None:
             name = mavlink.mavlink_map[message_id].msgname
-            words = f"{rate_hz:.1f} Hz, asked for {1 / wanted_s:.1f} Hz"
-            yield Finding(f"rate {name}", words, rate_hz > 0.5 / wanted_s)
+            text = f"{rate_hz:.1f} Hz, {1 / wanted_s:.1f} Hz requested"
+            yield Finding(f"rate {name}", text, rate_hz > 0.5 / wanted_s)

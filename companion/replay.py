@@ -1,4 +1,4 @@
-"""A log through the same engine, under the log's clock."""
+"""Replays a log through the engine that flies, by the log's clock."""
 
 import time
 from collections import Counter
@@ -12,13 +12,13 @@ from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.model import Layer
 
-# Stamps that step further than this, either way, are a damaged log or another flight: the clock goes on from
-# where it was.
+# Time stamps that step further than this, either way, are a damaged log or another flight: the clock goes on
+# from where it was.
 _LONGEST_GAP_US = 60_000_000
 
 
 class LogClock:
-    """Stamps to time that never runs backwards: equal to the stamps themselves in a log without jumps."""
+    """Time stamps to a time that never runs backwards; it equals the stamps in a log without jumps."""
 
     def __init__(self, longest_gap_us: int = _LONGEST_GAP_US) -> None:
         self._longest_gap_us = longest_gap_us
@@ -27,7 +27,7 @@ class LogClock:
         self.jumps = 0
 
     def at(self, stamp_us: int) -> int:
-        """The time [us] of the record with this stamp."""
+        """Time [us] of the record with this stamp."""
         if self._now_us is None:
             self._now_us = stamp_us
         now_us = stamp_us + self._offset_us
@@ -41,7 +41,7 @@ class LogClock:
 
 @dataclass
 class Replay:
-    """What came of it. `layers` counts decisions; `events` are (time since start [s], layer, because)."""
+    """The result. `layers` counts decisions; `events` are (time since start [s], layer, because)."""
 
     messages: int = 0
     bad_bytes: int = 0
@@ -54,7 +54,7 @@ class Replay:
 
     @property
     def messages_per_s(self) -> float:
-        """Speed of the replay."""
+        """Speed of the replay [messages/s]."""
         return self.messages / self.elapsed_s if self.elapsed_s > 0.0 else 0.0
 
     def report(self) -> dict[str, object]:
@@ -82,12 +82,12 @@ def replay(
     on_told: Callable[[int, Say], object] = lambda _time_us, _said: None,
     on_progress: Callable[[int], object] = lambda _bytes: None,
 ) -> Replay:
-    """Drive the engine by a log; `LogError` when it cannot be read.
+    """Drive the engine by a log; LogError when it cannot be read.
 
-    What the companion itself sent, when it recorded the log, moves the clock and nothing else: the engine
-    knows its own address. `later_parts` are logs that go on where the one before ends. `on_progress` is told
-    how many bytes of all of them are read, `on_told` what the operator was told and when, `on_moment` after
-    every tick with a position the time since the start and the engine's own [s].
+    Messages that the companion itself sent while it recorded the log only move the clock: the engine ignores
+    its own address. `later_parts` are logs that continue the first one. `on_progress` receives the number of
+    bytes read of all logs, `on_told` each text for the operator with its time, and `on_moment`, after every
+    tick with a position, the time since the start and the engine's time [s].
     """
     result = Replay()
     started_s = time.perf_counter()

@@ -1,6 +1,6 @@
-"""The shell around the engine: sockets, clock, signals. It decides nothing.
+"""The shell around the engine: sockets, clock and signals. It decides nothing.
 
-Every task has an owner and a name. When anything ends the service, the aircraft is given back first.
+Every task has an owner and a name. When the service ends for any reason, the aircraft is given back first.
 """
 
 import asyncio
@@ -10,12 +10,25 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
+from functools import partial
 
 from companion.clock import Clock, SteadyClock
+from companion.control.emergency import EmergencyRelease
 from companion.control.state_machine import State
-from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Keep, Record, Save, Say, Stepper, Transmit
-from companion.errors import CompanionError, alone
-from companion.links import Link, Reconnect, open_at_start
+from companion.engine import (
+    LONGEST_CATCH_UP_US,
+    TICK_US,
+    Effect,
+    Engine,
+    Keep,
+    Record,
+    Save,
+    Say,
+    Stepper,
+    Transmit,
+)
+from companion.errors import CompanionError, ungrouped
+from companion.links import Link, Reconnect, open_all
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.heartbeat_sequence import HeartbeatSequence
@@ -25,24 +38,24 @@ from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.watchdog import Watchdog
 from companion.web import Display, Observers
-from companion.web.live_snapshot import Health
-from companion.web.loop_times import LoopTimes
+from companion.web.health import Health, LoopTimes
 
 _log = logging.getLogger("companion")
 
-# How long the autopilot gets to take the aircraft back before the service ends regardless.
-_LONGEST_GIVING_BACK_US = 8_000_000
-_LETTING_GO_S, _LETTING_GO_TIMES = 1.4, 14
-_SILENCE_TOLD_AFTER_US = 5_000_000
+# The autopilot has this long to take the aircraft back before the service ends anyway.
+_LONGEST_RELEASE_US = 8_000_000
+# How long an emergency release may take, in ticks: a heartbeat a second shows what became of a request.
+_EMERGENCY_TICKS = 30
+_SILENCE_REPORTED_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
-# What a browser asks for comes from this component of our system.
+# Requests of a browser come from this component of our system.
 _BROWSER = mavlink.MAV_COMP_ID_USER1
 
 
 class Runtime:
-    """Runs one engine over its links until told to stop. A link that fails is opened again, the others go on.
+    """Runs one engine over its links until `stop`. A link that fails is opened again; the others go on.
 
-    `latencies_s` holds, for traffic that was answered at once, the time from its datagram to the setpoint.
+    `latencies_s` holds the time from a datagram with traffic to the setpoint that answers it at once.
     """
 
     def __init__(
@@ -53,7 +66,7 @@ class Runtime:
         recorder: Recorder | None = None,
         clock: Clock | None = None,
         watchdog: Watchdog | None = None,
-        keeper: StateFile | None = None,
+        state_file: StateFile | None = None,
         display: Display | None = None,
         not_recorded: str | None = None,
         settings: DurableStateFile | None = None,
@@ -63,25 +76,28 @@ class Runtime:
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
-        self.unusable = 0  # messages that we want, of which nothing could be believed
+        self.unusable = 0  # messages of a wanted kind without valid content
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
         self._watchdog = watchdog or Watchdog({})
-        self._keeper = keeper
+        self._state_file = state_file
         self._display = display
-        self._not_recorded = not_recorded  # why, from the beginning
+        self._not_recorded = not_recorded  # the reason, when nothing is recorded from the start
         if display is not None:
-            display.on_role = self._ask_for_role
-        self._onlookers = Observers(display, recorder)
+            display.on_role = self._request_role
+        self._observers = Observers(display, recorder)
         self._times = LoopTimes()
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._orders: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
+        self._sequences: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
+        # Frames that the engine has not taken in yet; when it fails, the emergency release hears them.
+        self._unheard: deque[tuple[Frame, HeartbeatSequence]] = deque()
+        self._release: EmergencyRelease | None = None
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
-        self._problem_told: str | None = None
+        self._reported_problem: str | None = None
 
     def stop(self) -> None:
         """Give the aircraft back, then end."""
@@ -90,7 +106,7 @@ class Runtime:
     async def run(self, *, on_signals: bool = False) -> None:
         """Run until `stop` (`on_signals`: also SIGINT, SIGTERM); `CompanionError` when it cannot go on."""
         try:
-            await open_at_start(self.links)
+            await open_all(self.links)
             with contextlib.ExitStack() as undo:
                 if on_signals:
                     self._catch_signals(undo)
@@ -110,7 +126,7 @@ class Runtime:
             raise CompanionError(f"the autopilot did not confirm that it took {what} back")
 
     async def _run_tasks(self) -> None:
-        with alone():
+        with ungrouped():
             async with asyncio.TaskGroup() as tasks:
                 owned = [
                     tasks.create_task(
@@ -121,14 +137,14 @@ class Runtime:
                 if self.recorder is not None:
                     owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
                 if self._display is not None:
-                    owned.append(tasks.create_task(_beside(self._display.run()), name="display"))
+                    owned.append(tasks.create_task(_optional(self._display.run()), name="display"))
                 owned.append(tasks.create_task(self._owned(self._watch_silence()), name="silence"))
                 await self._tick_until_stopped()
                 for task in owned:
                     task.cancel()
 
     async def _owned(self, work: Coroutine[None, None, None]) -> None:
-        """A task whose failure ends the service, after the aircraft is given back."""
+        """Run a task whose failure ends the service, after the aircraft is given back."""
         try:
             await work
         except Exception as error:  # noqa: BLE001 - as in `_guarded`, for tasks
@@ -136,7 +152,7 @@ class Runtime:
             self._stop.set()
 
     async def _tick_until_stopped(self) -> None:
-        kept = None if self._keeper is None else self._keeper.read()
+        kept = None if self._state_file is None else self._state_file.read()
         if kept is not None:
             text, age_s = kept
             self.engine.recover(text, self.clock.now_us() / 1e6, age_s)
@@ -148,24 +164,24 @@ class Runtime:
                 await asyncio.wait_for(self._stop.wait(), wait_s)
         self._watchdog.stopping()
         if self._failure is None:
-            self._guarded(lambda: self._perform(now := self.clock.now_us(), self._ask_back(now)))
+            self._guarded(lambda: self._perform(now := self.clock.now_us(), self._request_stop(now)))
         if self._failure is None:
-            await self._await_given_back()
+            await self._await_release()
         if self._failure is not None:
-            await self._let_go()
+            await self._give_back_in_emergency()
 
     def _tick(self) -> None:
-        """Make the ticks that are due; who watches us hears of it."""
+        """Make the ticks that are due, and report to the watchdog."""
         self._advance(self.clock.now_us())
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
 
     def _advance(self, now_us: int) -> None:
-        """The ticks that are due, measured and shown."""
+        """Make the ticks that are due; measure and display them."""
         ticks, begun_s = self._stepper.ticks, time.perf_counter()
         self._stepper.advance(now_us)
         if self._stepper.ticks > ticks:
             self._times.observe(time.perf_counter() - begun_s)
-            self._onlookers.look(self.engine, now_us, self._health)
+            self._observers.look(self.engine, now_us, self._health)
 
     def _health(self) -> Health:
         return Health.of(
@@ -182,8 +198,8 @@ class Runtime:
     def _recording_problem(self) -> str | None:
         return self._not_recorded if self.recorder is None else self.recorder.problem
 
-    def _ask_for_role(self, name: str) -> None:
-        """A browser asks for another role: by a message like a ground station's, so that it is recorded."""
+    def _request_role(self, name: str) -> None:
+        """Request another role for a browser, by a message as of a ground station, so that it is recorded."""
         role = Role.__members__.get(name.upper())
         if role is None:
             return
@@ -199,14 +215,14 @@ class Runtime:
         )
         raw = self._encoder.encode(message, us.system_id, _BROWSER)
         frames = FrameSplitter().feed_datagram(raw)
-        self._guarded(lambda: self._take_in(frames, HeartbeatSequence()))
+        self._hear(frames, HeartbeatSequence())
 
-    def _ask_back(self, now_us: int) -> list[Effect]:
+    def _request_stop(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
         return self.engine.request_stop(now_us / 1e6)
 
-    async def _await_given_back(self) -> None:
-        deadline_us = self.clock.now_us() + _LONGEST_GIVING_BACK_US
+    async def _await_release(self) -> None:
+        deadline_us = self.clock.now_us() + _LONGEST_RELEASE_US
         while not self.engine.finished and self._failure is None and self.clock.now_us() < deadline_us:
             self._guarded(self._tick)
             await asyncio.sleep(
@@ -214,39 +230,64 @@ class Runtime:
             )
 
     def _guarded(self, act: Callable[[], None]) -> None:
-        """The one broad except: a bug ends the service, but not before the aircraft is given back."""
+        """Run `act`; a bug in it ends the service, after the aircraft is given back. The one broad except."""
         try:
             act()
         except Exception as error:  # noqa: BLE001
             self._failure = self._failure or error
             self._stop.set()
 
-    async def _let_go(self) -> None:
-        """The engine broke: ask for the former mode without it; several times, as nobody awaits answers."""
+    async def _give_back_in_emergency(self) -> None:
+        """Give the aircraft back without the engine, which failed; everything sent and heard is recorded."""
         _log.critical("internal error, giving the aircraft back: %r", self._failure)
-        for _ in range(_LETTING_GO_TIMES):
-            for message in self.engine.emergency_release(self.clock.now_us() / 1e6):
-                raw = self._encoder.encode(message, *_address(self.engine))
-                for link in self.links:
-                    link.send(raw)
-            await asyncio.sleep(_LETTING_GO_S / _LETTING_GO_TIMES)
+        release = self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
+        self._guarded(partial(self._listen, release))
+        for tick in range(_EMERGENCY_TICKS):
+            self._watchdog.alive(self._stepper.ticks + tick + 1, time.monotonic())
+            self._guarded(partial(self._send_release, release))
+            if release.finished:
+                break
+            await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
+
+    def _send_release(self, release: EmergencyRelease) -> None:
+        now_us = self.clock.now_us()
+        for message in release.messages(now_us / 1e6):
+            self._guarded(partial(self._send, now_us, Transmit(self.engine.sender, message)))
+
+    def _listen(self, release: EmergencyRelease) -> None:
+        """Let the emergency release hear what the engine does not hear any more."""
+        now_us = self.clock.now_us()
+        while self._unheard:
+            frame, sequence = self._unheard.popleft()
+            if self.recorder is not None:
+                self._guarded(partial(self.recorder.received, now_us, frame.raw))
+            if not sequence.is_outdated(frame, now_us / 1e6) and frame.message_id in WANTED:
+                fact = frame_to_fact(frame, now_us / 1e6)
+                if fact is not None:
+                    self._guarded(partial(release.observe, fact, now_us / 1e6))
 
     def _on_frames(self, frames: list[Frame], link: Link) -> None:
-        if self._failure is None:
-            self._guarded(
-                lambda: self._take_in(frames, self._orders.setdefault(link.address, HeartbeatSequence()))
-            )
+        self._hear(frames, self._sequences.setdefault(link.address, HeartbeatSequence()))
 
-    def _take_in(self, frames: list[Frame], order: HeartbeatSequence) -> None:
+    def _hear(self, frames: list[Frame], sequence: HeartbeatSequence) -> None:
+        self._unheard.extend((frame, sequence) for frame in frames)
+        if self._failure is None:
+            self._guarded(self._take_in)
+        elif self._release is not None:
+            self._guarded(partial(self._listen, self._release))
+
+    def _take_in(self) -> None:
+        """Frames to facts, and facts into the engine."""
         now_us = self.clock.now_us()
         self._arrived_s = time.perf_counter()
-        for frame in frames:
+        while self._unheard:
             # The ticks that are due come before this frame, in the record too.
             self._advance(now_us)
+            frame, sequence = self._unheard.popleft()
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            # A mode that is not any more would look as if somebody had chosen it.
-            if order.is_overtaken(frame, now_us / 1e6) or frame.message_id not in WANTED:
+            # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
+            if sequence.is_outdated(frame, now_us / 1e6) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
             if fact is None:
@@ -264,11 +305,11 @@ class Runtime:
                     if self.recorder is not None:
                         self.recorder.decision(time_us, effect.line)
                 case Keep():
-                    if self._keeper is not None:
-                        self._keeper.keep(effect.text)
+                    if self._state_file is not None:
+                        self._state_file.write(effect.text)
                 case Save():
                     if self._settings is not None:
-                        self._settings.keep(effect.text)
+                        self._settings.write(effect.text)
                 case Say():
                     if self.recorder is not None:
                         self.recorder.text(time_us, effect.severity, effect.text)
@@ -276,7 +317,7 @@ class Runtime:
                         logging.WARNING if effect.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO
                     )
                     _log.log(level, effect.text)
-        self._tell_recorder_problem(time_us)
+        self._report_recorder_problem(time_us)
 
     def _send(self, time_us: int, effect: Transmit) -> None:
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
@@ -289,30 +330,30 @@ class Runtime:
             if self._arrived_s is not None:
                 self.latencies_s.append(time.perf_counter() - self._arrived_s)
 
-    def _tell_recorder_problem(self, time_us: int) -> None:
-        """Once, in the log and to the operator; to him without the path."""
+    def _report_recorder_problem(self, time_us: int) -> None:
+        """Report a problem of the recording once, in the log and to the operator (without the path)."""
         problem = self._recording_problem
-        if problem is not None and problem != self._problem_told:
-            self._problem_told = problem
+        if problem is not None and problem != self._reported_problem:
+            self._reported_problem = problem
             _log.error("recording: %s", problem)
             why = problem.rpartition(": ")[2]
             self._perform(time_us, self.engine.announce(f"Not recorded: {why}", time_us / 1e6))
 
     async def _watch_silence(self) -> None:
-        """Say once that nobody answers, and once that somebody does."""
+        """Log once that no autopilot is heard, and once which one is."""
         started_us = self.clock.now_us()
-        told = False
+        reported = False
         while self.engine.aircraft.adapter is None:
             await asyncio.sleep(0.2)
-            if not told and self.clock.now_us() - started_us > _SILENCE_TOLD_AFTER_US:
-                told = True
+            if not reported and self.clock.now_us() - started_us > _SILENCE_REPORTED_AFTER_US:
+                reported = True
                 where = ", ".join(link.address for link in self.links)
                 _log.warning("no autopilot heard on %s; waiting for one", where)
         adapter = self.engine.aircraft.adapter
         _log.info("%s, system %d", adapter.name, adapter.target.system_id)
 
     def _sum_up(self) -> None:
-        """What the links carried, and what was dropped."""
+        """Log what the links carried, and what was dropped."""
         for link in self.links:
             heard = link.counters
             _log.info(
@@ -340,13 +381,9 @@ class Runtime:
             undo.callback(loop.remove_signal_handler, number)
 
 
-async def _beside(work: Coroutine[None, None, None]) -> None:
-    """A task that nobody's life depends on: its failure is told, and all else goes on."""
+async def _optional(work: Coroutine[None, None, None]) -> None:
+    """Run a task that may fail: its failure is logged, and everything else goes on."""
     try:
         await work
     except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
         _log.exception("display: switched off")
-
-
-def _address(engine: Engine) -> tuple[int, int]:
-    return engine.sender.system_id, engine.sender.component_id

@@ -1,1 +1,1 @@
-"""Everything that replaces the world: a fake vehicle that speaks MAVLink, traffic, scenarios, demos."""
+"""The simulated world: fake autopilots that speak MAVLink, traffic, scenarios, campaigns, demonstrations."""

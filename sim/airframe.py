@@ -1,4 +1,4 @@
-"""What an aircraft can do, and how it points into the wind."""
+"""The limits and lags of an aircraft, and its crab angle in wind."""
 
 import math
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from companion.units import wrap_two_pi
 
 @dataclass(frozen=True, slots=True)
 class Airframe:
-    """What an aircraft can do. The defaults follow ArduPlane's simulated plane as it was measured."""
+    """Limits and lags of an aircraft. The defaults follow measurements of ArduPlane's simulated plane."""
 
     bank_limit_rad: float = math.radians(45.0)
     roll_rate_limit_rps: float = math.radians(75.0)
     roll_lag_s: float = 0.5
-    # Degrees of bank per radian of course error. With 41 and a bank limit of atan(5 / g) the turn from 91 to
-    # 14 degrees on the way to 10 takes the 9.5 s that were measured.
+    # Bank angle per course error. With 41 degrees per radian and a bank limit of atan(5 / g), the turn from
+    # 91 to 14 degrees on the way to 10 takes 9.5 s, as measured.
     bank_per_course_error: float = math.radians(41.0)
     airspeed_min_mps: float = 10.0
     airspeed_max_mps: float = 30.0
@@ -29,7 +29,7 @@ class Airframe:
 
 
 def heading_for_course_rad(course_rad: float, airspeed_mps: float, wind_mps: Vec2) -> float:
-    """The heading that makes a course good in a wind; straight upwind of it where the wind is too strong."""
+    """The heading [rad] that makes a course good in the wind, crab angle at most 90 degrees."""
     across_mps = wind_mps[1] * math.cos(course_rad) - wind_mps[0] * math.sin(course_rad)
     if airspeed_mps <= 0.0:
         return wrap_two_pi(course_rad)

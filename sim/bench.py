@@ -1,6 +1,6 @@
-"""Measures the budgets: time of a decision, datagram in to setpoint out, and how fast logs are replayed.
+"""Measures the budgets: time of a decision, latency from datagram to setpoint, and replay speed.
 
-Percentiles, in one run on one machine; nothing here is asserted.
+The figures are percentiles of one run on one machine; they are not checked against limits.
 """
 
 import asyncio
@@ -36,7 +36,7 @@ _M_PER_DEG = 111_000.0
 
 
 def run(on_progress: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
-    """All measurements, by the keys of the contract."""
+    """All measurements, by the keys of the report."""
     decide_ms = {}
     for count in TRACK_COUNTS:
         on_progress(f"decisions among {count}")
@@ -53,7 +53,7 @@ def _percentiles(values_ms: Sequence[float]) -> dict[str, float]:
 
 
 def _decide_ms(count: int, decisions: int = 300) -> list[float]:
-    """Every aircraft on a collision course, from all sides, at different times."""
+    """Decision times [ms] with all aircraft on collision courses, from all sides, at different times."""
     avoider = Avoider(AvoidanceParams())
     goal = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)
     times_ms = []
@@ -68,7 +68,7 @@ def _decide_ms(count: int, decisions: int = 300) -> list[float]:
 
 
 def _collider(number: int, now_s: float) -> Track:
-    # The golden angle spreads directions evenly whatever the count.
+    # The golden angle spreads the directions evenly for any count.
     course_rad, speed_mps, meet_s = 2.399_963 * number, 20.0 + number * 7 % 70, 40.0 + number * 11 % 35
     velocity = (-speed_mps * math.cos(course_rad), -speed_mps * math.sin(course_rad), 0.0)
     left_s = now_s - meet_s
@@ -77,7 +77,7 @@ def _collider(number: int, now_s: float) -> Track:
 
 
 async def _wire_latency_ms(seconds: float = 12.0) -> list[float]:
-    """The service engaged with one intruder, while 500 other messages a second arrive."""
+    """Latencies [ms] of the service avoiding one intruder, with 500 other messages a second."""
     near, far = memory_pair()
     engine = Engine(EngineConfig(engine=EngineParams(autopilot_system_id=1)))
     runtime = Runtime(engine, [near])
@@ -131,7 +131,7 @@ def _report(north_m: float) -> Any:
 
 
 def _replay_rates() -> dict[str, Any]:
-    """The same log through the whole engine, and through pymavlink's reader."""
+    """Messages a second of one log: the engine, our reader and pymavlink's reader."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "bench.tlog"
         _write_log(log)
@@ -148,7 +148,7 @@ def _replay_rates() -> dict[str, Any]:
 
 
 def _write_log(log: Path) -> None:
-    """A flight without conflict, with the many messages of a busy link."""
+    """Write a flight without conflict, with the messages of a busy link."""
     loop, writer, encoder = ClosedLoop(load_scenario("clear"), None), TlogWriter(log), Encoder()
     vehicle = loop.world.vehicle
     for message_id in (30, 33, 74, 62, 1, 24, 116, 147):
@@ -165,7 +165,7 @@ def _write_log(log: Path) -> None:
 
 
 def _reading_rate(log: Path) -> float:
-    """Our reader, and the translation to facts, without deciding anything."""
+    """Messages a second of our reader and the translation to facts."""
     started_s = time.perf_counter()
     records = read_tlog(log, only=WANTED)
     for time_us, frame in records:

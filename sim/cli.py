@@ -1,4 +1,4 @@
-"""The command line: `companion-sim demo`, `vehicle`, `relay`, `bench`, `paper` and campaigns."""
+"""The command line: `companion-sim demo`, `vehicle`, `relay`, `bench`, `paper`, `campaign`, `encounter`."""
 
 import asyncio
 import contextlib
@@ -16,19 +16,20 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.cli import guarded, note_if_slow, writable
-from companion.errors import CompanionError, ConfigError, LinkError, alone, require
+from companion.cli.common import VersionFlag, note_if_slow, run_app, show_version, writable
+from companion.errors import CompanionError, ConfigError, LinkError, require, ungrouped
 from companion.links import open_link
 from companion.web.settings import Settings
 from sim.bench import run as run_bench
 from sim.campaign.plan import Part, Plan
 from sim.clock import ScaledClock
 from sim.demo import DemoOptions, DemoState, fly_demo
+from sim.demo_view import DemoView, print_result
 from sim.faults import Faults
 from sim.relay import Relay
-from sim.scenario import DEFAULT_SCENARIO, build_world, load_scenario, scenario_names
+from sim.scenario import DEFAULT_SCENARIO, load_scenario, scenario_names
 from sim.server import VehicleServer
-from sim.view import DemoView, print_result
+from sim.world import build_world
 
 app = typer.Typer(
     help="A fake fixed wing that speaks MAVLink, traffic, and demonstrations of the companion.",
@@ -38,15 +39,21 @@ app = typer.Typer(
 )
 
 
+@app.callback(invoke_without_command=True)
+def _root(version: VersionFlag = False) -> None:
+    if version:
+        show_version("companion-sim")
+
+
 class Autopilot(StrEnum):
-    """Which autopilot's manners the fake vehicle has."""
+    """The autopilot that the fake vehicle imitates."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
 
 
 class Direction(StrEnum):
-    """Where `relay` has faults: away from the side that listens, back to it, or both."""
+    """The direction of `relay`'s faults: away from the listening side, back to it, or both."""
 
     FORTH = "forth"
     BACK = "back"
@@ -54,7 +61,7 @@ class Direction(StrEnum):
 
 
 class Study(StrEnum):
-    """What `paper` flies."""
+    """The studies of `paper`."""
 
     EXPERIMENTS = "experiments"
     TRANSITION = "transition"
@@ -65,8 +72,8 @@ class Study(StrEnum):
 ScenarioOption = Annotated[
     str, typer.Option(metavar="NAME|FILE", help=f"One of {', '.join(scenario_names())}, or a YAML file.")
 ]
-AutopilotOption = Annotated[Autopilot, typer.Option(help="Whose manners the vehicle has.")]
-SpeedupOption = Annotated[float, typer.Option(min=0.1, max=100.0, help="How much faster than real time.")]
+AutopilotOption = Annotated[Autopilot, typer.Option(help="The autopilot that the vehicle imitates.")]
+SpeedupOption = Annotated[float, typer.Option(min=0.1, max=100.0, help="Simulated time against real time.")]
 
 
 @app.command(epilog="Example: companion-sim demo --scenario head-on --speedup 4")
@@ -75,9 +82,9 @@ def demo(
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 8.0,
     no_avoidance: Annotated[
-        bool, typer.Option("--no-avoidance", help="Leave the companion out: what would have happened.")
+        bool, typer.Option("--no-avoidance", help="Fly without the companion, for comparison.")
     ] = False,
-    record: Annotated[Path, typer.Option(metavar="DIR", help="Where the flight is recorded.")] = Path(
+    record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the recording.")] = Path(
         "recordings"
     ),
     report: Annotated[
@@ -87,7 +94,7 @@ def demo(
 ) -> None:
     """Fly a mission among traffic, over real sockets.
 
-    Exit code 0 only if no near mid-air collision happened and the mission was finished.
+    Exit code 0 only without near mid-air collision and with the mission finished.
     """
     if report is not None:
         writable(report)
@@ -117,7 +124,7 @@ def demo(
 
 
 async def _until_interrupted(options: DemoOptions, view: DemoView) -> DemoState:
-    """Ctrl-C ends the demonstration as it ends the service: the aircraft is given back first."""
+    """Run the demonstration; Ctrl-C ends it as it ends the service, after releasing the aircraft."""
     running = asyncio.ensure_future(fly_demo(options, view.start))
     asyncio.get_running_loop().add_signal_handler(signal.SIGINT, running.cancel)
     try:
@@ -134,7 +141,7 @@ class _ViewHandler(logging.Handler):
         self._view = view
 
     def emit(self, record: logging.LogRecord) -> None:
-        self._view.tell(record.getMessage())
+        self._view.add_text(record.getMessage())
 
 
 @app.command(epilog="Example: companion-sim vehicle --link udpout:127.0.0.1:14550 --scenario head-on")
@@ -143,14 +150,14 @@ def vehicle(
         list[str],
         typer.Option(
             metavar="ADDRESS",
-            help="udpin, udpout, tcpin or tcpout:HOST:PORT, or serial:DEVICE:BAUD; as often as wanted.",
+            help="udpin, udpout, tcpin or tcpout:HOST:PORT, or serial:DEVICE:BAUD; may be repeated.",
         ),
     ],
     scenario: ScenarioOption = DEFAULT_SCENARIO,
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 1.0,
 ) -> None:
-    """Run the fake vehicle on its own, its traffic included, until Ctrl-C."""
+    """Run the fake vehicle and its traffic without the companion, until Ctrl-C."""
     chosen = load_scenario(scenario)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     try:
@@ -174,7 +181,7 @@ def bench(
         Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")
     ] = None,
 ) -> None:
-    """Measure what a decision costs, from datagram to setpoint, and replay; about a minute."""
+    """Measure decision times, latency from datagram to setpoint, and replay speed; about a minute."""
     if report is not None:
         writable(report)
     logging.getLogger("companion").addHandler(logging.NullHandler())
@@ -188,14 +195,14 @@ def bench(
         table.add_column(heading, justify="left" if heading == "what" else "right")
     for count, times in figures["decide_ms"].items():
         table.add_row(
-            f"a decision among {count}, all in conflict", f"{times['p50']:.2f}", f"{times['p99']:.2f}"
+            f"decision with {count} tracks, all in conflict", f"{times['p50']:.2f}", f"{times['p99']:.2f}"
         )
     wire = figures["wire_latency_ms"]
     table.add_row("ADS-B datagram in to setpoint out", f"{wire['p50']:.2f}", f"{wire['p99']:.2f}")
     console.print(table)
     console.print(
         f"Replay through the engine: {figures['replay_messages_per_s']:,} messages/s, "
-        f"{figures['replay_ratio']} times pymavlink's reader; reading alone "
+        f"{figures['replay_ratio']} times pymavlink's reader; reading only "
         f"{figures['read_messages_per_s']:,}, {figures['read_ratio']} times."
     )
     if report is not None:
@@ -205,18 +212,18 @@ def bench(
 @app.command(epilog="Example: companion-sim paper --out paper-results")
 def paper(
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where reports, tables and figures are written.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for reports, tables and figures.")
     ] = None,
     study: Annotated[
-        Study, typer.Option(help="The experiments (within a minute), or a study of many fields (minutes).")
+        Study, typer.Option(help="The experiments (one minute), or a study of many fields (minutes).")
     ] = Study.EXPERIMENTS,
     fields: Annotated[
         int | None,
-        typer.Option(min=1, max=100_000, help="How many random fields a study flies, instead of all."),
+        typer.Option(min=1, max=100_000, help="Number of random fields in a study; default: all."),
     ] = None,
-    table: Annotated[bool, typer.Option("--table", help="Print the strategy table that flies.")] = False,
+    table: Annotated[bool, typer.Option("--table", help="Print the strategy table.")] = False,
 ) -> None:
-    """Fly the paper's experiments with the avoidance that flies; reports, tables and figures.
+    """Fly the paper's experiments with the product's avoidance; write reports, tables and figures.
 
     Exit code 0 only if the two layers arrive in both experiments without collision.
     """
@@ -230,10 +237,10 @@ def paper(
     if out is None:
         if table:
             return
-        raise ConfigError("paper: say where to write to with --out DIR, or --table")
+        raise ConfigError("paper: give --out DIR for the results, or --table")
     command.folder(out)
     note_if_slow()
-    # Leave by the front door, so that the processes of the flights end with this one.
+    # A regular exit also ends the worker processes.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     well = True
     if study in (Study.EXPERIMENTS, Study.ALL):
@@ -246,8 +253,10 @@ def paper(
         raise typer.Exit(1)
 
 
-EncountersOption = Annotated[int, typer.Option("--encounters", min=1, max=10_000_000, help="How many.")]
-SeedOption = Annotated[int, typer.Option(min=0, help="Of all chances: the same seed, the same campaign.")]
+EncountersOption = Annotated[
+    int, typer.Option("--encounters", min=1, max=10_000_000, help="Number of encounters.")
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same campaign.")]
 AvoiderOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -264,9 +273,9 @@ SurveillanceOption = Annotated[
     list[str] | None,
     typer.Option("--surveillance", metavar="PRESET", help="perfect (default), adsb-out or poor."),
 ]
-IntrudersOption = Annotated[int, typer.Option(min=1, max=4, help="At once, from the models.")]
+IntrudersOption = Annotated[int, typer.Option(min=1, max=4, help="Intruders per encounter of a model.")]
 LockOption = Annotated[
-    bool, typer.Option("--lock-height", help="A ceiling just above the mission's height, a floor just below.")
+    bool, typer.Option("--lock-height", help="Ceiling just above the mission's height, floor just below.")
 ]
 
 
@@ -282,26 +291,27 @@ def campaign(
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     part: Annotated[
-        Part, typer.Option(help="One half of the encounters: look at tuning, quote evaluation.")
+        Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
     results: Annotated[
-        Path, typer.Option(metavar="FILE.ndjson", help="Kept as they come; an interrupted campaign goes on.")
+        Path,
+        typer.Option(metavar="FILE.ndjson", help="Results; an interrupted campaign continues."),
     ] = Path("campaign.ndjson"),
     workers: Annotated[
-        int | None, typer.Option(min=1, max=1024, help="Processes; default: all cores.")
+        int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")
     ] = None,
     scheduler: Annotated[
         str,
-        typer.Option(metavar="local|ADDRESS", help="Of dask, as tcp://192.168.1.7:8786: its workers fly."),
+        typer.Option(metavar="local|ADDRESS", help="A dask scheduler, as tcp://192.168.1.7:8786."),
     ] = "local",
     page: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Write a page, with the worst encounters drawn.")
+        Path | None, typer.Option(metavar="FILE.html", help="Write a page with the worst encounters drawn.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")
     ] = None,
 ) -> None:
-    """Fly encounters by the thousand through the engine that flies, and say how safe it is."""
+    """Fly thousands of encounters through the product's engine, and report the remaining risk."""
     if page is not None:
         require("matplotlib", "companion-sim campaign --page", "sim")
     from sim.campaign import command
@@ -326,19 +336,19 @@ def campaign(
 @app.command(epilog="Example: companion-sim encounter 17 --seed 1 --out encounter-17.png")
 def encounter(
     number: Annotated[
-        int, typer.Argument(metavar="NUMBER", min=0, help="As in the results of its campaign.")
+        int, typer.Argument(metavar="NUMBER", min=0, help="Its number in the results of the campaign.")
     ],
     seed: SeedOption = 0,
-    avoider: Annotated[str, typer.Option(metavar="NAME", help="As of the campaign.")] = "companion",
+    avoider: Annotated[str, typer.Option(metavar="NAME", help="As in the campaign.")] = "companion",
     model: ModelOption = None,
-    surveillance: Annotated[str, typer.Option(metavar="PRESET", help="As of the campaign.")] = "perfect",
+    surveillance: Annotated[str, typer.Option(metavar="PRESET", help="As in the campaign.")] = "perfect",
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw it: paths, heights and separation.")
+        Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
 ) -> None:
-    """Fly one encounter of a campaign again, and say what was decided when."""
+    """Fly one encounter of a campaign again, and list its decisions."""
     from sim.campaign import command
 
     if out is not None:
@@ -354,22 +364,23 @@ def encounter(
     epilog="Example: companion-sim relay --listen udpin:0.0.0.0:14560 --to udpout:127.0.0.1:14550 --loss 0.1"
 )
 def relay(
-    listen: Annotated[str, typer.Option(metavar="udpin:HOST:PORT", help="Where one end sends to.")],
-    to: Annotated[str, typer.Option(metavar="udpout:HOST:PORT", help="Where the other end listens.")],
-    loss: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of datagrams that get lost.")] = 0.0,
+    listen: Annotated[str, typer.Option(metavar="udpin:HOST:PORT", help="Address that one end sends to.")],
+    to: Annotated[str, typer.Option(metavar="udpout:HOST:PORT", help="Address of the other end.")],
+    loss: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of datagrams lost.")] = 0.0,
     duplication: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Share of datagrams that come twice.")
+        float, typer.Option(min=0.0, max=1.0, help="Share of datagrams duplicated.")
     ] = 0.0,
-    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Seconds that each takes.")] = 0.0,
+    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram [s].")] = 0.0,
     jitter: Annotated[
-        float, typer.Option(min=0.0, max=3600.0, help="Up to so many seconds more, which reorders them.")
+        float,
+        typer.Option(min=0.0, max=3600.0, help="Largest random extra delay [s]; it reorders."),
     ] = 0.0,
     direction: Annotated[
-        Direction, typer.Option(help="Which way has faults; forth is from --listen to --to.")
+        Direction, typer.Option(help="Direction with faults; forth is from --listen to --to.")
     ] = Direction.BOTH,
-    seed: Annotated[int, typer.Option(help="Of the chances.")] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
 ) -> None:
-    """Pass datagrams on between two ends, with faults, until Ctrl-C: what does the companion make of them?"""
+    """Forward datagrams between two ends, with faults, until Ctrl-C."""
     faults, none = Faults(loss, duplication, delay, jitter), Faults()
     try:
         between = Relay(
@@ -399,10 +410,10 @@ async def _relay_until_interrupted(between: Relay) -> None:
 async def _serve(server: VehicleServer) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, server.close)
-    with alone():
+    with ungrouped():
         await server.run()
 
 
 def main() -> None:
     """Entry point."""
-    sys.exit(guarded(app))
+    sys.exit(run_app(app))

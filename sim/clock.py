@@ -1,4 +1,4 @@
-"""A clock for simulations: Unix time that may run faster than the real one, shared by all in one process."""
+"""A simulation clock: Unix time that may run faster than real time, shared within one process."""
 
 import asyncio
 import math
@@ -9,11 +9,10 @@ _MICROSECONDS = 1_000_000
 
 
 class ScaledClock:
-    """Unix seconds, in whole microseconds, that pass `speedup` times as fast as real ones; never backwards.
+    """Unix time in whole microseconds, `speedup` times as fast as real time; never backwards.
 
-    Whoever must not be outrun calls `hold_at`: there the clock stands still until it is let go on. What it
-    loses that way is told by `slipped_s`, so that a machine too slow for the speedup shows it instead of
-    flying on old data.
+    `hold_at` sets a time at which the clock stops until the next call. `slipped_s` is the time lost that
+    way: on a machine too slow for the speedup the clock waits, and nothing flies on old data.
     """
 
     def __init__(
@@ -25,7 +24,7 @@ class ScaledClock:
     ) -> None:
         """Start at `start_s`, by default now."""
         if not (math.isfinite(speedup) and speedup > 0.0):
-            raise ValueError(f"speedup {speedup} is no positive number")
+            raise ValueError(f"speedup {speedup} is not a positive number")
         self.speedup = speedup
         self.overruns = 0
         self._monotonic_s = monotonic_s
@@ -41,7 +40,7 @@ class ScaledClock:
 
     @property
     def slipped_s(self) -> float:
-        """Simulated seconds by which the clock is behind where its speedup should have taken it."""
+        """Simulated seconds by which the clock is behind its speedup."""
         return self._slipped_us / _MICROSECONDS
 
     def now_s(self) -> float:
@@ -57,21 +56,21 @@ class ScaledClock:
         return now_us / _MICROSECONDS
 
     def now_us(self) -> int:
-        """The simulated Unix time in microseconds, as the companion's `Clock`."""
+        """The simulated Unix time [us], for the companion's `Clock` protocol."""
         return round(self.now_s() * _MICROSECONDS)
 
     def wall_seconds_until(self, time_us: int) -> float:
-        """Real seconds until a simulated time, as the companion's `Clock`."""
+        """Real seconds until a simulated time, for the companion's `Clock` protocol."""
         return max((time_us / _MICROSECONDS - self.now_s()) / self.speedup, 0.0)
 
     def hold_at(self, limit_s: float) -> None:
-        """Do not pass this time until the next call; a limit in the past holds the clock where it is."""
-        now_us = round(self.now_s() * _MICROSECONDS)  # what has passed until now was under the old limit
+        """Stop at this time until the next call; a limit in the past stops the clock at once."""
+        now_us = round(self.now_s() * _MICROSECONDS)  # time until now counts under the old limit
         limit_us = max(round(limit_s * _MICROSECONDS), now_us)
         if self._limit_us is None or limit_us > self._limit_us:
             self._limit_us = limit_us
             self._held = False
 
     async def sleep_until(self, time_s: float) -> None:
-        """Wait for a simulated time; when that has passed, let others run once."""
+        """Wait for a simulated time; if it has passed, let other tasks run once."""
         await asyncio.sleep(max((time_s - self.now_s()) / self.speedup, 0.0))

@@ -1,6 +1,6 @@
 """Engine and fake vehicle in lockstep: no sockets, no waiting, the same frames as on the wire.
 
-Everything that is said is packed, framed, decoded and translated as in flight; only the sockets are missing.
+All messages are packed, framed, decoded and translated as in flight; only the sockets are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,8 +12,9 @@ from companion.mavlink.framing import FrameSplitter, decode
 from companion.mavlink.translate import frame_to_fact
 from companion.model import Layer
 from sim.metrics import FlightScore, score_of
-from sim.scenario import Autopilot, Scenario, World, build_world
+from sim.scenario import Autopilot, Scenario
 from sim.vehicle import Truth
+from sim.world import World, build_world
 
 _STEP_US = 50_000
 COMPANION_CHANNEL, RECEIVER_CHANNEL = 0, 1
@@ -21,7 +22,7 @@ COMPANION_CHANNEL, RECEIVER_CHANNEL = 0, 1
 
 @dataclass
 class Flight:
-    """What happened. `layers` are (time since start, layer) at every change, `texts` what was announced."""
+    """The record of a flight. `layers` are (time since start, layer) at each change, `texts` STATUSTEXTs."""
 
     score: FlightScore
     truth: Truth
@@ -37,12 +38,12 @@ class Flight:
 
     @property
     def mission_completed(self) -> bool:
-        """Whether the last waypoint was reached."""
+        """True if the last waypoint was reached."""
         return self.completed_s is not None
 
 
 class ClosedLoop:
-    """One scenario flown by one engine (`None`: nobody avoids)."""
+    """One scenario flown by one engine (`None`: without avoidance)."""
 
     def __init__(
         self,
@@ -58,7 +59,7 @@ class ClosedLoop:
         self.engine = engine
         self.world: World = build_world(scenario, start_us / 1e6, seed=seed, autopilot=autopilot)
         self.world.vehicle.add_channel(COMPANION_CHANNEL)
-        self.world.vehicle.add_channel(RECEIVER_CHANNEL, stream_rate_hz=0.0)  # nobody listens there
+        self.world.vehicle.add_channel(RECEIVER_CHANNEL, stream_rate_hz=0.0)  # no listener
         self.flight = Flight(score_of(scenario, self.world), self.world.vehicle.truth)
         self._encoder, self._boots = Encoder(), self.world.vehicle.boots
         self._up, self._down = FrameSplitter(), FrameSplitter()
@@ -68,7 +69,7 @@ class ClosedLoop:
     def run(
         self, seconds: float | None = None, *, on_step: Callable[["ClosedLoop", float], None] | None = None
     ) -> Flight:
-        """Fly for so long (default: the scenario's duration, or until its mission is completed)."""
+        """Fly for `seconds` (default: the scenario's duration, or until its mission is completed)."""
         until_us = self._now_us + round((self.scenario.duration_s if seconds is None else seconds) * 1e6)
         while self._now_us < until_us:
             self._now_us += _STEP_US
@@ -123,7 +124,7 @@ class ClosedLoop:
         if (flight.layers[-1][1] if flight.layers else Layer.CLEAR) is not layer:
             flight.layers.append(((time_us - self.start_us) / 1e6, layer))
         if engine.supervisor.flying:
-            flight.score.acted(time_us / 1e6, [threat.track_id for threat in engine.decision.threats])
+            flight.score.note_action(time_us / 1e6, [threat.track_id for threat in engine.decision.threats])
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)

@@ -1,6 +1,6 @@
 """The demonstration: vehicle, ADS-B receiver, intruders and companion over real sockets on loopback.
 
-All share one clock, which may run faster than the wall's; nothing else tells them that it is a demonstration.
+All share one clock, which may run faster than real time; apart from that they run as in flight.
 """
 
 import asyncio
@@ -21,17 +21,18 @@ from companion.web import Display
 from companion.web.settings import Settings
 from sim.clock import ScaledClock
 from sim.metrics import FlightScore, score_of
-from sim.scenario import Autopilot, Scenario, World, build_world
+from sim.scenario import Autopilot, Scenario
 from sim.server import VehicleServer
 from sim.traffic import ADSB_RECEIVER
 from sim.vehicle import Truth
+from sim.world import World, build_world
 
 _RECEIVER_PERIOD_S = 0.05
 
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """How to fly it. `record` is a folder, `display` where to show it; `None`: neither."""
+    """Options of a demonstration. `record`: recording folder or `None`; `display`: web settings or `None`."""
 
     scenario: Scenario
     speedup: float = 8.0
@@ -45,7 +46,7 @@ class DemoOptions:
 
 @dataclass
 class DemoState:
-    """What is going on, for a display, and at the end what came of it."""
+    """The present state of the demonstration, and its result at the end."""
 
     options: DemoOptions
     world: World
@@ -66,21 +67,21 @@ class DemoState:
         return self.truth.time_s - self.world.start_s
 
     def snapshot(self) -> Snapshot | None:
-        """The companion's view, when there is one."""
+        """The companion's snapshot; `None` without a companion."""
         return None if self.runtime is None else self.runtime.engine.snapshot(self.clock.now_s())
 
     @property
     def nmac(self) -> bool:
-        """Whether any encounter was a near mid-air collision."""
+        """True if any encounter was a near mid-air collision."""
         return any(encounter.nmac for encounter in self.score.encounters.values())
 
     @property
     def passed(self) -> bool:
-        """No near mid-air collision, never out of control, and the mission finished."""
+        """True without near mid-air collision or loss of control, with the mission finished."""
         return self.truth.mission_completed and not self.nmac and not self.uncontrolled
 
     def observe(self, truth: Truth) -> None:
-        """The vehicle moved."""
+        """Update with the vehicle's state after a step."""
         self.truth = truth
         if truth.mission_completed or self.elapsed_s >= self.options.scenario.duration_s:
             self.ended.set()
@@ -90,10 +91,10 @@ class DemoState:
         self.uncontrolled |= truth.uncontrolled
         if self.runtime is not None and self.runtime.engine.supervisor.flying:
             threats = self.runtime.engine.decision.threats
-            self.score.acted(truth.time_s, [threat.track_id for threat in threats])
+            self.score.note_action(truth.time_s, [threat.track_id for threat in threats])
 
     def report(self) -> dict[str, object]:
-        """The machine-readable report."""
+        """The JSON report."""
         runtime = self.runtime
         latencies_ms = sorted(1e3 * s for s in runtime.latencies_s) if runtime is not None else []
         return {
@@ -115,14 +116,14 @@ class DemoState:
 
 
 def _quantile(ordered: list[float], share: float) -> float | None:
-    """The value below which that share lies; `None` of nothing."""
+    """The quantile of ordered values; `None` without values."""
     if not ordered:
         return None
     return round(ordered[min(int(share * len(ordered)), len(ordered) - 1)], 3)
 
 
 async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] = lambda _: None) -> DemoState:
-    """Fly the scenario until its mission is completed or its time is up, and return what came of it."""
+    """Fly the scenario until its mission is completed or its time is up; the final state."""
     start_s = float(int(time.time()))
     world = build_world(options.scenario, start_s, seed=options.seed, autopilot=options.autopilot)
     score = score_of(options.scenario, world)
@@ -148,7 +149,7 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     async with asyncio.TaskGroup() as tasks:
         companion = None if runtime is None else tasks.create_task(runtime.run(), name="companion")
         vehicle = tasks.create_task(server.run(), name="vehicle")
-        receiver = tasks.create_task(_hear_traffic(state, to_receiver), name="receiver")
+        receiver = tasks.create_task(_report_traffic(state, to_receiver), name="receiver")
         await state.ended.wait()
         if runtime is not None and companion is not None:
             runtime.stop()
@@ -159,8 +160,8 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     return state
 
 
-async def _hear_traffic(state: DemoState, port: int) -> None:
-    """The ADS-B receiver beside the autopilot: reports go to its serial port, here a socket."""
+async def _report_traffic(state: DemoState, port: int) -> None:
+    """The ADS-B receiver beside the autopilot: its serial port is a socket here."""
     link, encoder = open_link(f"udpout:127.0.0.1:{port}"), Encoder()
     await link.open()
     with contextlib.closing(link):
@@ -171,7 +172,7 @@ async def _hear_traffic(state: DemoState, port: int) -> None:
 
 
 def _free_ports(count: int) -> list[int]:
-    """Ports of loopback that nobody uses at the moment."""
+    """Unused ports on loopback."""
     sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
     try:
         for each in sockets:

@@ -1,7 +1,7 @@
-"""A fixed wing as a point mass: coordinated turns, lags and limits, carried by the wind.
+"""A fixed wing as a point mass: coordinated turns, lags and limits, moved by the wind.
 
-It is flown on in steps of a tenth of a second, a thousand times and more in an encounter of a campaign, so
-that `FixedWing` is compiled (`sim/compiled/airframe_step.py`).
+One encounter of a campaign takes more than a thousand steps of 0.1 s, so `FixedWing` is compiled
+(`sim/compiled/airframe_step.py`). The compiled module imports `Airframe`, so that class has its own file.
 """
 
 from sim.airframe import Airframe, heading_for_course_rad

@@ -1,11 +1,11 @@
-"""A line with faults, one way: what goes in comes out late, twice, in another order, or never."""
+"""A one-way line with faults: items are delayed, duplicated, reordered or lost."""
 
 import random
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
-# In flight at once; more is a flood that a real line would not carry either.
+# Items in flight at once; a real line would not carry more either.
 MAX_IN_FLIGHT = 10_000
 
 Item = TypeVar("Item")
@@ -13,10 +13,10 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What a line does to each item: probabilities of losing and of doubling it, and how long it takes.
+    """The faults of a line: probabilities of loss and duplication of an item, and its delay.
 
-    `jitter_s` is added by chance, between nothing and all of it, so that items overtake each other.
-    `ValueError` for what is no probability or no time.
+    A random share of `jitter_s` is added to each delay, so items overtake each other. `ValueError` for an
+    impossible probability or time.
     """
 
     loss: float = 0.0
@@ -27,7 +27,7 @@ class Faults:
     def __post_init__(self) -> None:
         for name in ("loss", "duplication"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} {getattr(self, name)} is no probability")
+                raise ValueError(f"{name} {getattr(self, name)} is not a probability")
         for name in ("delay_s", "jitter_s"):
             if not 0.0 <= getattr(self, name) <= 3600.0:
                 raise ValueError(f"{name} {getattr(self, name)} is not within an hour")
@@ -35,7 +35,7 @@ class Faults:
 
 @dataclass(slots=True)
 class LineCounters:
-    """`sent` went in, `delivered` came out; `cut` were on the way, or went in, while the line was cut."""
+    """Items in (`sent`) and out (`delivered`); `cut` were in flight or sent while the line was cut."""
 
     sent: int = 0
     delivered: int = 0
@@ -47,7 +47,7 @@ class LineCounters:
 
 
 class FaultyLine(Generic[Item]):
-    """The same seed and the same times give the same faults. `faults` may be changed at any time."""
+    """A line for items. The same seed and times give the same faults; `faults` may change at any time."""
 
     def __init__(self, faults: Faults, seed: object) -> None:
         self.faults = faults
@@ -60,21 +60,21 @@ class FaultyLine(Generic[Item]):
 
     @property
     def next_due_s(self) -> float | None:
-        """When the next item comes out; `None` while nothing is on the way."""
+        """Time at which the next item comes out; `None` without items in flight."""
         return self._in_flight[0][0] if self._in_flight else None
 
     def cut(self) -> None:
-        """Nothing comes through, what is on the way included, until `mend`."""
+        """Lose all items, those in flight included, until `mend`."""
         self.is_cut = True
         self.counters.cut += len(self._in_flight)
         self._in_flight.clear()
 
     def mend(self) -> None:
-        """What goes in from now on has a chance again."""
+        """End a cut."""
         self.is_cut = False
 
     def put(self, item: Item, now_s: float) -> None:
-        """An item goes in."""
+        """Send an item."""
         self.counters.sent += 1
         if self.is_cut:
             self.counters.cut += 1
@@ -88,7 +88,7 @@ class FaultyLine(Generic[Item]):
                 self._launch(item, now_s)
 
     def take(self, now_s: float) -> list[Item]:
-        """The items that have come out by now, in their order."""
+        """The items that came out by `now_s`, in order of arrival."""
         out = []
         while self._in_flight and self._in_flight[0][0] <= now_s:
             _, number, item = heappop(self._in_flight)

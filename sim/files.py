@@ -1,4 +1,4 @@
-"""YAML files of the simulation, read and checked; every mistake is one line that names file and key."""
+"""Reads and validates the simulation's YAML files; an error is one line that names file and key."""
 
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 def read_checked(path: Path, kind: type[T]) -> T:
-    """What a file holds, as this checked dataclass. `ConfigError` if it cannot."""
+    """The file's content as a validated dataclass; `ConfigError` if it is invalid."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -28,7 +28,7 @@ def read_checked(path: Path, kind: type[T]) -> T:
 
 
 def checked_from(content: Any, kind: type[T], source: str) -> T:
-    """A checked dataclass from parsed YAML; `source` names it in errors."""
+    """A validated dataclass from parsed YAML; errors begin with `source`."""
     try:
         return TypeAdapter(kind).validate_python(content)
     except ValidationError as error:

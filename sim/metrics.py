@@ -1,4 +1,4 @@
-"""Scores of an encounter: how near it came, by the definitions of the standards."""
+"""Scores of a flight: closest approaches by the standards' definitions, and deviation from the path."""
 
 import math
 from collections.abc import Sequence
@@ -7,20 +7,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from companion.model import Vec2, Vec3
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
 from sim.path import distance_to_path_m, thinned_path
-from sim.scenario import Scenario, World, undisturbed
+from sim.scenario import Scenario
 from sim.traffic import Intruder
+from sim.world import World, undisturbed
 
 
 @dataclass
-class Encounter:
-    """One intruder's closest approach to us, so far; `vertical_m` is that at `min_horizontal_m`."""
+class EncounterScore:
+    """One intruder's closest approach so far; `vertical_m` belongs to `min_horizontal_m`."""
 
     icao: int
     callsign: str
@@ -33,7 +34,7 @@ class Encounter:
     first_action_s: float | None = None
 
     def update(self, time_s: float, own_m: Vec3, other_m: Vec3) -> None:
-        """Both positions north-east-down [m]."""
+        """Update with both positions, north-east-down [m]."""
         horizontal_m = math.hypot(other_m[0] - own_m[0], other_m[1] - own_m[1])
         vertical_m = abs(other_m[2] - own_m[2])
         slant_m = math.hypot(horizontal_m, vertical_m)
@@ -45,7 +46,7 @@ class Encounter:
         self.lowc |= horizontal_m < WELL_CLEAR_HORIZONTAL_M and vertical_m < WELL_CLEAR_VERTICAL_M
 
     def report(self) -> dict[str, object]:
-        """The machine-readable score; `first_action_s` counts from the start of the scenario."""
+        """The score for the JSON report; `first_action_s` counts from the start of the scenario."""
         return {
             "icao": f"{self.icao:06X}",
             "callsign": self.callsign,
@@ -64,31 +65,31 @@ def _rounded(length_m: float) -> float | None:
 
 @dataclass
 class FlightScore:
-    """Watches one flight: its encounters, and how far it strayed from the path it would have flown.
+    """The scores of one flight: its encounters, and its largest deviation from the planned path.
 
-    `planned` is that path, horizontally, north-east [m]; times count from `start_s`.
+    `planned` is the path without avoidance, north-east [m]; `start_s` is the start of the scenario.
     """
 
     intruders: Sequence[Intruder]
     planned: Sequence[Vec2]
     start_s: float
     max_deviation_m: float = 0.0
-    encounters: dict[str, Encounter] = field(init=False)
+    encounters: dict[str, EncounterScore] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.encounters = {f"{i.icao:06X}": Encounter(i.icao, i.callsign) for i in self.intruders}
+        self.encounters = {f"{i.icao:06X}": EncounterScore(i.icao, i.callsign) for i in self.intruders}
         self._path = np.asarray(self.planned, dtype=float)
 
     def update(self, time_s: float, own_m: Vec3) -> None:
-        """Where we are now, north-east-down."""
+        """Update with our present position, north-east-down [m]."""
         for intruder in self.intruders:
             if intruder.appears_s <= time_s <= intruder.disappears_s:
                 position_m, _ = intruder.state_at(time_s)
                 self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
         self.max_deviation_m = max(self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self._path))
 
-    def acted(self, time_s: float, track_ids: Sequence[str]) -> None:
-        """Avoidance of these tracks is being flown."""
+    def note_action(self, time_s: float, track_ids: Sequence[str]) -> None:
+        """Record that avoidance of these tracks is flown."""
         for track_id in track_ids:
             encounter = self.encounters.get(track_id)
             if encounter is not None and encounter.first_action_s is None:
@@ -96,6 +97,6 @@ class FlightScore:
 
 
 def score_of(scenario: Scenario, world: World) -> FlightScore:
-    """An empty score for a flight of this scenario, measured against its undisturbed path."""
+    """An empty score for a flight of this scenario, against its path without avoidance."""
     planned = [(t.position_m[0], t.position_m[1]) for t in undisturbed(scenario, world.start_s, 1.0)]
     return FlightScore(world.intruders, thinned_path(planned), world.start_s)

@@ -1,4 +1,4 @@
-"""A path over ground as a polyline: how far from it a point is, and thinning it out."""
+"""Paths over ground as polylines: distance of a point, and thinning."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from companion.model import Vec2
 
 
 def thinned_path(points: Sequence[Vec2], spacing_m: float = 50.0) -> list[Vec2]:
-    """The same path with points at least so far apart, its end kept: cheap to measure against."""
+    """The path with points at least `spacing_m` apart, end point included."""
     path: list[Vec2] = []
     for point in points:
         if not path or math.dist(point, path[-1]) >= spacing_m:
@@ -21,7 +21,7 @@ def thinned_path(points: Sequence[Vec2], spacing_m: float = 50.0) -> list[Vec2]:
 
 
 def distance_to_path_m(point: Vec2, path: Sequence[Vec2] | NDArray[np.float64]) -> float:
-    """Distance of a point from a polyline, (points, 2) [m]; 0 when there is none."""
+    """Distance of a point from a polyline, (points, 2) [m]; 0 for an empty one."""
     corners = np.asarray(path, dtype=np.float64)
     if len(corners) < 2:
         return math.dist(point, corners[0]) if len(corners) else 0.0

@@ -1,4 +1,4 @@
-"""A UDP relay with faults, between a companion and a vehicle or any other two ends."""
+"""A UDP relay with faults between two ends, such as companion and vehicle."""
 
 import asyncio
 import socket
@@ -8,18 +8,17 @@ from functools import partial
 
 from companion.address import NetworkAddress, NetworkKind, parse_address
 from companion.errors import LinkError
-from companion.links.queued import in_words
-from companion.links.resolve import SocketAddress, resolve
+from companion.links.sockets import SocketAddress, error_text, resolve
 from sim.faults import Faults, FaultyLine
 
 MAX_SOURCES = 16
 _LARGEST_DATAGRAM = 65_535
-_READ_AT_ONCE = 64  # so that a flood lets timers run
+_READ_AT_ONCE = 64  # a flood must not block the timers
 
 
 @dataclass(slots=True, eq=False)
 class _Source:
-    """One sender on the listening side, and the socket by which the far end knows it."""
+    """One sender on the listening side, and its own socket towards the far end."""
 
     address: SocketAddress
     outgoing: socket.socket
@@ -30,10 +29,10 @@ _Parcel = tuple[_Source, bytes]
 
 
 class Relay:
-    """Listens at `listen` (udpin), passes on to `to` (udpout), and the answers back, with faults both ways.
+    """Forwards datagrams from `listen` (udpin) to `to` (udpout), and the answers back, with faults both ways.
 
-    Each source on the listening side has a port of its own on the other: the far end sees them apart, and
-    answers come back to whom they are for. `forth` leads away from the listening side, `back` to it.
+    Each source on the listening side has its own port on the other side, so the far end can distinguish the
+    sources and answers return to the right one. `forth` leads away from the listening side, `back` to it.
     """
 
     def __init__(
@@ -52,14 +51,14 @@ class Relay:
 
     @property
     def local_port(self) -> int:
-        """The port that it listens on, once open."""
+        """The listening port; `LinkError` before `open`."""
         if self._socket is None:
             raise LinkError(f"{self._names[0]}: not open")
         port: int = self._socket.getsockname()[1]
         return port
 
     async def open(self) -> None:
-        """Relay from now on, until `close`. `LinkError` when an address cannot be used."""
+        """Start, until `close`. `LinkError` if an address cannot be used."""
         self._target = await _resolved(self._names[1], self._to)
         own = await _resolved(self._names[0], self._listen)
         listening = socket.socket(_family(own), socket.SOCK_DGRAM)
@@ -68,45 +67,45 @@ class Relay:
             listening.bind(own)
         except OSError as error:
             listening.close()
-            raise LinkError(f"{self._names[0]}: {in_words(error)}") from error
+            raise LinkError(f"{self._names[0]}: {error_text(error)}") from error
         self._socket = listening
-        asyncio.get_running_loop().add_reader(listening, self._hear_sources, listening)
+        asyncio.get_running_loop().add_reader(listening, self._read_sources, listening)
 
     def close(self) -> None:
-        """Stop; what is on the way is gone. A second time does nothing."""
+        """Stop; datagrams in flight are lost. A second call does nothing."""
         for timer in self._timers.values():
             timer.cancel()
         for source in list(self._sources.values()):
-            self._forget(source)
+            self._remove_source(source)
         listening, self._socket = self._socket, None
         if listening is not None:
             asyncio.get_running_loop().remove_reader(listening)
             listening.close()
 
     def cut(self) -> None:
-        """Nothing comes through either way, what is on the way included, until `mend`."""
+        """Lose all datagrams both ways, those in flight included, until `mend`."""
         self.forth.cut()
         self.back.cut()
 
     def mend(self) -> None:
-        """Datagrams have a chance again."""
+        """End a cut."""
         self.forth.mend()
         self.back.mend()
 
-    def _hear_sources(self, listening: socket.socket) -> None:
+    def _read_sources(self, listening: socket.socket) -> None:
         now_s = asyncio.get_running_loop().time()
         for _ in range(_READ_AT_ONCE):
             try:
                 datagram, address = listening.recvfrom(_LARGEST_DATAGRAM)
             except OSError:
                 break
-            source = self._sources.get(address) or self._welcome(address)
+            source = self._sources.get(address) or self._add_source(address)
             if source is not None:
                 source.heard_s = now_s
                 self.forth.put((source, datagram), now_s)
         self._deliver(self.forth, self._send_forth)
 
-    def _hear_answers(self, source: _Source) -> None:
+    def _read_answers(self, source: _Source) -> None:
         now_s = asyncio.get_running_loop().time()
         for _ in range(_READ_AT_ONCE):
             try:
@@ -114,7 +113,7 @@ class Relay:
             except BlockingIOError:
                 break
             except OSError:
-                self.send_errors += 1  # so the system tells that nobody is there
+                self.send_errors += 1  # reported by the system: no listener
                 break
             self.back.put((source, datagram), now_s)
         self._deliver(self.back, self._send_back)
@@ -139,10 +138,10 @@ class Relay:
         if self._socket is not None:
             self._socket.sendto(datagram, source.address)
 
-    def _welcome(self, address: SocketAddress) -> _Source | None:
-        """A new source; the one that was silent for longest makes room."""
+    def _add_source(self, address: SocketAddress) -> _Source | None:
+        """Add a source; if there are too many, remove the one that was silent the longest."""
         if len(self._sources) >= MAX_SOURCES:
-            self._forget(min(self._sources.values(), key=lambda each: each.heard_s))
+            self._remove_source(min(self._sources.values(), key=lambda each: each.heard_s))
         outgoing = socket.socket(_family(self._target), socket.SOCK_DGRAM)
         outgoing.setblocking(False)
         try:
@@ -152,10 +151,10 @@ class Relay:
             self.send_errors += 1
             return None
         source = self._sources[address] = _Source(address, outgoing)
-        asyncio.get_running_loop().add_reader(outgoing, partial(self._hear_answers, source))
+        asyncio.get_running_loop().add_reader(outgoing, partial(self._read_answers, source))
         return source
 
-    def _forget(self, source: _Source) -> None:
+    def _remove_source(self, source: _Source) -> None:
         del self._sources[source.address]
         asyncio.get_running_loop().remove_reader(source.outgoing)
         source.outgoing.close()
@@ -172,7 +171,7 @@ async def _resolved(name: str, address: NetworkAddress) -> SocketAddress:
     try:
         return await resolve(address.host, address.port, socket.SOCK_DGRAM)
     except (OSError, UnicodeError) as error:
-        words = in_words(error) if isinstance(error, OSError) else "this is no host name"
+        words = error_text(error) if isinstance(error, OSError) else "this is not a host name"
         raise LinkError(f"{name}: {words}") from error
 
 

@@ -1,4 +1,4 @@
-"""The asyncio skin of a fake vehicle: lets its time pass, and joins its channels to links."""
+"""Runs a fake vehicle on asyncio: advances its time and connects its channels to links."""
 
 import asyncio
 from collections.abc import Callable, Sequence
@@ -12,9 +12,9 @@ from sim.traffic import AdsbReceiver
 from sim.vehicle import FakeVehicle, Outgoing, Truth
 from sim.vehicle.flight import STEP_S
 
-# How far the shared clock may get ahead of the vehicle [simulated seconds]. It bounds the work of
-# one step too: at a speedup that the machine cannot keep up with, the clock stands still. Twice this, on the
-# way to the companion and back, must be less than the gap in its setpoints that an autopilot puts up with.
+# The shared clock's largest lead over the vehicle [simulated seconds]. It also bounds the work of one step:
+# if the machine cannot keep up with the speedup, the clock waits. Twice this, for the way to the companion
+# and back, must be less than the gap in the setpoints that an autopilot tolerates.
 _LONGEST_LEAD_S = 0.15
 _RECEIVER_CHANNEL = -1
 
@@ -22,8 +22,8 @@ _RECEIVER_CHANNEL = -1
 class VehicleServer:
     """Runs one vehicle in the time of `clock`; link number n is the vehicle's channel n.
 
-    Traffic that `receiver` hears goes into the vehicle as from a receiver at its serial port. `observe` sees
-    the truth after each time that the vehicle has moved. A link that loses its peer loses messages, no more.
+    Reports of `receiver` reach the vehicle as from a receiver at its serial port. `observe` is called with
+    the truth after each step. A link that loses its peer only loses messages.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class VehicleServer:
         observe: Callable[[Truth], None] | None = None,
         stream_rate_hz: float = 2.0,
     ) -> None:
-        """The vehicle's time must be that of the clock, or earlier."""
+        """The vehicle's time must not be later than that of the clock."""
         self._vehicle = vehicle
         self._links = list(links)
         self._clock = clock
@@ -51,11 +51,11 @@ class VehicleServer:
 
     @property
     def overruns(self) -> int:
-        """How often the machine was too slow for the clock's speedup; `clock.slipped_s` says by how much."""
+        """Number of times that the machine was too slow for the speedup; see `clock.slipped_s`."""
         return self._clock.overruns
 
     async def run(self) -> None:
-        """Fly and talk until `close`. `LinkError` (in a group) when a link cannot be opened."""
+        """Run until `close`. `LinkError` (in a group) if a link cannot be opened."""
         try:
             async with asyncio.TaskGroup() as tasks:
                 for channel, link in enumerate(self._links):
@@ -67,7 +67,7 @@ class VehicleServer:
             self.close()
 
     def close(self) -> None:
-        """Stop; `run` returns. A second time does nothing."""
+        """Stop; `run` returns. A second call does nothing."""
         self._closed = True
         for link in self._links:
             link.close()
@@ -96,7 +96,7 @@ class VehicleServer:
             message = decode(frame, link.counters)
             if message is not None:
                 self._vehicle.receive(message, now_s, channel)
-        self._advance(now_s)  # answers leave at once
+        self._advance(now_s)  # send answers at once
 
     def _send(self, outgoing: Sequence[Outgoing]) -> None:
         vehicle = self._vehicle

@@ -1,4 +1,4 @@
-"""Other aircraft on scripted paths, and an ADS-B receiver that reports them: noisy, late, lossy."""
+"""Intruders on scripted paths, and an ADS-B receiver that reports them with noise, delay and loss."""
 
 import math
 import random
@@ -14,7 +14,7 @@ from companion.units import course_deg
 
 ADSB_RECEIVER = (1, 156)  # the MAVLink address of a receiver on the aircraft: MAV_COMP_ID_ADSB
 
-# What a good receiver vouches for; the recorded autopilot forwarded 287: the same without vertical velocity.
+# Flags of a good receiver; the recorded autopilot forwarded 287, the same without vertical velocity.
 ALL_VALID = (
     mavlink.ADSB_FLAGS_VALID_COORDS
     | mavlink.ADSB_FLAGS_VALID_ALTITUDE
@@ -27,12 +27,12 @@ ALL_VALID = (
 _SQUAWK_VFR = 1200
 _CALLSIGN_BYTES = 8
 _INT16_MAX, _UINT16_MAX = 32_767, 65_535
-_PHASE_S = 0.1  # transponders do not speak at the same moment
+_PHASE_S = 0.1  # offset between the transponders
 
 
 @dataclass(frozen=True, slots=True)
-class Manoeuvre:
-    """From `at_s` on turn at a rate (positive to the right), climb at a rate."""
+class Maneuver:
+    """From `at_s` on: a turn rate (positive to the right) and a climb rate."""
 
     at_s: float
     turn_rate_rps: float = 0.0
@@ -41,11 +41,11 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True)
 class Intruder:
-    """An aircraft whose place is a function of time.
+    """An aircraft whose position is a function of time.
 
-    At `anchor_s` it is at `position_m` with `velocity_mps` (north-east-down, over ground); before that and
-    after it flies straight on, until the first of its manoeuvres, each of which lasts to the next. It is
-    heard from `appears_s` until `disappears_s`.
+    At `anchor_s` it is at `position_m` with `velocity_mps` (north-east-down, over ground). It flies straight
+    before that, and after that until its first maneuver; each maneuver lasts until the next. It transmits
+    from `appears_s` until `disappears_s`.
     """
 
     icao: int
@@ -53,26 +53,26 @@ class Intruder:
     anchor_s: float
     position_m: Vec3
     velocity_mps: Vec3
-    manoeuvres: Sequence[Manoeuvre] = ()
+    maneuvers: Sequence[Maneuver] = ()
     appears_s: float = -math.inf
     disappears_s: float = math.inf
     emitter_type: int = 1
 
     def state_at(self, time_s: float) -> tuple[Vec3, Vec3]:
-        """Position and velocity at a time."""
+        """Position [m] and velocity [m/s] at a time, north-east-down."""
         position_m, velocity_mps, from_s = self.position_m, self.velocity_mps, self.anchor_s
         turn_rate_rps = 0.0
-        for manoeuvre in self.manoeuvres:
-            if time_s <= manoeuvre.at_s:
+        for maneuver in self.maneuvers:
+            if time_s <= maneuver.at_s:
                 break
-            position_m, velocity_mps = _fly(position_m, velocity_mps, turn_rate_rps, manoeuvre.at_s - from_s)
-            velocity_mps = (velocity_mps[0], velocity_mps[1], -manoeuvre.climb_mps)
-            from_s, turn_rate_rps = manoeuvre.at_s, manoeuvre.turn_rate_rps
-        return _fly(position_m, velocity_mps, turn_rate_rps, time_s - from_s)
+            position_m, velocity_mps = _moved(position_m, velocity_mps, turn_rate_rps, maneuver.at_s - from_s)
+            velocity_mps = (velocity_mps[0], velocity_mps[1], -maneuver.climb_mps)
+            from_s, turn_rate_rps = maneuver.at_s, maneuver.turn_rate_rps
+        return _moved(position_m, velocity_mps, turn_rate_rps, time_s - from_s)
 
 
-def _fly(position_m: Vec3, velocity_mps: Vec3, turn_rate_rps: float, dt_s: float) -> tuple[Vec3, Vec3]:
-    """Fly straight or around a circle, exactly."""
+def _moved(position_m: Vec3, velocity_mps: Vec3, turn_rate_rps: float, dt_s: float) -> tuple[Vec3, Vec3]:
+    """The state after `dt_s` straight or on a circle, exact."""
     north_mps, east_mps, down_mps = velocity_mps
     angle_rad = turn_rate_rps * dt_s
     if abs(angle_rad) < 1e-9:
@@ -95,7 +95,7 @@ def _fly(position_m: Vec3, velocity_mps: Vec3, turn_rate_rps: float, dt_s: float
 
 @dataclass(frozen=True, slots=True)
 class ReceiverModel:
-    """How good a receiver is. The sigmas are standard deviations of each axis, drawn anew for each report."""
+    """The errors of a receiver. Sigmas are standard deviations per axis, drawn for each report."""
 
     period_s: float = 1.0
     horizontal_sigma_m: float = 0.0
@@ -111,10 +111,7 @@ class ReceiverModel:
 
 
 class AdsbReceiver:
-    """Reports every intruder once a period as ADSB_VEHICLE. The same seed repeats the same reports.
-
-    `where_m` of `reports` is the receiver's own place: what is out of its range is not heard.
-    """
+    """Reports every intruder once a period as ADSB_VEHICLE. The same seed repeats the same reports."""
 
     def __init__(
         self,
@@ -125,31 +122,34 @@ class AdsbReceiver:
         model: ReceiverModel | None = None,
         seed: int = 0,
     ) -> None:
-        """Listen from `start_s` on; the intruders move in `frame`."""
+        """Start at `start_s`; the intruders move in `frame`."""
         self._frame = frame
         self._model = model or ReceiverModel()
         self._seed = seed
         self._start_s = start_s
         self._order = count()
-        # (when the report arrives, tie-breaker, when it was sent, who, its random numbers)
+        # (time of arrival, tie-breaker, time of transmission, intruder, its random numbers)
         self._coming: list[tuple[float, int, float, Intruder, random.Random]] = []
         for intruder in intruders:
             self.add(intruder)
 
     def add(self, intruder: Intruder) -> None:
-        """Hear one more aircraft."""
+        """Receive one more aircraft."""
         place = next(self._order)
         first_s = max(self._start_s, intruder.appears_s) + place * _PHASE_S % self._model.period_s
         chance = random.Random(f"{self._seed} {intruder.icao:06x}")
         self._expect(first_s, intruder, chance)
 
-    def reports(self, now_s: float, where_m: Vec3 | None = None) -> list[Message]:
-        """What has arrived since the last call, in the order of arrival."""
+    def reports(self, now_s: float, own_m: Vec3 | None = None) -> list[Message]:
+        """The reports that arrived since the last call, in order.
+
+        `own_m` is the receiver's position; intruders out of its range are not received.
+        """
         arrived: list[Message] = []
         while self._coming and self._coming[0][0] <= now_s:
             _, _, sent_s, intruder, chance = heappop(self._coming)
             lost = chance.random() < self._model.loss
-            report = self._report(intruder, sent_s, chance, where_m)
+            report = self._report(intruder, sent_s, chance, own_m)
             if report is not None and not lost:
                 arrived.append(report)
             self._expect(sent_s + self._model.period_s, intruder, chance)
@@ -161,11 +161,11 @@ class AdsbReceiver:
             heappush(self._coming, (arrives_s, next(self._order), sent_s, intruder, chance))
 
     def _report(
-        self, intruder: Intruder, sent_s: float, chance: random.Random, where_m: Vec3 | None
+        self, intruder: Intruder, sent_s: float, chance: random.Random, own_m: Vec3 | None
     ) -> Message | None:
         model = self._model
         (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = intruder.state_at(sent_s)
-        if where_m is not None and math.hypot(north_m - where_m[0], east_m - where_m[1]) > model.range_m:
+        if own_m is not None and math.hypot(north_m - own_m[0], east_m - own_m[1]) > model.range_m:
             return None
         place = self._frame.to_geo(
             north_m + chance.gauss(0.0, model.horizontal_sigma_m),

@@ -1,1 +1,1 @@
-"""Where the aircraft may fly: fences, obstacles and height limits."""
+"""The airspace that the aircraft may use: fences, obstacles and height limits."""

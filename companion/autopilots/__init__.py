@@ -1,4 +1,4 @@
-"""One file per autopilot: what it says of itself, and how guidance becomes messages that it obeys."""
+"""One file per autopilot: its modes and parameters, and the messages that make it fly a guidance."""
 
 from companion.autopilots import ardupilot, px4
 from companion.autopilots.adapter import Adapter
@@ -9,10 +9,10 @@ from companion.mavlink.facts import Sender
 
 NAMES = {"ardupilot": mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4": mavlink.MAV_AUTOPILOT_PX4}
 
-# As ground stations show them.
+# Mode names as ground stations show them.
 MODES_OF = {"ardupilot": frozenset(ardupilot.MODES.values()), "px4": px4.MODES}
 MODE_NAMES = MODES_OF["ardupilot"] | MODES_OF["px4"]
-# Flown by hand, on the way from or to the ground, or by another who avoids or sends setpoints.
+# Modes that are flown by hand, that take off or land, or in which something else avoids or sends setpoints.
 NEVER_TAKEN = frozenset(
     {
         "MANUAL", "STABILIZE", "STABILIZED", "TRAINING", "ACRO", "RATTITUDE", "FBWA", "ALTCTL", "POSCTL",
@@ -28,7 +28,7 @@ _KINDS: dict[int, type[Adapter]] = {
 
 
 def choose(autopilot: int, target: Sender) -> Adapter | None:
-    """The adapter for the autopilot that a heartbeat names (MAV_AUTOPILOT), or `None`."""
+    """An adapter for the MAV_AUTOPILOT of a heartbeat; `None` when there is none."""
     kind = _KINDS.get(autopilot)
     return None if kind is None else kind(target)
 

@@ -1,4 +1,4 @@
-"""What every autopilot must be able to tell and do; the engine knows no other."""
+"""The interface of every autopilot: guidance to messages, modes, parameters."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from companion.autopilots.commands import CommandRetrier
-from companion.autopilots.limits import ParameterTable
-from companion.avoidance.control import Control
+from companion.autopilots.parameters import ParameterTable
+from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender
@@ -16,7 +16,7 @@ from companion.model import Guidance, PriorFlightState, Vec3
 
 @dataclass(frozen=True, slots=True)
 class GuidanceCommand:
-    """Guidance with what a setpoint needs beside it: where we are, how fast over ground, how far to bank."""
+    """Guidance, and what else a setpoint needs: own position, ground velocity (NED), airspeed, bank limit."""
 
     guidance: Guidance
     position: GeoPoint
@@ -27,37 +27,39 @@ class GuidanceCommand:
 
 @dataclass(frozen=True, slots=True)
 class RefusedValue:
-    """A course [rad], airspeed [m/s] or height [m above mean sea level] that the autopilot will not fly."""
+    """A course [rad], airspeed [m/s] or height [m above mean sea level] that the autopilot refused."""
 
     control: Control
     value: float
 
 
 class Adapter(ABC):
-    """One autopilot, addressed at `target`. Methods return the messages to send; nothing is sent in here.
+    """One autopilot at the address `target`; its methods return the messages to send.
 
-    Angles and lengths are those of the house; `guidance.altitude_m` is height above mean sea level.
+    Units are SI and radians; `guidance.altitude_m` is height above mean sea level.
     """
 
     name: ClassVar[str]
-    # Messages to ask for, with the interval wanted [s].
+    # Interval [s] to request for each message, by message id.
     intervals_s: ClassVar[dict[int, float]]
-    # The commands whose answers are about modes.
+    # Commands that change the mode.
     mode_commands: ClassVar[frozenset[int]] = frozenset(
         {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_REPOSITION}
     )
-    # For so long `entering` is streamed before the guided mode is asked for, `leaving` before another one is.
+    # How long `entering` is streamed before the guided mode is requested, `leaving` before the former mode.
     entry_s: ClassVar[float] = 0.0
     exit_s: ClassVar[float] = 0.0
-    # Modes without a mission that hold a circle or a course: flown back to before they are entered again.
-    places: ClassVar[frozenset[str]] = frozenset()
-    courses: ClassVar[frozenset[str]] = frozenset()
-    # The parameters that tell of the aircraft's limits, its fence and its mission.
+    # The mode that flies the mission.
+    mission_mode: ClassVar[str]
+    # Modes that circle or hold a course: the aircraft must be at the circle or on the course to enter them.
+    loiter_modes: ClassVar[frozenset[str]] = frozenset()
+    course_hold_modes: ClassVar[frozenset[str]] = frozenset()
+    # The parameters with the aircraft's limits, its fence and the size of its mission.
     parameters: ClassVar[ParameterTable]
 
     def __init__(self, target: Sender) -> None:
         self.target = target
-        self.desk = CommandRetrier()
+        self.commands = CommandRetrier()
 
     @staticmethod
     @abstractmethod
@@ -65,8 +67,12 @@ class Adapter(ABC):
         """The mode's name as ground stations show it."""
 
     def is_guided(self, custom_mode: int) -> bool:
-        """Whether this is the mode in which our setpoints are obeyed."""
+        """Whether our setpoints are obeyed in this mode."""
         return custom_mode == self.guided_mode
+
+    def is_mission(self, custom_mode: int) -> bool:
+        """Whether the mission is flown in this mode."""
+        return self.mode_name(custom_mode) == self.mission_mode
 
     @property
     @abstractmethod
@@ -76,95 +82,105 @@ class Adapter(ABC):
     @property
     @abstractmethod
     def fallback_mode(self) -> int:
-        """The mode to leave the aircraft in when it refuses the former one: there it looks after itself."""
+        """The mode to request when the former one is refused: the aircraft loiters in it."""
 
     @abstractmethod
-    def left_behind_mode(self) -> int | None:
-        """The mode it is in soon after a companion that flew it was killed; `None`: that says nothing."""
+    def setpoint_loss_mode(self) -> int | None:
+        """The mode soon after our setpoints ended; `None`: unknown, or one that a pilot may have chosen."""
 
     @property
-    def loses_itself_in_climbs(self) -> bool:
-        """Whether its controller may be lost when the guided mode ends in a climb or descent, by anyone."""
+    def invalid_after_climbs(self) -> bool:
+        """Whether leaving the guided mode in a climb or descent may make the attitude setpoint invalid."""
         return False
 
     @property
-    def left_to_itself_is_safe(self) -> bool:
-        """Whether it takes up a mode of its own, and no guided one, when it hears nothing from us."""
-        return self.left_behind_mode() not in (None, self.guided_mode)
+    def leaves_guided_by_itself(self) -> bool:
+        """Whether the autopilot leaves the guided mode by itself, to a known mode, when our setpoints end."""
+        return self.setpoint_loss_mode() not in (None, self.guided_mode)
 
     @abstractmethod
     def set_mode(self, custom_mode: int) -> Message:
-        """The request for a mode; its command is one of `mode_commands`."""
+        """The request for a mode, by one of `mode_commands`."""
 
-    def give_back(self, before: PriorFlightState) -> list[Message]:
-        """The request for the former mode, with its target where the autopilot would not keep it."""
+    def restore_mode(self, before: PriorFlightState) -> list[Message]:
+        """Requests for the former mode, with its target if the autopilot would lose it otherwise."""
         return [self.set_mode(before.mode)]
 
-    def entering(self, flown: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """What is streamed while the guided mode is being entered: called at every tick."""
+    def entering(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
+        """Setpoints while the guided mode is being entered; called at every tick."""
         return []
 
     @abstractmethod
-    def command(self, flown: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
-        """Fly this: called at every tick while flying; `urgent` when the decision was made just now."""
+    def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
+        """Messages that fly the command; called at every tick. `urgent`: the decision is new."""
 
     def setpoint_invalid(self, now_s: float) -> bool:  # noqa: ARG002
-        """Whether the autopilot's controller has lost itself, and only the pilot's sticks fly."""
+        """Whether the attitude setpoint is not a number, so that only the pilot's sticks fly the aircraft."""
         return False
 
-    def leaving(self, flown: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """What is streamed while the guided mode is being left: called at every tick until it is."""
+    def leaving(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
+        """Setpoints while the guided mode is being left; called at every tick until it is left."""
         return []
 
     def observe(self, fact: Fact, now_s: float) -> None:
-        """Take note of what the autopilot says: answers to commands, parameters."""
+        """Process a fact from the autopilot, such as the answer to a command or a parameter."""
         if isinstance(fact, CommandResult):
-            self.desk.answered(fact, now_s)
+            self.commands.answered(fact, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
-        """Commands that are due to be sent again."""
-        return self.desk.due(now_s)
+        """Messages that are due to be repeated."""
+        return self.commands.due(now_s)
 
     @property
-    def borrowed(self) -> dict[str, float]:
-        """Parameters of the autopilot that we changed for a while, with the values to put back."""
+    def changed_parameters(self) -> dict[str, float]:
+        """The original values of parameters that we changed for a while, by name."""
         return {}
 
-    def put_back(self, values: dict[str, float]) -> None:  # noqa: B027 - most borrow nothing
-        """Put back what another companion, since killed, had borrowed."""
+    def restore_parameters(self, values: dict[str, float]) -> None:  # noqa: B027 - optional
+        """Restore parameters that a former run changed and did not restore."""
 
     @abstractmethod
     def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
-        """The autopilot's own avoidance, where its parameters say that it acts by itself."""
+        """The autopilot's own avoidance and its setting, if the parameters let it act; otherwise `None`."""
 
     def advice(self, parameters: Mapping[str, float]) -> list[str]:  # noqa: ARG002
-        """What the operator should better set otherwise, in words."""
+        """Parameters that the operator should change, in words."""
         return []
 
     def refusals(self) -> list[str]:
-        """What the autopilot refused since the last call, in words."""
-        return self.desk.refusals()
+        """Commands that the autopilot refused since the last call, in words."""
+        return self.commands.refusals()
 
     def refused_values(self) -> list[RefusedValue]:
-        """What it will not fly, not even when asked within its limits, since the last call."""
+        """Values that were refused twice since the last call, the second time moderated."""
         return []
 
-    def stand_back(self) -> None:
-        """Somebody else has the aircraft: nothing asked so far may be repeated."""
-        self.desk.forget()
+    def drop_commands(self) -> None:
+        """Drop all commands under way, because the aircraft is no longer ours."""
+        self.commands.forget()
 
     def request_interval(self, message_id: int, interval_s: float) -> Message:
-        """MAV_CMD_SET_MESSAGE_INTERVAL, which is asked again by rate, not by answer."""
+        """MAV_CMD_SET_MESSAGE_INTERVAL; it is repeated when the measured rate is low (see `MessageRates`)."""
         return self.command_long(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_s * 1e6)
 
     def request_message(self, message_id: int) -> Message:
-        """MAV_CMD_REQUEST_MESSAGE: once."""
+        """MAV_CMD_REQUEST_MESSAGE: one message, once."""
         return self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id)
 
     def request_parameter(self, name: str) -> Message:
         """PARAM_REQUEST_READ by name."""
         return mavlink.MAVLink_param_request_read_message(
             self.target.system_id, self.target.component_id, name.encode("ascii"), -1
+        )
+
+    def set_parameter(self, name: str, value: float) -> Message:
+        """PARAM_SET of a floating-point parameter."""
+        return mavlink.MAVLink_param_set_message(
+            self.target.system_id,
+            self.target.component_id,
+            name.encode("ascii"),
+            value,
+            mavlink.MAV_PARAM_TYPE_REAL32,
         )
 
     def select_item(self, sequence: int) -> Message:
@@ -181,7 +197,7 @@ class Adapter(ABC):
     def command_int(
         self, command: int, *params: float, place: GeoPoint | None = None, z_m: float = 0.0
     ) -> Message:
-        """A COMMAND_INT to our autopilot, heights above mean sea level."""
+        """A COMMAND_INT to our autopilot; heights are above mean sea level."""
         padded = [*params, *([0.0] * (4 - len(params)))]
         lat_e7 = 0 if place is None else round(place.lat_deg * 1e7)
         lon_e7 = 0 if place is None else round(place.lon_deg * 1e7)
@@ -199,8 +215,8 @@ class Adapter(ABC):
         )
 
     def reposition(self, place: GeoPoint) -> Message:
-        """MAV_CMD_DO_REPOSITION with change of mode: fly there and circle."""
-        as_now, change_mode, usual_radius, clockwise = -1.0, 1.0, 0.0, 0.0
+        """MAV_CMD_DO_REPOSITION with a change of mode: fly to the place and circle there."""
+        present_speed, change_mode, default_radius, clockwise = -1.0, 1.0, 0.0, 0.0
         return self.command_int(
-            mavlink.MAV_CMD_DO_REPOSITION, as_now, change_mode, usual_radius, clockwise, place=place
+            mavlink.MAV_CMD_DO_REPOSITION, present_speed, change_mode, default_radius, clockwise, place=place
         )

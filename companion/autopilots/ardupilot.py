@@ -1,7 +1,7 @@
-"""ArduPlane. What it obeys in GUIDED: the 4300x commands, and of position targets the height alone.
+"""ArduPlane: in GUIDED it flies the 4300x commands, and of position targets the height alone.
 
-SET_POSITION_TARGET_LOCAL_NED is acknowledged by silence and not flown, and so are the course and speed of
-SET_POSITION_TARGET_GLOBAL_INT; the latter is sent whole all the same, for its height and for who listens.
+It ignores SET_POSITION_TARGET_LOCAL_NED without an answer. Of SET_POSITION_TARGET_GLOBAL_INT it ignores
+course and speed; the message is sent complete for its height and for other readers.
 """
 
 import math
@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
+from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
-from companion.autopilots.limits import ARDUPLANE, ParameterTable
-from companion.avoidance.control import Control
+from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
+from companion.avoidance.envelope import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Sender
@@ -48,7 +49,8 @@ MODES = {
 }
 LOITER, GUIDED = 12, 15
 
-# Each heading command resets the heading controller's integrator: sent on change, and slowly against loss.
+# Each heading command resets the heading controller's integrator: it is sent on change, and repeated slowly
+# in case it was lost.
 _HEADING_CHANGE_RAD = math.radians(1.0)
 _HEADING_REPEAT_S = 2.0
 _SPEED_CHANGE_MPS = 0.3
@@ -57,24 +59,54 @@ _SPEED_AND_HEIGHT_REPEAT_S = 10.0
 _SETPOINT_INTERVAL_S = 0.2
 _MAX_SETPOINTS_PER_S = 10
 _POINT_AHEAD_M = 500.0
-# A value at the very limit is refused when the autopilot rounds it the other way; so much inside it is flown.
-_SPEED_INSIDE_MPS = 1.0
-_HEIGHT_ASIDE_M = 2.0  # 0 and -1 m above mean sea level stand for "none", and are denied
+# A refused value is moderated by this. A speed at the limit may be refused because the autopilot rounds it.
+_SPEED_STEP_MPS = 1.0
+_HEIGHT_STEP_M = 2.0  # 0 and -1 m above mean sea level mean "none" and are denied
 _TYPE_MASK = (
     mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 )
-
-
-_AVD_ACTS = 2.0  # 0 does nothing, 1 reports
+_AVOIDANCE_ACTS_FROM = 2.0  # AVD_F_ACTION: 0 does nothing, 1 reports
 
 _CONTROLS = {
     mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: Control.HEADING,
     mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: Control.SPEED,
     mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: Control.HEIGHT,
 }
+
+
+# Versions before 4.5 have other names and units.
+PARAMETERS = ParameterTable(
+    limits=(
+        LimitSource("min_airspeed_mps", (Named("AIRSPEED_MIN"), Named("ARSPD_FBW_MIN"))),
+        LimitSource("max_airspeed_mps", (Named("AIRSPEED_MAX"), Named("ARSPD_FBW_MAX"))),
+        LimitSource("cruise_airspeed_mps", (Named("AIRSPEED_CRUISE"), Named("TRIM_ARSPD_CM", 0.01))),
+        LimitSource(
+            "max_bank_rad", (Named("ROLL_LIMIT_DEG", DEGREE_RAD), Named("LIM_ROLL_CD", 0.01 * DEGREE_RAD))
+        ),
+        LimitSource("max_climb_mps", (Named("TECS_CLMB_MAX"),)),
+        LimitSource("max_sink_mps", (Named("TECS_SINK_MAX"),)),
+        LimitSource("loiter_radius_m", (Named("WP_LOITER_RAD"),)),
+    ),
+    first=("AVD_ENABLE", "AVD_F_ACTION"),
+    others=(
+        "FENCE_ENABLE",
+        "FENCE_ACTION",
+        "FENCE_AUTOENABLE",
+        "FENCE_TYPE",
+        "FENCE_OPTIONS",
+        "FENCE_RADIUS",
+        "FENCE_ALT_MIN",
+        "FENCE_ALT_MAX",
+        "FENCE_MARGIN",
+    ),
+    fence=ardupilot_fence,
+    mission_total="MIS_TOTAL",
+    fence_total="FENCE_TOTAL",
+    stall_prevention=True,
+)
 
 
 class _Sent(NamedTuple):
@@ -84,7 +116,7 @@ class _Sent(NamedTuple):
 
 @dataclass(slots=True)
 class _Refused:
-    """A value that was refused: tried once more, moderated, and given up when that is refused too."""
+    """A refused value: it is sent once more, moderated, and given up when it is refused again."""
 
     value: float
     given_up: bool = False
@@ -95,7 +127,7 @@ class ArduPlane(Adapter):
 
     name: ClassVar[str] = "ArduPlane"
     intervals_s: ClassVar[dict[int, float]] = {
-        # The mode is heard by heartbeat: the sooner, the sooner a pilot who takes the aircraft has it.
+        # The heartbeat carries the mode: at this rate a pilot's mode change is known within 0.2 s.
         mavlink.MAVLINK_MSG_ID_HEARTBEAT: 0.2,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
@@ -112,9 +144,10 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_FENCE_STATUS: 1.0,
         mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: 1.0,
     }
-    places: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
-    courses: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
-    parameters: ClassVar[ParameterTable] = ARDUPLANE
+    mission_mode: ClassVar[str] = "AUTO"
+    loiter_modes: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
+    course_hold_modes: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
+    parameters: ClassVar[ParameterTable] = PARAMETERS
 
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
@@ -130,83 +163,86 @@ class ArduPlane(Adapter):
 
     @property
     def guided_mode(self) -> int:
-        """GUIDED is the only mode that takes the 4300x commands."""
+        """GUIDED, the only mode that takes the 4300x commands."""
         return GUIDED
 
     @property
     def fallback_mode(self) -> int:
-        """LOITER circles where it is until somebody decides."""
+        """LOITER circles at the present position."""
         return LOITER
 
-    def left_behind_mode(self) -> int | None:
-        """GUIDED with a heading flies on for ever."""
+    def setpoint_loss_mode(self) -> int | None:
+        """GUIDED, which flies on at the last heading without limit."""
         return GUIDED
 
     def set_mode(self, custom_mode: int) -> Message:
-        """DO_SET_MODE; entering GUIDED clears all targets, so everything is to be sent afresh."""
+        """DO_SET_MODE. Entering GUIDED clears all targets, which must then be sent again."""
         return self.command_long(
             mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, custom_mode
         )
 
-    def give_back(self, before: PriorFlightState) -> list[Message]:
-        """Who was in GUIDED before goes on to where he was going; all other modes are entered by name."""
+    def restore_mode(self, before: PriorFlightState) -> list[Message]:
+        """GUIDED is entered with its former target; all other modes by number."""
         if before.mode == GUIDED and before.target is not None:
             return [self.reposition(before.target)]
-        return super().give_back(before)
+        return super().restore_mode(before)
 
-    def stand_back(self) -> None:
-        """Forget what was sent and asked."""
-        super().stand_back()
+    def drop_commands(self) -> None:
+        """Drop all commands under way, and what is known of those sent."""
+        super().drop_commands()
         self._sent.clear()
         self._refused.clear()
         self._given_up.clear()
 
     def observe(self, fact: Fact, now_s: float) -> None:
-        """A guided command refused is tried once more with a moderate value, then given up."""
+        """Process answers: a refused guided command is sent once more, moderated, and then given up."""
         super().observe(fact, now_s)
         if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS:
             return
-        if self.desk.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
+        if self.commands.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
             return
         refused = self._refused.get(fact.command)
         wanted = self._sent[fact.command].value
         if refused is None or refused.value != wanted:
             self._refused[fact.command] = _Refused(wanted)
-            del self._sent[fact.command]  # so that it is news
+            del self._sent[fact.command]  # so that it is sent again
         elif not refused.given_up:
             refused.given_up = True
             self._given_up.append(RefusedValue(_CONTROLS[fact.command], wanted))
 
     def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
         """AP_Avoidance, if it does more than report."""
-        if parameters.get("AVD_ENABLE", 0.0) < 1.0 or parameters.get("AVD_F_ACTION", 0.0) < _AVD_ACTS:
+        if (
+            parameters.get("AVD_ENABLE", 0.0) < 1.0
+            or parameters.get("AVD_F_ACTION", 0.0) < _AVOIDANCE_ACTS_FROM
+        ):
             return None
         return f"AVD_ENABLE with AVD_F_ACTION {parameters['AVD_F_ACTION']:.0f}"
 
     def refused_values(self) -> list[RefusedValue]:
-        """What it will not fly, not even moderated, since the last call."""
+        """Values that were refused since the last call, also when moderated."""
         given_up, self._given_up = self._given_up, []
         return given_up
 
-    def command(self, flown: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
-        """Heading, speed and height commands where they changed, and the position target stream."""
-        wanted = flown.guidance
+    def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
+        """Heading, speed and height commands when they changed, and the stream of position targets."""
+        wanted = command.guidance
         heading = (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, wanted.course_rad)
         speed = (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted.airspeed_mps)
         height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted.altitude_m)
         messages = []
-        if self._news(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
-            messages.append(self.desk.ask(self._change_heading(flown), now_s))
-        if self._news(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
-            messages.append(self.desk.ask(self._change_speed(flown), now_s))
-        if self._news(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
-            messages.append(self.desk.ask(self._change_height(flown), now_s))
+        if self._is_due(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
+            messages.append(self.commands.ask(self._change_heading(command), now_s))
+        if self._is_due(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
+            messages.append(self.commands.ask(self._change_speed(command), now_s))
+        if self._is_due(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
+            messages.append(self.commands.ask(self._change_height(command), now_s))
         if self._setpoint_due(now_s, urgent=urgent):
             self._setpoints_s.append(now_s)
-            messages.append(self._position_target(flown, now_s))
+            messages.append(self._position_target(command, now_s))
         return messages
 
-    def _news(
+    def _is_due(
         self,
         command: int,
         value: float,
@@ -216,7 +252,7 @@ class ArduPlane(Adapter):
         *,
         circular: bool = False,
     ) -> bool:
-        """Whether a value differs from the one last sent, or that is too long ago; notes it as sent then."""
+        """Whether to send a value, because it changed or was sent long ago; if so, stores it as sent."""
         sent = self._sent.get(command)
         if sent is not None and now_s - sent.at_s < repeat_s:
             off = value - sent.value
@@ -231,46 +267,44 @@ class ArduPlane(Adapter):
             return True
         if len(times_s) == _MAX_SETPOINTS_PER_S and now_s - times_s[0] < 1.0:
             return False
-        # A thousandth less, as ticks fall on tenths that have no exact binary number.
+        # Ticks come at tenths of a second, which have no exact binary representation: hence the tolerance.
         return urgent or now_s - times_s[-1] >= _SETPOINT_INTERVAL_S - 1e-3
 
-    def _change_heading(self, flown: GuidanceCommand) -> Message:
-        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(flown.max_bank_rad)
+    def _change_heading(self, command: GuidanceCommand) -> Message:
+        lateral_mps2 = STANDARD_GRAVITY_MPS2 * math.tan(command.max_bank_rad)
         course_over_ground = 0
         return self.command_int(
             mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
             course_over_ground,
-            course_deg(flown.guidance.course_rad),
+            course_deg(command.guidance.course_rad),
             lateral_mps2,
         )
 
-    def _change_speed(self, flown: GuidanceCommand) -> Message:
-        wanted_mps = flown.guidance.airspeed_mps
+    def _change_speed(self, command: GuidanceCommand) -> Message:
+        wanted_mps = command.guidance.airspeed_mps
         if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps):
-            wanted_mps = _towards(flown.airspeed_mps, wanted_mps, _SPEED_INSIDE_MPS)
-        airspeed, as_fast_as_possible = 0, 0.0
-        return self.command_int(
-            mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, wanted_mps, as_fast_as_possible
-        )
+            wanted_mps = _towards(command.airspeed_mps, wanted_mps, _SPEED_STEP_MPS)
+        airspeed, full_acceleration = 0, 0.0
+        return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, wanted_mps, full_acceleration)
 
-    def _change_height(self, flown: GuidanceCommand) -> Message:
-        wanted_m = flown.guidance.altitude_m
+    def _change_height(self, command: GuidanceCommand) -> Message:
+        wanted_m = command.guidance.altitude_m
         if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
-            wanted_m = _towards(flown.position.altitude_m, wanted_m, _HEIGHT_ASIDE_M)
+            wanted_m = _towards(command.position.altitude_m, wanted_m, _HEIGHT_STEP_M)
         return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=wanted_m)
 
     def _was_refused(self, command: int, value: float) -> bool:
         refused = self._refused.get(command)
         return refused is not None and refused.value == value
 
-    def _position_target(self, flown: GuidanceCommand, now_s: float) -> Message:
-        """A point ahead on the commanded course, the velocity along it, yaw and height."""
-        guidance, position = flown.guidance, flown.position
+    def _position_target(self, command: GuidanceCommand, now_s: float) -> Message:
+        """A point ahead on the commanded course at the commanded height, with velocity and yaw along it."""
+        guidance, position = command.guidance, command.position
         north, east = math.cos(guidance.course_rad), math.sin(guidance.course_rad)
         ahead = LocalFrame(position.lat_deg, position.lon_deg).to_geo(
             _POINT_AHEAD_M * north, _POINT_AHEAD_M * east, -guidance.altitude_m
         )
-        ground_speed_mps = math.hypot(flown.velocity_mps[0], flown.velocity_mps[1])
+        ground_speed_mps = math.hypot(command.velocity_mps[0], command.velocity_mps[1])
         climb_mps = max(-2.0, min(2.0, 0.5 * (guidance.altitude_m - position.altitude_m)))
         return mavlink.MAVLink_set_position_target_global_int_message(
             int(now_s * 1000.0) % 2**32,
@@ -293,5 +327,5 @@ class ArduPlane(Adapter):
 
 
 def _towards(present: float, wanted: float, step: float) -> float:
-    """The wanted value, moderated by a step towards the present one, at most as far as that."""
+    """The wanted value, moved by at most `step` towards the present one."""
     return wanted + min(max(present - wanted, -step), step)

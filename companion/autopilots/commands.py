@@ -1,4 +1,4 @@
-"""Commands that want an answer: sent again until COMMAND_ACK comes, with what came of them."""
+"""Commands that are repeated until COMMAND_ACK answers them, and their outcomes."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -8,7 +8,7 @@ from companion.mavlink.facts import CommandResult
 
 _RESEND_S = 0.5
 _TRIES = 6
-# IN_PROGRESS means that the autopilot works on it; it is asked again only after so long.
+# After IN_PROGRESS the autopilot works on the command: it is repeated only after this time.
 _IN_PROGRESS_S = 5.0
 
 
@@ -31,7 +31,7 @@ def _name(command: int) -> str:
 
 
 class Outcome(Enum):
-    """What became of the last command of a kind."""
+    """The state of the last command of a kind."""
 
     PENDING = "pending"
     ACCEPTED = "accepted"
@@ -47,12 +47,10 @@ class _Pending:
 
 
 class CommandRetrier:
-    """Keeps one command of each kind (MAV_CMD number) under way; a newer one replaces the older.
+    """At most one command of each kind (MAV_CMD number) under way; a newer one replaces the older.
 
-    It inherits the tries of the older one: a command that is renewed all the time would never be found
-    unanswered.
-
-    COMMAND_LONG counts its repetitions in `confirmation`, as the protocol wants.
+    The newer command inherits the number of tries; otherwise a command that is renewed often would never be
+    found unanswered. COMMAND_LONG counts its repetitions in `confirmation`, as the protocol requires.
     """
 
     def __init__(self) -> None:
@@ -61,7 +59,7 @@ class CommandRetrier:
         self._refusals: list[str] = []
 
     def ask(self, message: Message, now_s: float) -> Message:
-        """Send a command, and again until it is answered; returns the message to send now."""
+        """The message to send now; it is repeated until it is answered."""
         older = self._pending.get(message.command)
         tries = 1 if older is None else min(older.tries + 1, _TRIES)
         self._pending[message.command] = _Pending(message, tries, now_s + _RESEND_S)
@@ -69,11 +67,11 @@ class CommandRetrier:
         return message
 
     def outcome(self, command: int) -> Outcome | None:
-        """What became of the last command of this kind; `None` when none was sent."""
+        """The outcome of the last command of this kind; `None` when none was sent."""
         return self._outcomes.get(command)
 
     def answered(self, fact: CommandResult, now_s: float) -> None:
-        """Take note of an acknowledgement; one that was not asked for is nobody's."""
+        """Process an acknowledgement; one without a command under way is ignored."""
         pending = self._pending.get(fact.command)
         if pending is None:
             return
@@ -81,19 +79,19 @@ class CommandRetrier:
             pending.next_s = now_s + _IN_PROGRESS_S
             return
         if fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
-            return  # asked again at the usual pace, until the tries are used up
+            return  # repeated at the usual rate until the tries are used up
         accepted = fact.result == mavlink.MAV_RESULT_ACCEPTED
         if not accepted:
             self._refusals.append(f"{_name(fact.command)} {_RESULTS.get(fact.result, fact.result)}")
         self._settle(fact.command, Outcome.ACCEPTED if accepted else Outcome.REFUSED)
 
     def refusals(self) -> list[str]:
-        """What was refused since the last call, in words."""
-        told, self._refusals = self._refusals, []
-        return told
+        """The commands that were refused since the last call, in words."""
+        refusals, self._refusals = self._refusals, []
+        return refusals
 
     def due(self, now_s: float) -> list[Message]:
-        """The commands to send again now."""
+        """The commands to repeat now."""
         messages = []
         for command, pending in list(self._pending.items()):
             if now_s < pending.next_s:
@@ -110,7 +108,7 @@ class CommandRetrier:
         return messages
 
     def forget(self) -> None:
-        """Drop everything under way: nothing that was asked may be repeated now."""
+        """Drop all commands under way and all outcomes."""
         self._pending.clear()
         self._outcomes.clear()
         self._refusals.clear()

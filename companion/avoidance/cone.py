@@ -1,23 +1,22 @@
 """Collision cone with its transition domain (paper §3.1, figures 2 and 3).
 
-An obstacle of radius R_o + R_u seen from distance d fills the half angle beta1 = asin((R_o + R_u) / d). A
-conflict exists while the relative velocity points into it, abs(alpha) <= beta1. Once inside, the cone
-widens to beta2 = beta1 + dbeta until abs(alpha) > beta2: without that memory a small turn would leave the
-cone, the goal would pull back into it, and the aircraft would chatter along its edge.
+An obstacle of radius R_o + R_u at distance d subtends the half angle beta1 = asin((R_o + R_u) / d). There is
+a conflict while the relative velocity points into this cone, abs(alpha) <= beta1. Once inside, the cone
+widens to beta2 = beta1 + dbeta until abs(alpha) > beta2. Without that memory a small turn would leave the
+cone, the goal would pull the course back into it, and the aircraft would chatter along its edge.
 """
 
 from collections.abc import Sequence
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.avoidance.geometry import STILL_MPS, Array
+from companion.avoidance.geometry import STILL_MPS, Array, Mask
 from companion.compiled import kernels
 
 
 def half_angle_rad(distance_m: Array, radius_m: Array) -> Array:
-    """beta1 = asin(radius / distance), shape (N,); pi within the radius, where every direction collides."""
+    """beta1 = asin(radius / distance), (N,); pi within the radius, where every direction collides."""
     beta1: Array = kernels.half_angles(distance_m, radius_m)
     return beta1
 
@@ -26,17 +25,17 @@ def approach_angle_rad(rel_position_m: Array, own_rel_velocity_mps: Array) -> Ar
     """alpha: angle from the line of sight to our velocity relative to the obstacle, in [-pi, pi], (N,).
 
     `rel_position_m` is obstacle minus own, `own_rel_velocity_mps` own minus obstacle, both (N, 2+). Positive
-    is to the left as a pilot sees it: anticlockwise from above, with x north and y east (paper §3.1, fig. 2).
-    With no relative motion nothing approaches: alpha is pi.
+    is to the left as the pilot sees it: anticlockwise from above, with x north and y east (paper §3.1, fig.
+    2). Without relative motion nothing approaches, and alpha is pi.
     """
     alpha: Array = kernels.approach_angles(rel_position_m, own_rel_velocity_mps, STILL_MPS)
     return alpha
 
 
 class TransitionDomain:
-    """The memory of the cone: which obstacles are inside, hence judged by beta2 instead of beta1.
+    """The memory of the cones: obstacles in whose cone we are, which are judged by beta2 instead of beta1.
 
-    `delta_beta_rad`, the width that beta2 has more, may be changed at any time.
+    `delta_beta_rad`, by how much beta2 is wider, may be changed at any time.
     """
 
     def __init__(self, delta_beta_rad: float) -> None:
@@ -44,21 +43,21 @@ class TransitionDomain:
         self._inside: frozenset[str] = frozenset()
 
     def wider_rad(self, track_id: str) -> float:
-        """How much wider the cone of this one is than beta1."""
+        """By how much the cone of this obstacle is wider than beta1."""
         return self.delta_beta_rad if track_id in self._inside else 0.0
 
-    def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> NDArray[np.bool_]:
-        """In whose cone we are, shape (N,): in the wider one of those entered before."""
+    def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> Mask:
+        """In whose cone we are, (N,); for obstacles entered before, in the wider one."""
         if self._inside:
             beta1_rad = beta1_rad + [self.wider_rad(track_id) for track_id in ids]
-        covered: NDArray[np.bool_] = np.abs(alpha_rad) <= beta1_rad
+        covered: Mask = np.abs(alpha_rad) <= beta1_rad
         return covered
 
-    def keep(self, ids: Sequence[str], inside: NDArray[np.bool_]) -> None:
-        """These are entered, shape (N,), and no others any more.
+    def keep(self, ids: Sequence[str], inside: Mask) -> None:
+        """Remember these obstacles, (N,), as entered, and no others.
 
-        That is for those covered within reach, which is def. 3's conflict by distance: the domain is entered
-        and kept only there.
+        Pass those covered and within reach: def. 3 has conflicts only by distance, so that the domain is
+        entered and kept only there.
         """
         self._inside = frozenset(compress(ids, inside.tolist()))
 

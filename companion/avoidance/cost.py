@@ -1,85 +1,40 @@
-"""Prices: rows flown ahead, and what each of them costs.
+"""Cost: the context that rows are priced in, rows flown ahead, and the price of each. The cheapest is flown.
 
-The price puts separation first, from what is predicted and from what may surprise, then effort, deviation
-from the mission and where it leaves us, changing one's mind and passing on the wrong side. The cheapest row
-is flown.
+The price puts separation first, from predicted flights and from unpredicted maneuvers. Then come effort,
+deviation from the mission, the situation that a row leads to, switching rows, and passing on the wrong side.
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from annotated_types import Ge
-from numpy.typing import NDArray
 
+from companion.avoidance.assess import TrafficAssessment
+from companion.avoidance.constraints import Constraints, Refusals
 from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.fence import Breach, Fence
-from companion.avoidance.geometry import Array
-from companion.avoidance.maneuvers import NO_SURPRISES, SurpriseParams, foreseen
-from companion.avoidance.refusals import Refusals
+from companion.avoidance.geometry import Array, Mask, any_of
+from companion.avoidance.maneuvers import NO_MANEUVERS, ManeuverParams, enumerate_maneuvers
+from companion.avoidance.params import AvoidanceParams, CostWeights
+from companion.avoidance.separation import heights_to_pass, losses, outcomes, separation
+from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import (
     HORIZON_S,
     Commands,
+    OwnFlight,
     OwnState,
     Paths,
-    Tracks,
     fly_ahead,
     ground_velocity_mps,
-    losses,
-    moment_at,
-    outcomes,
-    separation,
+    index_at,
 )
 from companion.compiled import kernels
 from companion.model import Guidance
-
-# Commands that differ by no more than this are flown alike.
-_SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
-
-# A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
-_NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
+from companion.units import wrap_pi
 
 
-@dataclass(frozen=True)
-class CostWeights:
-    """Prices. Losing the protected volume outweighs all else together."""
-
-    margin: Annotated[float, Ge(0)] = 30.0  # times the penetration of the margin, 0 at its edge
-    loss: Annotated[float, Ge(0)] = 40.0  # flat, for entering the protected volume itself
-    depth: Annotated[float, Ge(0)] = 300.0  # times the deepest penetration, 0 at the edge, 1 at contact
-    exposure: Annotated[float, Ge(0)] = 100.0  # times the mean penetration, so that leaving soon is better
-    # Times the mean depth in the worst inner layer, 0 at its edge and 1 at the volume. The paper's clears its
-    # whole sphere; for traffic that would be miles, and a volume missed by its margin is missed.
-    nearness: Annotated[float, Ge(0)] = 0.0
-    turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
-    deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
-    # Times the distance from where the mission would be when all is passed, per 100 m.
-    aside: Annotated[float, Ge(0)] = 0.6
-    # Times how deep the mission would lead into a volume from there, 0 at its edge, 1 through its middle.
-    unresolved: Annotated[float, Ge(0)] = 8.0
-    height: Annotated[float, Ge(0)] = 0.8  # times the height off the mission's, per 100 m
-    descent: Annotated[float, Ge(0)] = 0.2  # flat, for going below the mission: ground is there
-    # Flat, for leaving the mission's height where that is a risk of its own (`Avoider.spares_heights`): more
-    # than any turn costs, less than the loss of the protected volume.
-    spared_height: Annotated[float, Ge(0)] = 12.0
-    speed: Annotated[float, Ge(0)] = 0.5  # times the speed off the mission's, per 10 m/s
-    # Flat, for anything but what is flown already; twice that while the closest approach is far off, as what
-    # looks cheaper now may not a moment later, and there is time.
-    switch: Annotated[float, Ge(0)] = 2.0
-    ease: Annotated[float, Ge(0)] = 0.6  # the same, for the same with less of it: nearer to the mission
-    wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
-    # Where there is a fence. Leaving it outweighs the loss of many volumes, as the autopilot then takes the
-    # aircraft away from us or ends its flight, and whoever is out there has not been asked; only a near
-    # mid-air collision outweighs the fence.
-    fence: Annotated[float, Ge(0)] = 10_000.0  # times the use of its margin, 1 from the fence itself on
-    near_miss: Annotated[float, Ge(0)] = 30_000.0  # flat, and once more times the depth, 1 at contact
-    outside: Annotated[float, Ge(0)] = 100.0  # times the mean depth outside, per 100 m: back soon is better
-    # For a way that would leave the fence later, before the threat is passed: all of it if it left at once.
-    not_to_the_end: Annotated[float, Ge(0)] = 3.0
-
-
-class Situation(NamedTuple):
+class CostContext(NamedTuple):
     """What rows are made from and priced against."""
 
     own: OwnState
@@ -88,150 +43,263 @@ class Situation(NamedTuple):
     under_m: float  # the height that passes below every threat
     right_preferred: bool
     horizon_s: float  # how far ahead rows are judged
-    goal_distance: float  # in lengths of the outer layer's radius; 1 where the goal is a direction only
-    lost: float  # the separation, in protected volumes with margin, from which the bare volume counts as lost
+    goal_distance: float  # in radii of the outer layer; 1 where the goal is only a direction
+    breach_ratio: float  # separation, in volumes with margin, below which the bare volume counts as entered
     envelope: Envelope
     weights: CostWeights
-    rule_course_rad: float = 0.0  # what eq. 11 asks for, in an emergency
-    rule_pace: Pace = Pace.KEEP  # what eq. 13 asks for
+    rule_course_rad: float = 0.0  # the course of eq. 11, in an emergency
+    rule_pace: Pace = Pace.KEEP  # the speed of eq. 13
     fence: Fence | None = None
-    fence_look_ahead_s: float = 0.0  # within it the fence must be kept
+    fence_look_ahead_s: float = 0.0  # the fence must be kept until then
     passed_s: float = HORIZON_S  # when all threats are passed
-    # Where the mission flown on is at that time, north and east, (2,); `None`: nobody is to be passed.
-    mission_then_m: Array | None = None
+    # Where the mission flown on is at that time, north and east, (2,); `None` if there is no threat.
+    mission_at_passed_m: Array | None = None
     refusals: Refusals = Refusals()
-    surprises: SurpriseParams = NO_SURPRISES
-    spares_heights: bool = False  # the mission's is left only where a turn does not do
-    early: float = 0.0  # 1 while the closest approach is far off, 0 when it is near (`Survey.early`)
-    impatience: float = 0.0  # grows when it has lasted too long: how much more what is left to pass counts
+    maneuvers: ManeuverParams = NO_MANEUVERS
+    prefers_turns: bool = False  # the mission's height is left only where a turn does not suffice
+    earliness: float = 0.0  # 1 while the closest approach is far off, 0 when it is near
+    overtime: float = 0.0  # grows while an avoidance lasts too long; the price `unresolved` grows with it
 
 
-class Priced(NamedTuple):
-    """Rows with their price, shape (K,), and how they keep clear of the nearest track, shape (K,).
+class Conflict(NamedTuple):
+    """A conflict to be resolved: its context, the traffic, and the guidance flown until now."""
 
-    `contained`, (K,): which of them keep to the fence.
+    context: CostContext
+    assessment: TrafficAssessment
+    urgent: Tracks  # the tracks to price rows against
+    last_guidance: Guidance | None
+
+    @property
+    def is_emergency(self) -> bool:
+        """Whether any track calls for the inner layer."""
+        return any_of(self.assessment.emergency)
+
+
+def conflict_context(
+    flight: OwnFlight,
+    assessment: TrafficAssessment,
+    params: AvoidanceParams,
+    constraints: Constraints,
+    *,
+    prefers_turns: bool,
+    overtime: float,
+) -> CostContext:
+    """The context of at least one conflict."""
+    state, mission, goal = flight.state, flight.mission, flight.goal
+    over_m, under_m, passed_s = heights_to_pass(assessment.tracks, assessment.motion, assessment.conflict)
+    usual_m = (-state.position_m[2], mission.altitude_m)
+    highest_m = max(usual_m) + params.largest_height_change_m
+    lowest_m = min(usual_m) - params.largest_height_change_m
+    to_goal_m = params.outer_radius_m if goal.position_m is None else state.distance_m(goal.position_m)
+    margin = 1.0 + min(params.horizontal_margin, params.vertical_margin)
+    return CostContext(
+        own=state,
+        mission=mission,
+        over_m=min(over_m, highest_m),
+        under_m=max(under_m, lowest_m),
+        horizon_s=assessment.horizon_s,
+        goal_distance=to_goal_m / params.outer_radius_m,
+        breach_ratio=min(1.0 + params.lost_margin, margin) / margin,
+        right_preferred=_right_preferred(mission, assessment.motion.position_m[assessment.nearest]),
+        envelope=constraints.envelope,
+        weights=params.weights,
+        fence=constraints.fence,
+        fence_look_ahead_s=constraints.fence_look_ahead_s(state),
+        refusals=constraints.refusals,
+        maneuvers=params.surprises,
+        prefers_turns=prefers_turns,
+        earliness=assessment.earliness(params),
+        overtime=overtime,
+        passed_s=passed_s,
+        mission_at_passed_m=assessment.mission_path_m[index_at(passed_s)],
+    )
+
+
+def return_context(
+    flight: OwnFlight, params: AvoidanceParams, constraints: Constraints, *, prefers_turns: bool
+) -> CostContext:
+    """The context of a return to the mission, without any conflict."""
+    mission = flight.mission
+    return CostContext(
+        own=flight.state,
+        mission=mission,
+        over_m=mission.altitude_m,
+        under_m=mission.altitude_m,
+        horizon_s=HORIZON_S,
+        goal_distance=1.0,
+        breach_ratio=1.0,
+        right_preferred=False,
+        envelope=constraints.envelope,
+        weights=replace(params.weights, switch=params.weights.ease),
+        rule_course_rad=mission.course_rad,
+        fence=constraints.fence,
+        fence_look_ahead_s=constraints.fence_look_ahead_s(flight.state),
+        refusals=constraints.refusals,
+        prefers_turns=prefers_turns,
+    )
+
+
+def _right_preferred(mission: Guidance, rel_m: Array) -> bool:
+    """Whether the rules of the air turn us to the right: head-on, or crossing from the right."""
+    north_m, east_m, _ = rel_m.tolist()
+    bearing_rad = wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)
+    return math.radians(-20.0) <= bearing_rad <= math.radians(110.0)
+
+
+# Commands that differ by no more than this count as the same.
+_SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
+
+# A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
+_NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
+
+
+class EvaluatedRows(NamedTuple):
+    """Rows with their cost, their separation from the nearest track, and which keep the fence, (K,) each.
+
+    `best` is the index of the cheapest row; of equals the first, so that the same inputs give the same row.
     """
 
     commands: Commands
     cost: Array
     closest: Array
-    contained: NDArray[np.bool_]
+    within_fence: Mask
+    best: int
 
-    def best(self) -> int:
-        """The cheapest row; the first of equals, so that the same inputs give the same row."""
-        return int(np.argmin(self.cost))
+    @property
+    def best_guidance(self) -> Guidance:
+        """The cheapest row."""
+        return self.commands.row(self.best)
 
-
-def _mission_within_limits(situation: Situation) -> Guidance:
-    """What the mission asks for, as far as it can be flown."""
-    mission, envelope = situation.mission, situation.envelope
-    return Guidance(
-        mission.course_rad,
-        envelope.clamp_airspeed_mps(mission.airspeed_mps),
-        envelope.clamp_altitude_m(mission.altitude_m),
-    )
+    def best_is_allowed(self, refusals: Refusals) -> bool:
+        """Whether the cheapest row keeps the fence and has no refused value."""
+        return bool(self.within_fence[self.best]) and refusals.allow(self.best_guidance)
 
 
-def price(situation: Situation, commands: Commands, tracks: Tracks, held: Guidance | None) -> Priced:
-    """Fly all rows ahead and price them; the guidance being flown, if there is one, as row 0.
+def evaluate_rows(
+    context: CostContext, commands: Commands, tracks: Tracks, last_guidance: Guidance | None
+) -> EvaluatedRows:
+    """Fly all rows ahead and price them, without those that the autopilot refused.
 
-    Separation has its price in what is predicted, and by its share in every surprise. How rows keep clear
-    (`Priced.closest`) is told of what is predicted alone.
-    Rows that ask for what the autopilot refused are left out.
+    `last_guidance`, if any, becomes row 0. Maneuvers of intruders add to the cost of separation, but
+    `EvaluatedRows.closest` is against predicted flights alone.
     """
-    refusals = situation.refusals
-    if held is not None and refusals.refused:
-        held = refusals.instead(held, _mission_within_limits(situation), commands)
-    if held is not None:
-        commands = commands.after(held)
-    if refusals.refused:
-        commands = refusals.without(commands, _mission_within_limits(situation))
-    weights = situation.weights
-    paths = fly_ahead(situation.own, commands, situation.envelope)
+    weights = context.weights
+    commands, last_guidance = _allowed_rows(context, commands, last_guidance)
+    paths = fly_ahead(context.own, commands, context.envelope)
     cost, closest = losses(
         paths,
         tracks,
-        foreseen(tracks, situation.surprises),
+        enumerate_maneuvers(tracks, context.maneuvers),
         weights,
-        situation.lost,
-        horizon_s=situation.horizon_s,
-        soon_s=min(situation.surprises.within_s, situation.horizon_s),
+        context.breach_ratio,
+        horizon_s=context.horizon_s,
+        soon_s=min(context.maneuvers.within_s, context.horizon_s),
     )
-    # In a crowd no way is clear of all shells: what counts is the worst, or the crowd would outweigh the
-    # goal.
     if weights.nearness > 0.0:
-        kept = separation(paths, tracks, horizon_s=situation.horizon_s, shells=True)
-        cost += weights.nearness * kept.nearness.max(axis=1, initial=0.0)
-    _add_efforts(cost, situation, commands, _outcome_price(situation, paths, tracks), held)
-    contained = np.ones(len(commands), dtype=bool)
-    if situation.fence is not None:
-        breach = situation.fence.breach(paths, situation.fence_look_ahead_s, situation.passed_s)
-        contained = breach.deepest_m <= 0.0
-        cost += _fence_price(situation, situation.fence, breach)
-        if not contained.all():
-            cost += _near_miss_price(situation, paths, tracks)
-    return Priced(commands, cost, closest, contained)
+        cost += _buffer_cost(context, paths, tracks)
+    _add_efforts(cost, context, commands, _outcome_cost(context, paths, tracks), last_guidance)
+    within_fence = np.ones(len(commands), dtype=bool)
+    if context.fence is not None:
+        breach = context.fence.breach(paths, context.fence_look_ahead_s, context.passed_s)
+        within_fence = breach.deepest_m <= 0.0
+        cost += _fence_cost(context, context.fence, breach)
+        if not within_fence.all():
+            cost += _near_miss_cost(context, paths, tracks)
+    return EvaluatedRows(commands, cost, closest, within_fence, int(cost.argmin()))
+
+
+def _allowed_rows(
+    context: CostContext, commands: Commands, last_guidance: Guidance | None
+) -> tuple[Commands, Guidance | None]:
+    """The rows without refused values, with the last guidance as row 0; and that, if it is still a row."""
+    refusals, envelope = context.refusals, context.envelope
+    if not refusals.refused:
+        return commands if last_guidance is None else commands.preceded_by(last_guidance), last_guidance
+    mission = Guidance(
+        context.mission.course_rad,
+        envelope.clamp_airspeed_mps(context.mission.airspeed_mps),
+        envelope.clamp_altitude_m(context.mission.altitude_m),
+    )
+    if last_guidance is not None:
+        last_guidance = refusals.substitute(last_guidance, mission, commands)
+    if last_guidance is not None:
+        commands = commands.preceded_by(last_guidance)
+    return refusals.remove_from(commands, mission), last_guidance
+
+
+def _buffer_cost(context: CostContext, paths: Paths, tracks: Tracks) -> Array:
+    """The cost of rows within the buffers around volumes, (K,).
+
+    In a crowd no row is clear of all buffers. Only the worst counts, or the crowd would outweigh the goal.
+    """
+    kept = separation(paths, tracks, horizon_s=context.horizon_s, buffers=True)
+    cost: Array = context.weights.nearness * kept.nearness.max(axis=1, initial=0.0)
+    return cost
 
 
 def _add_efforts(
-    cost: Array, situation: Situation, commands: Commands, of_outcome: Array, held: Guidance | None
+    cost: Array,
+    context: CostContext,
+    commands: Commands,
+    outcome_cost: Array,
+    last_guidance: Guidance | None,
 ) -> None:
-    """Add what rows cost of themselves, and by the outcome of their ground paths, (H,).
+    """Add the cost of the commands themselves, and that of the outcomes of their ground paths, (H,).
 
-    Turns and deviations, speeds and heights off the mission's, the wrong side; and for rows but the one held
-    what it costs to switch, or less where they lie between what is held and the mission.
+    Commands cost by turn, by deviation from the mission's course, speed and height, and by the wrong side.
+    Rows other than the last guidance also cost the switch, or less if they lie between it and the mission.
     """
-    mission, weights = situation.mission, situation.weights
+    mission, weights = context.mission, context.weights
     kernels.add_efforts(
         cost,
         commands,
         weights,
-        of_outcome,
+        outcome_cost,
         mission.course_rad,
         mission.airspeed_mps,
         mission.altitude_m,
-        situation.own.course_rad,
-        situation.right_preferred,
-        situation.spares_heights,
-        held,
+        context.own.course_rad,
+        context.right_preferred,
+        context.prefers_turns,
+        last_guidance,
         _SAME_COURSE_RAD,
         _SAME_HEIGHT_M,
-        weights.switch * (1.0 + situation.early),
+        weights.switch * (1.0 + context.earliness),
     )
 
 
-def _outcome_price(situation: Situation, paths: Paths, tracks: Tracks) -> Array:
-    """What ground paths cost by where they are when the mission would have passed all threats, (H,).
+def _outcome_cost(context: CostContext, paths: Paths, tracks: Tracks) -> Array:
+    """The cost of where ground paths are when the mission would have passed all threats, (H,).
 
-    That is the distance from where the mission would be, and what is left to do: who flies on beside a threat
-    keeps clear of it for as long as he likes, but is no nearer to passing it.
+    It is made of the distance from where the mission would be, and of what is still unresolved there: a row
+    beside a threat stays clear of it for any time, but never passes it.
     """
-    if situation.mission_then_m is None:
+    if context.mission_at_passed_m is None:
         return np.zeros(len(paths.ground_m))
-    weights, mission = situation.weights, situation.mission
+    weights, mission = context.weights, context.mission
     return outcomes(
         paths,
         tracks,
-        moment_at(situation.passed_s),
-        situation.mission_then_m,
-        ground_velocity_mps(mission.course_rad, mission.airspeed_mps, situation.own.wind_mps),
+        index_at(context.passed_s),
+        context.mission_at_passed_m,
+        ground_velocity_mps(mission.course_rad, mission.airspeed_mps, context.own.wind_mps),
         mission.altitude_m,
         aside=weights.aside / 100.0,
-        unresolved=(1.0 + situation.impatience) * weights.unresolved,
+        unresolved=(1.0 + context.overtime) * weights.unresolved,
     )
 
 
-def _fence_price(situation: Situation, fence: Fence, breach: Breach) -> Array:
-    """What the fence costs rows, shape (K,).
+def _fence_cost(context: CostContext, fence: Fence, breach: Breach) -> Array:
+    """The cost of breaking the fence, (K,).
 
-    First comes no near mid-air collision, then the fence, then everything else: well clear is there to keep
-    surprises from becoming collisions and has room for that; a fence has none, as beyond it other people,
-    other aircraft and the autopilot's own reaction begin. Once outside, the fence is broken whatever is
-    flown: then well clear counts as ever, against coming back soon.
+    Avoiding a near mid-air collision comes first, then the fence, then everything else. Well clear has room
+    to absorb what is not predicted. A fence has none: beyond it are other people and other aircraft, and the
+    autopilot reacts by itself. Once we are outside, every row breaks the fence, and well clear counts as
+    usual against a quick return.
     """
-    weights = situation.weights
+    weights = context.weights
     use = breach.deepest_m / fence.margin_m if fence.margin_m > 0.0 else breach.deepest_m > 0.0
-    early = np.maximum(1.0 - breach.first_s / max(situation.passed_s, 1.0), 0.0)
+    early = np.maximum(1.0 - breach.first_s / max(context.passed_s, 1.0), 0.0)
     cost: Array = (
         weights.fence * np.minimum(use, 1.0)
         + weights.outside / 100.0 * breach.mean_m
@@ -240,14 +308,17 @@ def _fence_price(situation: Situation, fence: Fence, breach: Breach) -> Array:
     return cost
 
 
-def _near_miss_price(situation: Situation, paths: Paths, tracks: Tracks) -> Array:
-    """What the fence must not make rows do, shape (K,)."""
-    horizontal, vertical = situation.lost * _NEAR_MISS_HORIZONTAL, situation.lost * _NEAR_MISS_VERTICAL
+def _near_miss_cost(context: CostContext, paths: Paths, tracks: Tracks) -> Array:
+    """The cost of near mid-air collisions, which even the fence does not justify, (K,)."""
+    horizontal, vertical = (
+        context.breach_ratio * _NEAR_MISS_HORIZONTAL,
+        context.breach_ratio * _NEAR_MISS_VERTICAL,
+    )
     cores = replace(
         tracks,
         protected_horizontal_m=horizontal * tracks.protected_horizontal_m,
         protected_vertical_m=vertical * tracks.protected_vertical_m,
     )
-    closest = separation(paths, cores, horizon_s=situation.horizon_s).closest.min(axis=1, initial=np.inf)
-    cost: Array = situation.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
+    closest = separation(paths, cores, horizon_s=context.horizon_s).closest.min(axis=1, initial=np.inf)
+    cost: Array = context.weights.near_miss * ((closest < 1.0) + np.maximum(1.0 - closest, 0.0))
     return cost

@@ -1,4 +1,4 @@
-"""What the aircraft can do: the limits that every row of the strategy table must keep (paper §3.2.3)."""
+"""What the aircraft can do: its controls (paper §3.2) and the limits that every row keeps (§3.2.3)."""
 
 import math
 from dataclasses import dataclass
@@ -10,10 +10,21 @@ from annotated_types import Ge, Gt, Le, Lt
 from companion.units import STANDARD_GRAVITY_MPS2
 
 
+class Control(StrEnum):
+    """What an avoidance can change."""
+
+    HEADING = "heading"
+    SPEED = "speed"
+    HEIGHT = "height"
+
+
+ALL_CONTROLS = frozenset(Control)
+
+
 class Pace(StrEnum):
     """A choice of airspeed."""
 
-    KEEP = "keep"  # what is wanted anyway
+    KEEP = "keep"  # the mission's
     SLOWEST = "slowest"
     FASTEST = "fastest"
 
@@ -28,11 +39,11 @@ class Envelope:
     max_turn_rate_radps: Annotated[float, Gt(0), Le(math.radians(90))] = math.radians(20.0)
     max_climb_mps: Annotated[float, Gt(0), Le(50)] = 2.5
     max_sink_mps: Annotated[float, Gt(0), Le(50)] = 2.5
-    # Time from a command to the turn or climb it asks for. ArduPlane turned 77 degrees in 9.5 s on a
-    # 27 degree bank, which a delay of one second and the full rate thereafter describes well.
+    # Time from a command to the turn or climb that it causes. ArduPlane turned 77 degrees in 9.5 s at a bank
+    # of 27 degrees, which a delay of one second and then the full rate describe well.
     response_s: Annotated[float, Ge(0), Le(10)] = 1.0
     max_acceleration_mps2: Annotated[float, Gt(0), Le(20)] = 1.0
-    # Height above the zero of the local frame that no row may leave; `None`: no limit.
+    # Heights above the zero of the local frame that no row may leave; `None`: no limit.
     min_altitude_m: float | None = None
     max_altitude_m: float | None = None
 
@@ -48,7 +59,7 @@ class Envelope:
 
     @property
     def turn_acceleration_mps2(self) -> float:
-        """Across, in a coordinated turn at the bank limit: g tan(bank)."""
+        """Lateral acceleration of a coordinated turn at the bank limit: g tan(bank)."""
         return STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad)
 
     def turn_rate_radps(self, airspeed_mps: float) -> float:
@@ -60,7 +71,7 @@ class Envelope:
         return min(max(airspeed_mps, self.min_airspeed_mps), self.max_airspeed_mps)
 
     def airspeed_mps(self, pace: Pace, wanted_mps: float) -> float:
-        """The airspeed of a pace, within the limits."""
+        """The airspeed of a pace, within the limits; `wanted_mps` is that of `Pace.KEEP`."""
         if pace is Pace.KEEP:
             return self.clamp_airspeed_mps(wanted_mps)
         return self.min_airspeed_mps if pace is Pace.SLOWEST else self.max_airspeed_mps

@@ -1,7 +1,7 @@
-"""Fences: parts of the sky to stay in or out of, and how flights ahead keep to them.
+"""Fences: zones to stay inside or outside of, and how rows flown ahead keep to them.
 
-In MAVLink's fence missions all exclusion zones count. Of several inclusion zones ArduPlane demands to be
-inside every one, PX4 inside at least one: `any_inclusion`.
+In MAVLink's fence missions all exclusion zones count. With several inclusion zones ArduPlane requires to be
+inside all of them, PX4 inside at least one (`any_inclusion`).
 """
 
 import math
@@ -15,20 +15,20 @@ from companion.avoidance.geometry import Array
 from companion.avoidance.trajectory import Paths, times_until
 from companion.model import Vec2
 
-# Between the times of the prediction flights are sampled this finely, or as finely as the margin is wide
-# where that is more: then nothing that is wider than this can be jumped over.
+# Between the times of the prediction paths are sampled at this distance, or at the margin if that is larger.
+# Then no wider zone can be missed.
 _SPACING_M = 5.0
 _Float = np.float32
 
 
 @dataclass(frozen=True)
 class Zone:
-    """To stay inside of (`inclusion`) or outside of: a polygon, or a circle, north and east [m].
+    """A polygon or a circle, north and east [m], to stay inside of (`inclusion`) or outside of.
 
-    A polygon is any simple one, also concave, turning either way, its last vertex joined to its first. With
-    limits of altitude (above the zero of the local frame) it counts between them only: an inclusion zone must
-    be kept to in height as well, an exclusion zone may be passed above or below. `ValueError` if it is
-    neither or both, not finite, or has too few vertices or no radius.
+    A polygon may be concave and of either orientation, but must not intersect itself; its last vertex is
+    joined to its first. Altitude limits are above the zero of the local frame. With them an inclusion zone
+    must be kept in height as well, and an exclusion zone may be passed above or below. `ValueError` if the
+    zone is neither polygon nor circle, or both, is not finite, or has too few vertices or no radius.
     """
 
     inclusion: bool
@@ -53,11 +53,11 @@ class Zone:
 
     @property
     def has_heights(self) -> bool:
-        """Whether it ends somewhere above or below."""
+        """Whether the zone has an altitude limit."""
         return self.min_altitude_m is not None or self.max_altitude_m is not None
 
     def inside_m(self, place_m: Array) -> Array:
-        """How far inside its edge places lie, seen from above; negative outside. (..., 2) to (...)."""
+        """Horizontal distance of places from the edge, negative outside [m]; (..., 2) to (...)."""
         if self.centre_m is not None and self.radius_m is not None:
             inside: Array = self.radius_m - np.hypot(
                 place_m[..., 0] - self.centre_m[0], place_m[..., 1] - self.centre_m[1]
@@ -66,7 +66,7 @@ class Zone:
         return _inside_polygon_m(place_m, self._outline_m)
 
     def between_m(self, altitude_m: Array) -> Array:
-        """How far between its limits altitudes lie; negative above and below, inf where there are none."""
+        """Distance of altitudes from the nearest limit, negative beyond it, inf without one [m]."""
         between = np.full(np.shape(altitude_m), np.inf)
         if self.min_altitude_m is not None:
             between = np.minimum(between, altitude_m - self.min_altitude_m)
@@ -75,7 +75,7 @@ class Zone:
         return between
 
     def is_within(self, reach_m: float, place_m: Array) -> bool:
-        """Whether any of it may be so near to a place, (2,): the circle around it is."""
+        """Whether the circle around the zone is nearer to a place, (2,), than `reach_m`."""
         centre_m, radius_m = self._circle
         return math.dist(centre_m, place_m.tolist()) < radius_m + reach_m
 
@@ -96,7 +96,7 @@ def _inside_polygon_m(place_m: Array, vertices_m: Array) -> Array:
     """Distance to the nearest edge, positive inside by the even-odd rule: (..., 2) to (...)."""
     shape = place_m.shape[:-1]
     flat_m = place_m.reshape(-1, 2)
-    # Single precision, for half the time, is good for millimetres when counted from near by.
+    # Single precision takes half the time, and is exact to millimetres relative to a place near by.
     here_m = flat_m[0] if len(flat_m) else np.zeros(2)
     north, east = (flat_m - here_m).T[:, None, :].astype(_Float)
     starts = (vertices_m - here_m).astype(_Float)
@@ -107,7 +107,7 @@ def _inside_polygon_m(place_m: Array, vertices_m: Array) -> Array:
     share = np.minimum(np.maximum(share, _Float(0.0)), _Float(1.0))
     to_north, to_east = off_north - share * along_north, off_east - share * along_east
     distance = np.sqrt((to_north * to_north + to_east * to_east).min(axis=0))
-    # A ray to the north crosses the edges that span its east, where they lie north of the place.
+    # A ray to the north crosses the edges that span its east coordinate and lie north of the place.
     above = off_east >= 0.0
     spans = above != np.roll(above, -1, axis=0)
     south = (off_north * along_east < off_east * along_north) == (along_east > 0.0)
@@ -118,10 +118,10 @@ def _inside_polygon_m(place_m: Array, vertices_m: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """How rows break the fence with its margin, shape (K,).
+    """How rows break the fence with its margin, (K,) each.
 
-    `deepest_m` and `mean_m`, over time, are of how far rows are on the wrong side within the look-ahead;
-    `first_s` is when that first happens, also later, told then to some seconds; inf if never.
+    `deepest_m` and `mean_m` over time are how far rows are on the wrong side within the look-ahead. `first_s`
+    is when that first happens, also later (then exact to some seconds only), inf if never.
     """
 
     deepest_m: Array
@@ -131,10 +131,10 @@ class Breach:
 
 @dataclass(frozen=True)
 class Fence:
-    """Zones that count together, and how far from their edges to keep [m].
+    """Zones that count together, and the distances to keep from their edges [m].
 
-    The margins are for what is not predicted: gusts, and how an aircraft really turns. Where two inclusion
-    zones of which one is enough (`any_inclusion`) meet, they must overlap by twice the margin to let pass.
+    The margins allow for gusts and for turns that differ from the prediction. With `any_inclusion`, two
+    inclusion zones must overlap by twice the margin for an aircraft to pass from one to the other.
     """
 
     zones: tuple[Zone, ...]
@@ -147,9 +147,9 @@ class Fence:
             raise ValueError("margins must be zero or more")
 
     def depth_m(self, place_m: Array) -> Array:
-        """How far places north-east-down are on the wrong side of the fence with its margin: (N, 3) to (N,).
+        """How far places north-east-down are on the wrong side of fence and margin, (N, 3) to (N,) [m].
 
-        0 where all is well. The way back is at least as long: to the edge of one zone, sideways or in height.
+        0 within the fence. The way back is at least this long, sideways or in height.
         """
         one = np.zeros(1, dtype=np.intp)
         path = Paths(place_m[None, :, :2], -place_m[None, :, 2], one, one)
@@ -157,7 +157,7 @@ class Fence:
         return depth
 
     def breach(self, paths: Paths, look_ahead_s: float, until_s: float) -> Breach:
-        """How rows break the fence within the look-ahead, and when they first do so until `until_s`."""
+        """How rows break the fence within the look-ahead, and when they first do so before `until_s`."""
         zones = self._reached(paths, max(look_ahead_s, until_s))
         if not zones:
             none = np.zeros(len(paths.ground_of))
@@ -172,7 +172,7 @@ class Fence:
         return Breach(deepest, depth[:, 1:ahead] @ steps_s / max(float(steps_s.sum()), 1e-9), first_s)
 
     def _reached(self, paths: Paths, until_s: float) -> tuple[Zone, ...]:
-        """The zones that can matter: no depth changes faster than the aircraft flies."""
+        """The zones that can matter: a depth changes no faster than the aircraft flies."""
         here = paths.ground_m[0, 0]
         furthest_m = float(np.abs(paths.ground_m[:, : len(times_until(until_s))] - here).max())
         reach_m = self.margin_m + math.sqrt(2.0) * furthest_m
@@ -190,7 +190,7 @@ class Fence:
         return tuple(kept)
 
     def _depth_m(self, zones: tuple[Zone, ...], path: Paths) -> Array:
-        """Depth along rows, (K, T)."""
+        """How far rows are on the wrong side of these zones, (K, T)."""
         depth = np.zeros((len(path.ground_of), path.ground_m.shape[1]))
         nearest = np.full_like(depth, np.inf)
         for zone in zones:
@@ -210,7 +210,7 @@ class Fence:
 
 
 def _sampled(paths: Paths, look_ahead_s: float, until_s: float, spacing_m: float) -> tuple[Array, Paths]:
-    """Rows with places at most so far apart within the look-ahead, and every other one thereafter."""
+    """Rows at places at most `spacing_m` apart within the look-ahead, and at every other time thereafter."""
     times_s, near = times_until(max(look_ahead_s, until_s)), len(times_until(look_ahead_s))
     steps = np.diff(paths.ground_m[:, :near], axis=1)
     step_m = np.sqrt((steps * steps).sum(axis=2).max(axis=0))

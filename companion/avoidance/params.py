@@ -1,4 +1,4 @@
-"""The parameters of the avoidance; those of its parts stand with their maths."""
+"""The parameters of the avoidance, and the weights of its costs. Other parts define theirs themselves."""
 
 import math
 from dataclasses import dataclass, field
@@ -7,12 +7,49 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from companion.avoidance.control import ALL_CONTROLS, Control
-from companion.avoidance.cost import CostWeights
-from companion.avoidance.envelope import Envelope
+from companion.avoidance.envelope import ALL_CONTROLS, Control, Envelope
 from companion.avoidance.group.formation import FormationParams
-from companion.avoidance.maneuvers import SurpriseParams
-from companion.avoidance.outer import FieldParams, OuterMethod
+from companion.avoidance.maneuvers import ManeuverParams
+from companion.avoidance.potential import FieldParams
+
+
+@dataclass(frozen=True)
+class CostWeights:
+    """Prices. Losing the protected volume outweighs everything else together."""
+
+    margin: Annotated[float, Ge(0)] = 30.0  # times the penetration of the margin, 0 at its edge
+    loss: Annotated[float, Ge(0)] = 40.0  # flat, for entering the protected volume itself
+    depth: Annotated[float, Ge(0)] = 300.0  # times the deepest penetration, 0 at the edge, 1 at contact
+    exposure: Annotated[float, Ge(0)] = 100.0  # times the mean penetration, so that leaving soon is better
+    # Times the mean depth in the worst inner layer, 0 at its edge and 1 at the volume. The paper clears the
+    # whole sphere of the inner layer. For traffic that would be miles, and missing the volume by its margin
+    # is enough.
+    nearness: Annotated[float, Ge(0)] = 0.0
+    turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
+    deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
+    # Times the distance from where the mission would be when all threats are passed, per 100 m.
+    aside: Annotated[float, Ge(0)] = 0.6
+    # Times how deep the mission would lead into a volume from there, 0 at its edge, 1 through its middle.
+    unresolved: Annotated[float, Ge(0)] = 8.0
+    height: Annotated[float, Ge(0)] = 0.8  # times the difference from the mission's height, per 100 m
+    descent: Annotated[float, Ge(0)] = 0.2  # flat, for going below the mission, towards the ground
+    # Flat, for leaving the mission's height where that is a risk in itself (`Avoider.prefers_turns`): more
+    # than any turn costs, less than the loss of the protected volume.
+    spared_height: Annotated[float, Ge(0)] = 12.0
+    speed: Annotated[float, Ge(0)] = 0.5  # times the difference from the mission's speed, per 10 m/s
+    # Flat, for anything but the present guidance. Twice that while the closest approach is far off: there is
+    # time, and what looks cheaper now may not be a moment later.
+    switch: Annotated[float, Ge(0)] = 2.0
+    ease: Annotated[float, Ge(0)] = 0.6  # instead of `switch`, for less of the present guidance
+    wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
+    # Times the use of the fence's margin, 1 at the fence itself and beyond. Leaving the fence outweighs the
+    # loss of many volumes: the autopilot then takes over or ends the flight, and people beyond the fence have
+    # not agreed to the risk. Only a near mid-air collision outweighs the fence.
+    fence: Annotated[float, Ge(0)] = 10_000.0
+    near_miss: Annotated[float, Ge(0)] = 30_000.0  # flat, and again times the depth, 1 at contact
+    outside: Annotated[float, Ge(0)] = 100.0  # times the mean depth outside, per 100 m: back soon is better
+    # For a row that would leave the fence later, before the threat is passed: the whole price if at once.
+    not_to_the_end: Annotated[float, Ge(0)] = 3.0
 
 
 class Layers(StrEnum):
@@ -23,6 +60,15 @@ class Layers(StrEnum):
     INNER = "inner"
 
 
+class OuterMethod(StrEnum):
+    """How the outer layer steers; all but the last follow the direction of the summed force (eq. 9)."""
+
+    FIELD = "field"  # every obstacle within reach repels
+    CONE = "cone"  # only those whose collision cone our relative velocity points into
+    TRANSITION = "transition"  # the same, with the memory of the transition domain
+    PRICED = "priced"  # the same, strengthened to both sides, flown ahead and priced: what flies by default
+
+
 @dataclass(frozen=True)
 class AvoidanceParams:
     """Volumes, layers and prices. Radii are measured from the protected volume's surface (paper §2.3)."""
@@ -30,43 +76,44 @@ class AvoidanceParams:
     # Well clear for small UAS against crewed aircraft (ASTM F3442).
     well_clear_horizontal_m: Annotated[float, Gt(0), Le(20_000)] = 609.6
     well_clear_vertical_m: Annotated[float, Gt(0), Le(2_000)] = 76.2
-    # Masts and other things that stand on the ground need less room: there is nobody to be startled.
+    # Fixed obstacles need smaller volumes than aircraft.
     obstacle_horizontal_m: Annotated[float, Gt(0), Le(20_000)] = 150.0
     obstacle_vertical_m: Annotated[float, Gt(0), Le(2_000)] = 50.0
-    # The volume is kept larger than required by these shares, against what is not predicted.
+    # Margins, as shares of the required volume, against what is not predicted.
     horizontal_margin: Annotated[float, Ge(0), Le(5)] = 0.15
     vertical_margin: Annotated[float, Ge(0), Le(5)] = 0.25
-    # Of that margin, by this share of the volume it counts as lost already: neither we nor others fly to the
-    # metre what is predicted, and who plans to graze a volume enters it every other time.
+    # The volume counts as lost this share of itself before its edge: no aircraft flies to the metre as
+    # predicted, and of flights planned to graze a volume every other one enters it.
     lost_margin: Annotated[float, Ge(0), Le(1)] = 0.06
-    # Each layer reaches as far as its length or its time at the closing speed, whichever is larger.
+    # Each layer reaches as far as its radius, or its time at the closing speed, whichever is larger.
     outer_radius_m: Annotated[float, Gt(0)] = 1500.0
     outer_time_s: Annotated[float, Ge(0), Le(80)] = 60.0
     inner_radius_m: Annotated[float, Gt(0)] = 300.0
     inner_time_s: Annotated[float, Ge(0), Le(80)] = 20.0
-    # Transition domain: the cone is this much wider for whoever is in it.
+    # Transition domain: once we are inside a collision cone, it is this much wider.
     delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(90.0)
-    # An avoidance begins when the mission would come nearer than this share of the volume with its margin:
-    # the first when closest approach is within `inner_time_s`, or the volume is entered now; the second from
-    # `outer_time_s` on.
+    # An avoidance begins when the mission would come nearer than this share of the volume with its margin.
+    # The first share applies when closest approach is within `inner_time_s`, or when the volume is entered
+    # now; the second applies from `outer_time_s` on.
     begin_near: Annotated[float, Gt(0), Le(1)] = 0.87
     begin_far: Annotated[float, Gt(0), Le(1)] = 0.55
-    # Back to the mission only when its flight keeps clear by this share more, for this long.
+    # The mission is resumed when its flight has kept clear by this share more, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
-    # Who flies on beside us, on our course and at our speed, could keep us off the mission for ever. After
-    # this, the release margin is given up, what is left to pass counts more and more, and passing him faster
-    # or slower comes into question.
+    # An aircraft beside us, on our course and at our speed, could keep us off the mission for ever. After
+    # this time the release margin is given up, the price `unresolved` grows, and passing it faster or slower
+    # becomes possible.
     patience_s: Annotated[float, Gt(0), Le(600)] = 75.0
-    # Where the fence is in the way of the mission, it is followed for so long before the mission is flown.
+    # Where the fence is in the way of the mission, it is followed for at most this long.
     return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
-    # An avoidance goes no further up or down than this from where it would otherwise be.
+    # An avoidance changes height by no more than this, from the present height or the mission's.
     largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
-    # No row may leave the fence within so many times what turning around takes. One is enough to stay inside:
-    # who turns around never gets further ahead than who flies on for the same time, so that where flying on
-    # is allowed there is room to turn; the rest is for the time until the next decision.
+    # No row may leave the fence within this many times the time to turn around. Once is enough to stay
+    # inside: an aircraft that turns around never gets further ahead than one that flies on for the same time,
+    # so that there is room to turn wherever flying on is allowed. The rest is for the time until the next
+    # decision.
     fence_look_ahead_turns: Annotated[float, Ge(0.5), Le(4)] = 1.2
-    # Rows are priced against the most pressing tracks; the others still count for the layers.
+    # Rows are priced against this many tracks, the most urgent first. All tracks count for the layers.
     priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
     # What the paper compares: layers, ways to steer in the outer one, controls (P9, P10) in the inner one.
     layers: Layers = Layers.BOTH
@@ -76,12 +123,7 @@ class AvoidanceParams:
     formation: FormationParams = field(default_factory=FormationParams)
     field_gains: FieldParams = field(default_factory=FieldParams)
     weights: CostWeights = field(default_factory=CostWeights)
-    surprises: SurpriseParams = field(default_factory=SurpriseParams)
-
-    @property
-    def clears_inner_layer(self) -> bool:
-        """Whether the inner layer is a sphere to be kept clear of (§2.3), not only where emergencies are."""
-        return self.weights.nearness > 0.0
+    surprises: ManeuverParams = field(default_factory=ManeuverParams)
 
     def __post_init__(self) -> None:
         if self.inner_radius_m > self.outer_radius_m or self.inner_time_s > self.outer_time_s:

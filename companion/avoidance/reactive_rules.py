@@ -1,7 +1,6 @@
 """The paper's two reactive rules for an emergency: where to turn (eq. 10-11), how fast to fly (eq. 12-13).
 
-Both look at one threat and know nothing of the others; in the strategy table they are rows, flown ahead and
-priced like any other.
+Both consider a single threat. In the strategy table they are rows, flown ahead and priced like all others.
 """
 
 import math
@@ -10,7 +9,7 @@ from companion.avoidance.envelope import Pace
 from companion.avoidance.geometry import Array
 from companion.units import wrap_pi, wrap_two_pi
 
-# Angles nearer to the edge of a case than this are on it, lest rounding choose the side.
+# Angles nearer to the edge of a case than this count as on it, so that rounding does not choose the side.
 _EDGE_RAD = 1e-6
 _STILL_MPS = 0.1
 
@@ -20,10 +19,10 @@ def heading_rule_rad(
 ) -> float:
     """Eq. 11, figure 4: the course to turn to, in [0, 2 pi).
 
-    alpha is the angle from our course to the threat's track, b the side on which the threat lies, both
-    positive to the left; phi, the turn, likewise. With the threat on the right (b < 0) phi = alpha - pi/2
-    sgn(alpha): across its track; on the left phi = alpha + pi/4 sgn(alpha). What stands has a track only
-    relative to us. `rel_position_m` is threat minus own, (2+,); velocities are over ground, (2+,).
+    alpha is the angle from our course to the threat's track, b the bearing of the threat from our course, phi
+    the turn; all are positive to the left. With the threat on the right (b < 0) phi = alpha - pi/2
+    sgn(alpha), across its track. On the left phi = alpha + pi/4 sgn(alpha). A stationary threat has a track
+    only relative to us. `rel_position_m` is threat minus own, (2+,); velocities are over ground, (2+,).
     """
     still = math.hypot(other_velocity_mps[0], other_velocity_mps[1]) < _STILL_MPS
     track = -own_velocity_mps if still else other_velocity_mps
@@ -35,7 +34,7 @@ def heading_rule_rad(
 
 
 def _to_left_rad(course_rad: float, vector: Array) -> float:
-    """The angle from a course to a vector, positive to the left; exactly behind is left."""
+    """The angle from a course to a vector, positive to the left; exactly behind counts as left."""
     angle_rad = wrap_pi(course_rad - math.atan2(vector[1], vector[0]))
     return math.pi if angle_rad < -math.pi + _EDGE_RAD else angle_rad
 
@@ -43,8 +42,8 @@ def _to_left_rad(course_rad: float, vector: Array) -> float:
 def speed_rule(rel_position_m: Array, other_velocity_mps: Array, own_velocity_mps: Array) -> Pace:
     """Eq. 13, figure 5: V_min if the threat is first where the two straight tracks cross, V_max if we are.
 
-    The printed cases contradict the sentence before them; the sentence is the rule. Without a crossing ahead
-    of both the speed is kept. Arrays as in `heading_rule_rad`.
+    The printed cases contradict the sentence before them; this follows the sentence. Without a crossing ahead
+    of both aircraft the speed is kept. Arrays as in `heading_rule_rad`.
     """
     own, other = own_velocity_mps, other_velocity_mps
     cross = own[0] * other[1] - own[1] * other[0]
@@ -54,5 +53,5 @@ def speed_rule(rel_position_m: Array, other_velocity_mps: Array, own_velocity_mp
     other_s = (rel_position_m[0] * own[1] - rel_position_m[1] * own[0]) / cross
     if own_s < 0.0 or other_s < 0.0:
         return Pace.KEEP
-    # On an exact collision course neither is first: who slows down can still turn behind.
+    # On an exact collision course neither is first: the slower aircraft can still turn behind the other.
     return Pace.SLOWEST if other_s <= own_s + 1e-6 else Pace.FASTEST

@@ -1,7 +1,7 @@
-"""The strategy table (paper §3.2.3, P7-P10): rows of course, height and speed.
+"""The strategy table (paper §3.2.3, P7-P10): rows of course, speed and height.
 
 A row is a choice in each of the three controls. Among the rows are the paper's heading rule (eq. 11), its
-speed rule (eq. 13), height (P9) and their combinations; `pricing` flies them ahead and finds the cheapest.
+speed rule (eq. 13), height (P9) and their combinations. `cost` flies them ahead and finds the cheapest.
 """
 
 import math
@@ -13,16 +13,13 @@ from itertools import product
 
 import numpy as np
 
-from companion.avoidance.control import Control
-from companion.avoidance.cost import Situation
-from companion.avoidance.envelope import Pace
-from companion.avoidance.trajectory import (
-    Commands,
-)
+from companion.avoidance.cost import CostContext
+from companion.avoidance.envelope import Control, Pace
+from companion.avoidance.trajectory import Commands
 
 
 class Course(StrEnum):
-    """What a row does with the course."""
+    """A choice of course."""
 
     MISSION = "mission course"
     RULE = "heading rule"  # eq. 11
@@ -30,7 +27,7 @@ class Course(StrEnum):
 
 
 class Height(StrEnum):
-    """What a row does with height, the third control (§2.3, §3.2.3)."""
+    """A choice of height, the third control (§2.3, §3.2.3)."""
 
     MISSION = "mission height"
     LEVEL = "level off"
@@ -39,7 +36,7 @@ class Height(StrEnum):
 
 
 class Speed(StrEnum):
-    """What a row does with airspeed."""
+    """A choice of airspeed."""
 
     MISSION = "mission speed"
     RULE = "speed rule"  # eq. 13
@@ -49,7 +46,7 @@ class Speed(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """The horizontal half of a row: a course, a turn from the present one (right is positive), a speed."""
+    """The horizontal half of a row: course, turn from the present one (positive to the right), speed."""
 
     course: Course
     turn_rad: float
@@ -58,14 +55,14 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """One row: a way over the ground, and a height."""
+    """One row: a ground path and a height."""
 
     ground: Ground
     height: Height
 
     @property
     def controls(self) -> frozenset[Control]:
-        """Which controls the row uses."""
+        """The controls that the row uses."""
         used = (
             (Control.HEADING, self.ground.course is not Course.MISSION),
             (Control.SPEED, self.ground.speed is not Speed.MISSION),
@@ -74,10 +71,9 @@ class Strategy:
         return frozenset(control for control, is_used in used if is_used)
 
 
-# Straight back is nobody's: which way round an autopilot turns there, a degree decides, and it may not be the
-# way that was predicted.
+# The reciprocal course is never commanded: the turn could go either way, and not the way that was predicted.
 _TURNS_DEG = (0, 15, -15, 30, -30, 45, -45, 60, -60, 90, -90, 120, -120, 150, -150, 165, -165)
-# A few metres per second decide who passes first, ahead or behind; on a large turn they decide nothing.
+# On small turns a few metres per second decide whether we pass ahead or behind; on large turns they do not.
 _LARGEST_TURN_WITH_SPEED_DEG = 30
 
 GROUNDS: tuple[Ground, ...] = (
@@ -95,36 +91,36 @@ GROUNDS: tuple[Ground, ...] = (
 TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height in product(GROUNDS, Height))
 
 
-def height_m(choice: Height, situation: Situation) -> float:
-    """The altitude a choice of height asks for, within floor and ceiling."""
+def height_m(choice: Height, context: CostContext) -> float:
+    """The height above the local zero of a choice, within floor and ceiling [m]."""
     match choice:
         case Height.MISSION:
-            wanted_m = situation.mission.altitude_m
+            wanted_m = context.mission.altitude_m
         case Height.LEVEL:
-            wanted_m = -situation.own.position_m[2]
+            wanted_m = -context.own.position_m[2]
         case Height.OVER:
-            wanted_m = situation.over_m
+            wanted_m = context.over_m
         case Height.UNDER:
-            wanted_m = situation.under_m
-    return situation.envelope.clamp_altitude_m(wanted_m)
+            wanted_m = context.under_m
+    return context.envelope.clamp_altitude_m(wanted_m)
 
 
-def speed_mps(choice: Speed, situation: Situation) -> float:
-    """The airspeed a choice of speed asks for, within the limits."""
+def speed_mps(choice: Speed, context: CostContext) -> float:
+    """The airspeed of a choice, within the limits [m/s]."""
     match choice:
         case Speed.MISSION:
             pace = Pace.KEEP
         case Speed.RULE:
-            pace = situation.rule_pace
+            pace = context.rule_pace
         case Speed.SLOWEST:
             pace = Pace.SLOWEST
         case Speed.FASTEST:
             pace = Pace.FASTEST
-    return situation.envelope.airspeed_mps(pace, situation.mission.airspeed_mps)
+    return context.envelope.airspeed_mps(pace, context.mission.airspeed_mps)
 
 
 class StrategyTable:
-    """Rows of the table, ready to become commands for a situation."""
+    """Rows of the table, prepared to become commands."""
 
     def __init__(self, rows: Sequence[Strategy]) -> None:
         self.rows = tuple(rows)
@@ -139,19 +135,19 @@ class StrategyTable:
     @classmethod
     @cache
     def within(cls, controls: frozenset[Control]) -> "StrategyTable":
-        """The rows that use no other controls than these."""
+        """The rows that use only these controls."""
         return cls([row for row in TABLE if row.controls <= controls])
 
-    def commands(self, situation: Situation) -> Commands:
-        """Every row as a command for this situation."""
-        course_rad = situation.own.course_rad + self._turn_rad
-        course_rad[self._on_mission] = situation.mission.course_rad
-        course_rad[self._by_rule] = situation.rule_course_rad
-        speeds_mps = {choice: speed_mps(choice, situation) for choice in Speed}
+    def commands(self, context: CostContext) -> Commands:
+        """Every row as a command in this context."""
+        course_rad = context.own.course_rad + self._turn_rad
+        course_rad[self._on_mission] = context.mission.course_rad
+        course_rad[self._by_rule] = context.rule_course_rad
+        speeds_mps = {choice: speed_mps(choice, context) for choice in Speed}
         return Commands(
             course_rad,
             np.array([speeds_mps[ground.speed] for ground in self._grounds]),
-            np.array([height_m(choice, situation) for choice in self._heights]),
+            np.array([height_m(choice, context) for choice in self._heights]),
             self._ground_of,
             self._height_of,
         )

@@ -1,11 +1,10 @@
-"""Configuration: YAML to frozen dataclasses, with every mistake named by file, line and key."""
+"""Configuration: YAML to frozen dataclasses; every error has file, line and key."""
 
-from companion.config.description import describe
+from companion.config.description import describe, reference
 from companion.config.examples import example, example_names
 from companion.config.loader import load_config
 from companion.config.obstacle_files import load_obstacles
-from companion.config.reference import reference
-from companion.config.saved_settings import SavedSettings, describe_saved, load_saved, tuned
+from companion.config.saved_settings import SavedSettings, apply_saved, describe_saved, load_saved
 from companion.config.schema import Config, RecordingParams, WebParams
 
 __all__ = [
@@ -13,6 +12,7 @@ __all__ = [
     "RecordingParams",
     "SavedSettings",
     "WebParams",
+    "apply_saved",
     "describe",
     "describe_saved",
     "example",
@@ -21,5 +21,4 @@ __all__ = [
     "load_obstacles",
     "load_saved",
     "reference",
-    "tuned",
 ]

@@ -1,8 +1,8 @@
-"""A YAML file as a tree that knows its lines. Bounded: no file, however malicious, takes long or much room.
+"""A YAML file as a tree with line numbers; limits keep time and memory small even for malicious files.
 
 Scalars follow the core schema of YAML 1.2 (https://yaml.org/spec/1.2.2/#103-core-schema), not PyYAML's 1.1:
-`1e3` is a number, `no` and `12:30` are texts, `010` is ten. Anchors, aliases and tags are refused: a flight
-configuration needs none of them, and aliases can blow up a small file to any size.
+`1e3` is a number, `no` and `12:30` are texts, `010` is ten. Anchors, aliases and tags are refused:
+configurations do not need them, and with aliases a small file can expand to any size.
 """
 
 import math
@@ -18,7 +18,7 @@ from companion.errors import ConfigError
 MAX_BYTES = 1 << 20
 _MAX_DEPTH = 20
 _MAX_NODES = 10_000
-# The longest number that means something: 64-bit floats with exponent have less than 25 characters.
+# 64-bit floats with exponent have less than 25 characters.
 _MAX_NUMBER_LENGTH = 40
 
 Scalar = bool | int | float | str | None
@@ -26,7 +26,7 @@ Scalar = bool | int | float | str | None
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A scalar, with the text that it was written as."""
+    """A scalar, and its text in the file."""
 
     line: int
     value: Scalar
@@ -43,7 +43,7 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A mapping; each entry's line is that of its key."""
+    """A mapping; the line of an entry is that of its key."""
 
     line: int
     entries: Mapping[str, tuple[int, "Node"]]
@@ -52,28 +52,30 @@ class Table:
 Node = Leaf | Items | Table
 
 
-def shown(text: str, longest: int = 60) -> str:
-    """A text of the file as a message may quote it: one line, not too long, nothing that moves a cursor."""
+def quoted(text: str, longest: int = 60) -> str:
+    """A text from a file for use in a message: one line, of limited length, printable characters only."""
     text = "".join(c if c.isprintable() else "?" for c in " ".join(text[: 2 * longest].split()))
     return text if len(text) <= longest else f"{text[:longest]}..."
 
 
 def load_document(path: Path) -> Table:
-    """The tree of a file. `ConfigError` says file and line."""
+    """The tree of a file; `ConfigError` with file and line if it is not valid."""
     return parse_document(_read(path), str(path))
 
 
 def parse_document(text: str, name: str) -> Table:
-    """The tree of a text; `name` stands for the file in messages."""
+    """The tree of a text; `name` is the file name in messages."""
     try:
         root = _Loader(text, name).get_single_node()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = name if mark is None else f"{name}:{mark.line + 1}"
-        raise ConfigError(f"{where}: not valid YAML: {shown(str(error.problem or error.context))}") from error
+        raise ConfigError(
+            f"{where}: not valid YAML: {quoted(str(error.problem or error.context))}"
+        ) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        raise ConfigError(f"{name}:{line}: not valid YAML: {shown(error.reason)}") from error
+        raise ConfigError(f"{name}:{line}: not valid YAML: {quoted(error.reason)}") from error
     if root is None:
         raise ConfigError(f"{name}: is empty")
     tree = _tree(root, name)
@@ -91,7 +93,7 @@ def _read(path: Path) -> str:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     if len(data) > MAX_BYTES:
-        raise ConfigError(f"{path}: is larger than {MAX_BYTES >> 20} MiB, this is no configuration")
+        raise ConfigError(f"{path}: is larger than {MAX_BYTES >> 20} MiB, this is not a configuration")
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -100,7 +102,7 @@ def _read(path: Path) -> str:
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's parser with the core schema, without aliases, and with a limit to nesting."""
+    """PyYAML's parser with the core schema, without aliases, and with limits to nesting and size."""
 
     def __init__(self, text: str, name: str) -> None:
         super().__init__(text)
@@ -115,7 +117,7 @@ class _Loader(yaml.SafeLoader):
             raise ConfigError(f"{self._name}:{line}: anchors (&) and aliases (*) are not supported")
         self._nodes += 1
         if self._nodes > _MAX_NODES:
-            raise ConfigError(f"{self._name}:{line}: has too many values, this is no configuration")
+            raise ConfigError(f"{self._name}:{line}: has too many values, this is not a configuration")
         if self._depth >= _MAX_DEPTH:
             raise ConfigError(f"{self._name}:{line}: is nested too deeply")
         self._depth += 1
@@ -134,7 +136,7 @@ def _parse_float(text: str) -> float:
     return float(lower.replace(".inf", "inf"))
 
 
-# tag, what it looks like, with which characters it begins, what it means
+# tag, pattern, first characters, conversion
 _CORE_SCHEMA: tuple[tuple[str, str, str, Callable[[str], Scalar]], ...] = (
     ("null", r"~|null|Null|NULL|", "~nN", lambda _: None),
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF", lambda text: text.lower() == "true"),
@@ -148,10 +150,10 @@ _CORE_SCHEMA: tuple[tuple[str, str, str, Callable[[str], Scalar]], ...] = (
     ),
 )
 _SCALARS = tuple(
-    (_TAG + kind, re.compile(rf"(?:{looks})\Z"), first, meaning)
-    for kind, looks, first, meaning in _CORE_SCHEMA
+    (_TAG + kind, re.compile(rf"(?:{pattern})\Z"), first, convert)
+    for kind, pattern, first, convert in _CORE_SCHEMA
 )
-# PyYAML copies its own YAML 1.1 resolvers into a subclass that has none of its own.
+# Otherwise PyYAML would copy its YAML 1.1 resolvers into this subclass.
 _Loader.yaml_implicit_resolvers = {}
 for _tag, _pattern, _first, _ in _SCALARS:
     _Loader.add_implicit_resolver(_tag, _pattern, [*_first, ""] if _tag == _TAG + "null" else list(_first))
@@ -165,7 +167,7 @@ def _tree(node: yaml.Node, name: str) -> Node:
         return Items(line, tuple(_tree(item, name) for item in node.value))
     if isinstance(node, yaml.ScalarNode):
         return Leaf(line, _scalar(node, f"{name}:{line}"), node.value)
-    raise ConfigError(f"{name}:{line}: tags ({shown(node.tag)}) are not supported")
+    raise ConfigError(f"{name}:{line}: tags ({quoted(node.tag)}) are not supported")
 
 
 def _entries(node: yaml.MappingNode, name: str) -> dict[str, tuple[int, Node]]:
@@ -176,7 +178,7 @@ def _entries(node: yaml.MappingNode, name: str) -> dict[str, tuple[int, Node]]:
             raise ConfigError(f"{name}:{line}: a key must be text")
         key: str = key_node.value
         if key in entries:
-            raise ConfigError(f"{name}:{line}: {shown(key)}: is here twice, first on line {entries[key][0]}")
+            raise ConfigError(f"{name}:{line}: {quoted(key)}: is a duplicate of line {entries[key][0]}")
         entries[key] = line, _tree(value_node, name)
     return entries
 
@@ -186,8 +188,8 @@ def _scalar(node: yaml.ScalarNode, where: str) -> Scalar:
     if node.tag == _TAG + "str":
         return text
     if len(text) > _MAX_NUMBER_LENGTH:
-        raise ConfigError(f"{where}: a number of {len(text)} characters")
-    for tag, pattern, _, meaning in _SCALARS:
+        raise ConfigError(f"{where}: a number with {len(text)} characters is too long")
+    for tag, pattern, _, convert in _SCALARS:
         if node.tag == tag and pattern.match(text):
-            return meaning(text)
-    raise ConfigError(f"{where}: tags ({shown(node.tag)}) are not supported")
+            return convert(text)
+    raise ConfigError(f"{where}: tags ({quoted(node.tag)}) are not supported")

@@ -1,4 +1,4 @@
-"""A YAML file to a `Config`, or one line that says file, line, key and what is allowed."""
+"""A YAML file to a `Config`, or a one-line error with file, line, key and what is allowed."""
 
 import difflib
 import json
@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from companion.config.document import Items, Leaf, Node, Table, load_document, shown
-from companion.config.keys import dataclass_in, field_types, file_key, in_file_words, is_angle, item_type
+from companion.config.document import Items, Leaf, Node, Table, load_document, quoted
+from companion.config.keys import dataclass_in, field_types, file_key, is_angle, item_type, with_file_keys
 from companion.config.schema import Config
 from companion.errors import ConfigError
 
-# What a value must be, by pydantic's kind of error; the numbers come from its context.
+# What a value must be, by the type of pydantic's error, with numbers from its context.
 _MUST_BE = {
     "greater_than": "greater than {gt}",
     "greater_than_equal": "at least {ge}",
@@ -41,17 +41,17 @@ _MUST_BE = {
     "too_long": "a list of at most {max_length}",
 }
 _LIMITS = ("gt", "ge", "lt", "le", "multiple_of")
-_LONGEST_REASON = 200
+_MAX_REASON_LENGTH = 200
 
 FieldPath = tuple[str | int, ...]
 T = TypeVar("T")
 
 
 def load_config(path: str | Path) -> Config:
-    """The configuration in a file, complete and valid. `ConfigError` if it is not."""
+    """The configuration in a file; `ConfigError` if it is not valid."""
     path = Path(path)
     config = read_checked(load_document(path), str(path), Config)
-    # Files named in a file are found beside it, wherever the service is started.
+    # Paths of further files are relative to the folder of this file.
     token_file = config.web.token_file
     return replace(
         config,
@@ -61,12 +61,12 @@ def load_config(path: str | Path) -> Config:
 
 
 def read_checked(document: Table, name: str, kind: type[T]) -> T:
-    """A document as the dataclass that it should be; `name` stands for the file in a `ConfigError`."""
-    return _Loading(name).read(document, kind)
+    """A document as a dataclass; `name` is the file name in a `ConfigError`."""
+    return _FileReader(name).read(document, kind)
 
 
-class _Loading:
-    """One file on its way: field values, and for each of them where it stands."""
+class _FileReader:
+    """Reads one file; keeps the position of each value for error messages."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -75,19 +75,19 @@ class _Loading:
     def read(self, document: Table, kind: type[T]) -> T:
         values = self._value(document, kind, (), "", document.line, angle=False)
         try:
-            # JSON, because there alone "strict" means what a file needs: lists for tuples, text for
-            # enumerations, 3 for 3.0, but no 3.0 for 3, no "3", and no 1 for true.
+            # As JSON, because only there "strict" has the rules that suit a file: lists for tuples, text for
+            # enumerations, 3 for 3.0, but not 3.0 for 3, not "3", and not 1 for true.
             return TypeAdapter(kind).validate_json(json.dumps(values), strict=True)
         except ValidationError as error:
-            raise self._explained(error.errors()) from error
+            raise self._config_error(error.errors()) from error
 
     def _value(self, node: Node, hint: Any, path: FieldPath, key: str, line: int, *, angle: bool) -> Any:
-        """What pydantic is to see: field names for keys, radians for degrees, all numbers finite."""
+        """The input for pydantic: field names for keys, radians for degrees, all numbers finite."""
         self._places[path] = line, key, node
         section = dataclass_in(hint)
         if isinstance(node, Leaf):
             if section is not None and node.value is None:
-                return {} if section is hint else None  # a section of which all lines are comments
+                return {} if section is hint else None  # a section with comments only
             return self._scalar(node, key, line, angle=angle)
         if isinstance(node, Items):
             return [
@@ -103,7 +103,7 @@ class _Loading:
         fields = {file_key(name): name for name in types}
         values = {}
         for written, (line, node) in table.entries.items():
-            full_key = f"{key}.{shown(written)}" if key else shown(written)
+            full_key = f"{key}.{quoted(written)}" if key else quoted(written)
             name = fields.get(written)
             if name is None:
                 raise self._error(line, full_key, f"is unknown, {_hint(written, list(fields))}")
@@ -118,12 +118,12 @@ class _Loading:
             raise self._error(line, key, f"must be a finite number (got {leaf.text})")
         return math.radians(value) if angle else value
 
-    def _explained(self, errors: Sequence[ErrorDetails]) -> ConfigError:
-        """The error that stands first in the file; alternatives of one value make one message."""
+    def _config_error(self, errors: Sequence[ErrorDetails]) -> ConfigError:
+        """The error at the first position in the file; the alternatives of a union become one message."""
         by_path: dict[FieldPath, list[ErrorDetails]] = {}
         for error in errors:
             by_path.setdefault(self._known_part(error["loc"]), []).append(error)
-        # A list with a wrong item counts as too short besides: what is inside says more.
+        # A list with a wrong item is also reported as too short; the error of the item is more useful.
         innermost = [p for p in by_path if not any(p == other[: len(p)] and p != other for other in by_path)]
         path = min(innermost, key=lambda known: self._places[known][0])
         line, key, node = self._places[path]
@@ -134,7 +134,7 @@ class _Loading:
         return self._error(line, key, _message(by_path[path], path, node))
 
     def _known_part(self, loc: tuple[int | str, ...]) -> FieldPath:
-        """The part of a location that the file has; the rest names alternatives of a type."""
+        """The part of a location that is in the file; the rest names alternatives of a union."""
         return next(loc[:length] for length in range(len(loc), -1, -1) if loc[:length] in self._places)
 
     def _error(self, line: int, key: str, message: str) -> ConfigError:
@@ -149,19 +149,19 @@ def _message(errors: Sequence[ErrorDetails], path: FieldPath, node: Node) -> str
     for error in errors:
         context: Mapping[str, Any] = error.get("ctx", {})
         if error["type"] == "value_error":
-            return shown(in_file_words(str(context["error"])), _LONGEST_REASON)
+            return quoted(with_file_keys(str(context["error"])), _MAX_REASON_LENGTH)
         if error["type"] == "missing":
             allowed.append("a longer list")
         elif error["type"] in _MUST_BE:
             allowed.append(_MUST_BE[error["type"]].format_map(_in_file_units(context, angle=is_angle(name))))
         else:
-            return shown(in_file_words(error["msg"]), _LONGEST_REASON)
-    got = f" (got {shown(node.text) or 'nothing'})" if isinstance(node, Leaf) else ""
+            return quoted(with_file_keys(error["msg"]), _MAX_REASON_LENGTH)
+    got = f" (got {quoted(node.text) or 'nothing'})" if isinstance(node, Leaf) else ""
     return f"must be {' or '.join(allowed)}{got}"
 
 
 def _in_file_units(context: Mapping[str, Any], *, angle: bool) -> dict[str, Any]:
-    """A limit as people write it; those of angles in degrees."""
+    """The limits in a context as text; those of angles in degrees."""
     return {
         name: f"{math.degrees(limit) if angle else limit:.10g}" if name in _LIMITS else limit
         for name, limit in context.items()

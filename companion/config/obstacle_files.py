@@ -1,8 +1,7 @@
-"""Files of obstacles, YAML or GeoJSON, to what the engine keeps clear of.
+"""Files of obstacles, in YAML or GeoJSON, to the obstacles that the engine avoids.
 
-YAML is for a handful of masts, written by hand. GeoJSON (RFC 7946) comes from surveys and maps; its features
-have the same properties as a mast (`Mast`), and others that are not looked at. A mistake is refused with file
-and feature.
+YAML suits a few masts, written by hand. GeoJSON (RFC 7946) comes from surveys and maps; its features have the
+properties of a `Mast`, and others are ignored. Errors have file and feature.
 """
 
 import json
@@ -13,21 +12,22 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le, MinLen
 
-from companion.airspace.obstacles import LatLon, Obstacle, along, within
-from companion.config.document import load_document, shown
+from companion.airspace.obstacles import Obstacle, along, within
+from companion.config.document import load_document, quoted
 from companion.config.loader import read_checked
 from companion.config.schema import Config
 from companion.errors import ConfigError
+from companion.model import LatLon
 
-_LARGEST_GEOJSON_BYTES = 64 << 20
-# The service is to start within a second or two, and lines of that many points are drawn too finely.
-_MOST_OBSTACLES = 200_000
+_MAX_GEOJSON_BYTES = 64 << 20
+# More would delay the start by seconds; lines with this many points are finer than needed.
+_MAX_OBSTACLES = 200_000
 _POINT_RADIUS_M = 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Mast:
-    """One obstacle of a YAML file. Its top is given above mean sea level, or as a height above ground."""
+    """One obstacle of a YAML file, with its top above mean sea level, or its height above ground."""
 
     name: str
     lat_deg: Annotated[float, Ge(-90), Le(90)]
@@ -35,17 +35,17 @@ class Mast:
     radius_m: Annotated[float, Ge(0), Le(10_000)] = _POINT_RADIUS_M
     top_amsl_m: Annotated[float, Ge(-500), Le(10_000)] | None = None
     height_m: Annotated[float, Gt(0), Le(2_000)] | None = None
-    # What `height_m` is above; without it, the ground is taken to be as high as home.
+    # The ground below `height_m`; assumed to be as high as home if not given.
     ground_amsl_m: Annotated[float, Ge(-500), Le(9_000)] | None = None
 
     def __post_init__(self) -> None:
         if (self.top_amsl_m is None) is (self.height_m is None):
             raise ValueError(f"{self.name}: give either top_amsl_m or height_m")
         if self.ground_amsl_m is not None and self.height_m is None:
-            raise ValueError(f"{self.name}: ground_amsl_m goes with height_m")
+            raise ValueError(f"{self.name}: ground_amsl_m needs height_m")
 
     def at(self, lat_deg: float, lon_deg: float) -> Obstacle:
-        """The same, at another place."""
+        """The obstacle at this position."""
         top_m, height_m = self.top_amsl_m, self.height_m
         if height_m is not None and self.ground_amsl_m is not None:
             top_m, height_m = self.ground_amsl_m + height_m, None
@@ -60,14 +60,14 @@ class MastFile:
 
 
 def load_obstacles(config: Config) -> tuple[Obstacle, ...]:
-    """All obstacles of the files that a configuration names. `ConfigError` says file and feature."""
+    """All obstacles of the files named in a configuration; `ConfigError` with file and feature."""
     obstacles: list[Obstacle] = []
     for path in config.obstacle_files:
         for obstacle in _read(path, config.obstacles.margin_m):
-            if len(obstacles) >= _MOST_OBSTACLES:
+            if len(obstacles) >= _MAX_OBSTACLES:
                 raise ConfigError(
-                    f"{path}: {shown(obstacle.name)}: more than {_MOST_OBSTACLES} obstacles in all; "
-                    "lines and areas count by their points, of which a larger obstacles.margin_m needs fewer"
+                    f"{path}: {quoted(obstacle.name)}: more than {_MAX_OBSTACLES} obstacles in all; "
+                    "lines and areas count by their points; a larger obstacles.margin_m needs fewer of them"
                 )
             obstacles.append(obstacle)
     return tuple(obstacles)
@@ -83,7 +83,7 @@ def _read(path: Path, margin_m: float) -> Iterable[Obstacle]:
 
 
 class _GeoJson:
-    """One file; `where` says for messages which feature it is about."""
+    """Reads one file; `_where` is the feature that an error is about."""
 
     def __init__(self, path: Path, margin_m: float) -> None:
         self._path = path
@@ -91,7 +91,7 @@ class _GeoJson:
         self._where = ""
 
     def obstacles(self) -> Iterator[Obstacle]:
-        """Every feature as the cylinders that it takes."""
+        """The cylinders that cover each feature."""
         document = self._load()
         features = document.get("features") if isinstance(document, dict) else None
         if not isinstance(features, list) or document.get("type") != "FeatureCollection":
@@ -106,12 +106,12 @@ class _GeoJson:
         properties = feature.get("properties") or {}
         if not isinstance(properties, dict):
             raise self._error("properties must be an object")
-        name = shown(str(properties.get("name", feature.get("id", self._where))))
+        name = quoted(str(properties.get("name", feature.get("id", self._where))))
         self._where += f" ({name})" if name != self._where else ""
         mast = self._mast(name, properties)
         spacing_m = mast.radius_m + self._margin_m
-        for place in self._places(feature.get("geometry"), spacing_m):
-            yield mast.at(*place)
+        for position in self._positions(feature.get("geometry"), spacing_m):
+            yield mast.at(*position)
 
     def _mast(self, name: str, properties: dict[str, Any]) -> Mast:
         limits = {"radius_m": (0, 10_000), "top_amsl_m": (-500, 10_000), "height_m": (0.1, 2_000)}
@@ -120,14 +120,14 @@ class _GeoJson:
         for key, value in given.items():
             low, high = limits[key]
             if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-                raise self._error(f"{key} must be from {low:g} to {high:g} (got {shown(str(value))})")
+                raise self._error(f"{key} must be from {low:g} to {high:g} (got {quoted(str(value))})")
         try:
             return Mast(name, 0.0, 0.0, **given)
         except ValueError as error:
             raise self._error(str(error).removeprefix(f"{name}: ")) from error
 
-    def _places(self, geometry: Any, spacing_m: float) -> Iterator[LatLon]:
-        """Points so close that a cylinder of `spacing_m` around each leaves no gap."""
+    def _positions(self, geometry: Any, spacing_m: float) -> Iterator[LatLon]:
+        """Points so close together that cylinders of `spacing_m` around them leave no gap."""
         kind = geometry.get("type") if isinstance(geometry, dict) else None
         parts = [geometry.get("coordinates")] if isinstance(geometry, dict) else []
         if kind in ("MultiPoint", "MultiLineString", "MultiPolygon"):
@@ -135,7 +135,7 @@ class _GeoJson:
         for part in parts:
             match kind:
                 case "Point":
-                    yield self._place(part)
+                    yield self._position(part)
                 case "LineString":
                     yield from along(self._line(part, 2), spacing_m)
                 case "Polygon":
@@ -149,19 +149,19 @@ class _GeoJson:
             raise self._error("has no geometry")
 
     def _line(self, coordinates: Any, shortest: int) -> Sequence[LatLon]:
-        line = [self._place(position) for position in self._list(coordinates)]
+        line = [self._position(position) for position in self._list(coordinates)]
         if len(line) < shortest:
             raise self._error(f"needs at least {shortest} positions")
         return line
 
-    def _place(self, position: Any) -> LatLon:
-        """A position is longitude first."""
+    def _position(self, position: Any) -> LatLon:
+        """Latitude and longitude from a GeoJSON position, which has longitude first."""
         numbers = self._list(position)[:2]
         if len(numbers) == 2 and all(type(number) in (int, float) for number in numbers):
             lon_deg, lat_deg = numbers
             if abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0:
                 return float(lat_deg), float(lon_deg)
-        raise self._error(f"no longitude and latitude in degrees: {shown(str(position))}")
+        raise self._error(f"must be longitude and latitude in degrees: {quoted(str(position))}")
 
     def _list(self, value: Any) -> list[Any]:
         if not isinstance(value, list) or not value:
@@ -170,13 +170,13 @@ class _GeoJson:
 
     def _load(self) -> Any:
         try:
-            if self._path.stat().st_size > _LARGEST_GEOJSON_BYTES:
-                raise self._error(f"is larger than {_LARGEST_GEOJSON_BYTES >> 20} MiB")
+            if self._path.stat().st_size > _MAX_GEOJSON_BYTES:
+                raise self._error(f"is larger than {_MAX_GEOJSON_BYTES >> 20} MiB")
             return json.loads(self._path.read_bytes())
         except OSError as error:
             raise self._error(f"cannot be read: {error.strerror}") from error
         except (ValueError, RecursionError) as error:
-            raise self._error(f"not valid JSON: {shown(str(error))}") from error
+            raise self._error(f"not valid JSON: {quoted(str(error))}") from error
 
     def _error(self, message: str) -> ConfigError:
         where = f"{self._path}: {self._where}" if self._where else str(self._path)

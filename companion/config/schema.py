@@ -1,4 +1,4 @@
-"""What a configuration file holds. Parameters live with the maths that uses them; here they come together."""
+"""The content of a configuration file, composed of parameters that are defined next to their use."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,7 +8,7 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator
 
 from companion.address import host_and_port, parse_address
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
 from companion.avoidance import AvoidanceParams
@@ -28,7 +28,7 @@ def _is_address(text: str) -> str:
 
 def _are_distinct(addresses: tuple[str, ...]) -> tuple[str, ...]:
     if len({parse_address(text).place for text in addresses}) < len(addresses):
-        raise ValueError("the same address twice")
+        raise ValueError("the same address is given twice")
     return addresses
 
 
@@ -38,9 +38,9 @@ class RecordingParams:
 
     enabled: bool = True
     directory: Path = Path("recordings")
-    # A new part of a recording begins when one of its files has so much.
+    # A new part of a recording begins when one of its files reaches this size.
     max_file_mb: Annotated[int, Ge(1), Le(1_000_000)] = 256
-    # All recordings in the folder together; beyond it the oldest are deleted, never the one being written.
+    # Size of all recordings in the folder; above it the oldest are deleted, never the one being written.
     max_total_mb: Annotated[int, Ge(1), Le(1_000_000_000)] = 4096
 
     def __post_init__(self) -> None:
@@ -55,44 +55,45 @@ def _is_listening_place(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WebParams:
-    """The live display: where it listens, who may change the role by it, whose pages may look."""
+    """The live display: where it listens, who may change the role, and which other pages may show it."""
 
     enabled: bool = True
-    # Beyond loopback only when told so here: whoever reaches this address sees everything.
+    # Local only, unless changed here: anyone who can reach this address can see everything.
     listen: Annotated[str, AfterValidator(_is_listening_place)] = "127.0.0.1:8080"
-    # The first line of this file lets a browser change the role; without it the display is read-only.
+    # The first line of this file is the token with which a browser may change the role; without it the
+    # display is read-only.
     token_file: Path | None = None
-    # Origins (https://ground.example) of pages besides our own that may open the stream.
+    # Origins (https://ground.example) of other pages that may open the stream.
     origins: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Everything that `companion run` needs to know."""
+    """The configuration of `companion run`."""
 
-    # Addresses as in `companion.address`. Whatever comes in by any of them is heard, and what is sent goes
-    # out by all but those that end in `?listen`.
+    # udpin, udpout, tcpin or tcpout:HOST:PORT, or serial:DEVICE:BAUD. We receive on all links, and send on
+    # those that do not end in `?listen`.
     links: Annotated[
         tuple[Annotated[str, AfterValidator(_is_address)], ...], MinLen(1), AfterValidator(_are_distinct)
     ]
-    # Which adapter flies the aircraft: "auto" goes by the autopilot's heartbeat.
+    # The autopilot; "auto" detects it from its heartbeat.
     autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     recording: RecordingParams = field(default_factory=RecordingParams)
     web: WebParams = field(default_factory=WebParams)
-    # What a run that is killed while it flies the aircraft leaves to the next, which then gives it back.
+    # Written while we fly the aircraft: if the service is killed, the next run gives the aircraft back.
     state_file: Path = Path("companion.state")
-    # Settings that the operator changed by MAVLink parameters; from then on they go before this file.
+    # Settings that the operator changed by MAVLink parameters; they take precedence over this file.
     settings_file: Path = Path("companion.settings")
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
-    # What stands on the ground, in YAML or GeoJSON; paths count from the folder of the configuration.
+    # Files of obstacles on the ground, YAML or GeoJSON; paths are relative to the folder of this file.
     obstacle_files: tuple[Path, ...] = ()
     obstacles: ObstacleParams = field(default_factory=ObstacleParams)
     avoidance: AvoidanceParams = field(default_factory=AvoidanceParams)
-    # What the autopilot's parameters do not say, or say too generously.
+    # Limits that the autopilot's parameters do not give, or give too generously.
     aircraft: AircraftLimits = field(default_factory=AircraftLimits)
-    # Zones to keep to beside those of the autopilot's own fence.
+    # Zones to stay inside or outside of, in addition to the autopilot's own fence.
     fences: tuple[FenceZone, ...] = ()
 
     def __post_init__(self) -> None:
@@ -104,11 +105,11 @@ class Config:
         if self.autopilot != "auto" and not MODES_OF[self.autopilot] & {*self.supervisor.take_over_from}:
             raise ValueError(f"supervisor.take_over_from: {self.autopilot} has none of these modes")
         if self.settings_file == self.state_file:
-            raise ValueError("settings_file and state_file must be two files")
-        self.for_engine()  # refuses what its sections contradict each other in
+            raise ValueError("settings_file and state_file must be two different files")
+        self.for_engine()  # refuses sections that contradict each other
 
     def for_engine(self, known_obstacles: tuple[Obstacle, ...] = ()) -> EngineConfig:
-        """The part that the engine is built from, with what the obstacle files say."""
+        """The configuration of the engine, with the obstacles from the obstacle files."""
         return EngineConfig(
             autopilot=self.autopilot,
             engine=self.engine,

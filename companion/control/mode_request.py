@@ -1,9 +1,9 @@
-"""A change of mode, asked for until the heartbeat shows it, and never against what the heartbeat shows.
+"""A change of mode, requested until the heartbeat shows it, and never against what the heartbeat shows.
 
-An acknowledgement does not say which mode it is about, and arrives late or not at all; the heartbeat alone
-says who has the aircraft. A request is repeated only on the evidence of a heartbeat, newer than the last try,
-that still shows the mode we started from: were it repeated blindly, it would take the aircraft from a pilot
-who changed the mode meanwhile.
+An acknowledgement does not say which mode it is about, and may arrive late or not at all. Only the heartbeat
+says who has the aircraft. A request is repeated only after a heartbeat that is newer than the last try and
+still shows the mode we started from. Repeated blindly, it could take the aircraft from a pilot who changed
+the mode meanwhile.
 """
 
 import math
@@ -11,26 +11,26 @@ from enum import Enum
 
 _RESEND_S = 1.0
 _EVIDENCE_S = 1.5
-# An accepted request shows in the heartbeat soon; on a slow link, that much later.
+# An accepted request shows in the heartbeat soon, on a slow link within this time.
 _ACCEPTED_S = 3.0
 _FIRST_REFUSAL_S, _LONGEST_REFUSAL_S = 1.0, 5.0
 _NOT_YET_S = 0.4
 
 
 class Progress(Enum):
-    """Where a request stands, by the heartbeats since it was made."""
+    """Where a request stands, according to the heartbeats since it was made."""
 
     WAITING = "waiting"
     CONFIRMED = "confirmed"
-    OVERRULED = "overruled"  # a third mode: somebody else chose it
+    OVERRULED = "overruled"  # a third mode: someone else chose it
 
 
 class ModeRequest:
     """One request, from `start` to `wanted` (custom modes), made at `now_s`.
 
-    It is first sent after `delay_s`. With `settle_s`, the wanted mode counts only when seen so long after the
-    request was made: an older one, still under way, might come after it. `blind_tries` are those allowed
-    without evidence: none for taking the aircraft over, few for giving it back.
+    It is first sent after `delay_s`. With `settle_s`, the wanted mode counts only when it is seen that long
+    after the request was made, as an older request may still be under way. `blind_tries` may be sent without
+    evidence: none for taking the aircraft over, few for giving it back.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class ModeRequest:
         self._blind_tries = blind_tries
 
     def progress(self, mode: int, heartbeat_s: float) -> Progress:
-        """What the newest heartbeat, received at `heartbeat_s`, says."""
+        """The progress according to the newest heartbeat, received at `heartbeat_s`."""
         if heartbeat_s <= self.made_s:
             return Progress.WAITING
         if mode == self.wanted:
@@ -65,7 +65,7 @@ class ModeRequest:
         return Progress.WAITING if mode == self.start else Progress.OVERRULED
 
     def due(self, mode: int, heartbeat_s: float, now_s: float) -> bool:
-        """Whether to send now; takes note that it is sent."""
+        """Whether to send now; the request counts as sent then."""
         if now_s < self._not_before_s:
             return False
         evidence = mode == self.start and heartbeat_s > self.sent_s and now_s - heartbeat_s <= _EVIDENCE_S
@@ -79,17 +79,17 @@ class ModeRequest:
         return True
 
     def accepted(self, now_s: float) -> None:
-        """The autopilot said yes: whoever changes the mode now means it, so nothing is repeated soon."""
+        """Acknowledged: back off, so that a later change by the pilot is not overridden."""
         self._not_before_s = max(self._not_before_s, now_s + _ACCEPTED_S)
         self._blind_tries = 0
 
     def postponed(self, now_s: float) -> None:
-        """The autopilot said "not yet": it wants to be asked again, soon."""
+        """Temporarily rejected: ask again soon."""
         self.postponements += 1
         self._not_before_s = now_s + _NOT_YET_S
 
     def refused(self, now_s: float) -> None:
-        """The autopilot said no: ask again, with growing patience."""
+        """Refused: ask again, after a wait that doubles each time."""
         wait_s = min(_FIRST_REFUSAL_S * 2.0**self.refusals, _LONGEST_REFUSAL_S)
         self.refusals += 1
         self._not_before_s = now_s + wait_s

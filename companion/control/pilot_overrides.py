@@ -2,49 +2,43 @@
 
 from collections.abc import Iterable
 
-from companion.control.mode_request import ModeRequest, Progress
-from companion.control.state_machine import Event
-from companion.model import PriorFlightState
+from companion.control.mode_request import Progress
+from companion.control.state_machine import Event, StateData
 from companion.ownship.aircraft import Aircraft
 
 
 class PilotOverrides:
-    """Watches for it while we have the aircraft, or are on our way from or to that."""
+    """Looks for overrides while we have the aircraft, or are about to take it or give it back."""
 
     def __init__(self, aircraft: Aircraft) -> None:
         self._aircraft = aircraft
-        self._ignored: frozenset[Event] = frozenset()
 
-    def begin(self, ignored: Iterable[Event] = ()) -> None:
-        """From now on. What is `ignored` counts only when it has ceased and come again."""
-        self._ignored = frozenset(ignored)
+    def begin(self, data: StateData, overlooked: Iterable[Event] = ()) -> None:
+        """Start to look. An override that is `overlooked` counts only after it has ceased."""
+        data.overlooked = frozenset(overlooked)
         self._aircraft.sticks.mark()
         self._aircraft.target_while_ours = None
 
-    @property
-    def overlooked(self) -> bool:
-        """Whether somebody else has it by what is ignored, so that it may be given back, but not flown."""
-        return bool(self._ignored)
-
-    def made(self, request: ModeRequest | None, before: PriorFlightState) -> list[Event]:
-        """All that says that somebody else has the aircraft now; `request` is ours that is under way."""
+    def current(self, data: StateData) -> list[Event]:
+        """Every sign that someone else has the aircraft now."""
         aircraft = self._aircraft
-        claims = (
+        signs = (
             (Event.DISARMED, not aircraft.armed),
             (Event.LANDING, aircraft.landing()),
             (Event.FAILSAFE, aircraft.failsafe),
             (Event.FENCE, aircraft.fence_breached),
             (Event.STICKS, aircraft.sticks.moved),
-            (Event.MODE_CHANGED, self._overruled(request, before)),
+            (Event.MODE_CHANGED, self._is_overruled(data)),
         )
-        happened = [event for event, is_so in claims if is_so]
-        self._ignored = self._ignored.intersection(happened)
-        return [event for event in happened if event not in self._ignored]
+        present = [event for event, is_present in signs if is_present]
+        data.overlooked = data.overlooked.intersection(present)
+        return [event for event in present if event not in data.overlooked]
 
-    def _overruled(self, request: ModeRequest | None, before: PriorFlightState) -> bool:
-        """Whether somebody else changed the mode, or, in the guided one, what it flies to."""
+    def _is_overruled(self, data: StateData) -> bool:
+        """Whether someone else changed the mode, or gave the guided mode another target."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
-        if request is not None:
-            return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
-        was_guided = adapter is not None and before.mode == adapter.guided_mode
-        return not aircraft.guided or (was_guided and aircraft.sent_elsewhere(before.target))
+        if data.request is not None:
+            progress = data.request.progress(aircraft.custom_mode, aircraft.heartbeat_s)
+            return progress is Progress.OVERRULED
+        was_guided = adapter is not None and data.prior.mode == adapter.guided_mode
+        return not aircraft.guided or (was_guided and aircraft.redirected_from(data.prior.target))

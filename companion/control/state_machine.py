@@ -1,27 +1,38 @@
-"""Who may fly, and when: the whole supervisor is the table below; `companion check CONFIG --table` prints it.
+"""Who has the aircraft: the whole state machine is this file; `companion check CONFIG --table` prints it.
 
-It knows neither clock nor wire. The engine tells it events, one at a time, and acts on the state it is in.
-A pair that is not in the table changes nothing.
+`TRANSITIONS` says which state follows which event; a pair that is not in it changes nothing. `DATA` says what
+is remembered in each state: all other data is forgotten when the state is entered. What the companion does
+depends on the state, on its data and on what is heard now, and on nothing else.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, MinLen
 
+from companion.control.mode_request import ModeRequest
+from companion.control.rejoin import Rejoin
+from companion.model import PriorFlightState
+from companion.output.persisted_state import PersistedState
+
 
 class State(StrEnum):
     """What the companion is doing with the aircraft."""
 
-    STANDBY = "standby"  # the aircraft is not one to take over: on the ground, disarmed, in another mode
+    STANDBY = "standby"  # not to be taken over: on the ground, disarmed, in another mode
+    WAITING = "waiting"  # not to be taken over yet: after a refusal, or after it had been abandoned
     MONITOR = "monitor"  # the mission is flown; ready to take over
     ENGAGING = "engaging"  # asked the autopilot for its guided mode
     OUTER = "outer"  # flying, outer layer
     INNER = "inner"  # flying, inner layer
     RETURNING = "returning"  # flying back to where the former mode belongs: a circle, a course
-    RELEASING = "releasing"  # asked the autopilot to take the mission up again
-    HANDS_OFF = "hands off"  # somebody else took the aircraft while we had it: theirs until settled
+    RE_ENTERING = "re-entering"  # asked for the guided mode again, for the controller to recover in it
+    RECOVERING = "recovering"  # flying until the autopilot's controller has recovered
+    RELEASING = "releasing"  # asked the autopilot to take up the former mode
+    HANDS_OFF = "hands off"  # someone else took the aircraft while we had it: theirs until settled
+    SUPPRESSED = "suppressed"  # the pilot resumed the mission while we flew: this conflict is his
     STOPPING = "stopping"  # giving back because the service ends
     STOPPED = "stopped"
 
@@ -29,25 +40,30 @@ class State(StrEnum):
 class Event(StrEnum):
     """What can happen."""
 
-    READY = "ready"  # armed, airborne, position fresh, in a mode that may be taken over, settled, told to fly
+    READY = "ready"  # may be taken over: armed, airborne, fresh position, allowed mode, role fly, settled
     NOT_READY = "not ready"
     OUTER_CONFLICT = "outer conflict"
     INNER_CONFLICT = "inner conflict"
     CLEAR = "clear"
     FAR = "far"  # clear, but not where the former mode belongs
     TAKEN = "taken"  # the autopilot's heartbeat shows its guided mode
-    REFUSED = "refused"  # it refused, or still shows the former mode after a while
+    REFUSED = "refused"  # the autopilot refused, or still shows the former mode after a while
     UNKNOWN = "unknown"  # nothing is heard of what became of the request
-    LATE = "late"  # it entered the guided mode after we had given up asking
-    FOUND = "found"  # it is where it goes when a companion is killed, or not heard for a while
-    POISONED = "poisoned"  # its controller has lost itself by our doing: flown until it has recovered
-    ABANDONED = "abandoned"  # taken from us, but left in the guided mode with nobody flying it
-    ADVISE = "advise"  # told in flight to advise only, or to be off
-    RESUME = "resume"  # told to resume the mission now, whatever the traffic
-    GIVEN_BACK = "given back"  # the heartbeat shows the mode it was given back to
-    STOP = "stop"  # the service is told to end
-    # Somebody else has the aircraft:
-    MODE_CHANGED = "mode changed"  # one that we did not ask for: the pilot's, the autopilot's own avoidance
+    LATE = "late"  # the guided mode was entered after we had given up asking
+    FOUND = "found"  # in the mode that the autopilot enters when a companion is killed or not heard
+    ABANDONED = "abandoned"  # taken from us, but left in the guided mode and flown by no one
+    INVALID_GUIDED = "setpoint invalid"  # guided by us, its controller has no valid setpoint
+    INVALID_OUTSIDE = "setpoint invalid outside"  # the same, but no longer in the guided mode
+    RECOVERED = "recovered"
+    LOST = "lost"  # own position, or the autopilot
+    ADVISE = "advise"  # the operator's role is now advise or off
+    RESUME = "resume"  # the operator resumes the mission now, whatever the traffic
+    GIVEN_BACK = "given back"  # the heartbeat shows the mode that it was given back to
+    RECLAIMED = "reclaimed"  # the same, after it had been abandoned
+    STOP = "stop"  # the service ends
+    # Someone else has the aircraft:
+    MODE_CHANGED = "mode changed"  # not by us: the pilot, the autopilot's own avoidance
+    SENT_BACK = "sent back"  # mode changed not by us, to one that may be taken over from
     STICKS = "sticks moved"
     DISARMED = "disarmed"
     LANDING = "landing"
@@ -55,66 +71,147 @@ class Event(StrEnum):
     FENCE = "fence breached"
 
 
-FLYING = frozenset({State.OUTER, State.INNER, State.RETURNING})
-WATCHING = frozenset({State.STANDBY, State.MONITOR, State.HANDS_OFF})
-HELD = FLYING | {State.ENGAGING, State.RELEASING}
-TAKEN_AWAY = frozenset(
+FLYING = frozenset({State.OUTER, State.INNER, State.RETURNING, State.RECOVERING})
+WATCHING = frozenset({State.STANDBY, State.WAITING, State.MONITOR, State.HANDS_OFF, State.SUPPRESSED})
+ENTERING = frozenset({State.ENGAGING, State.RE_ENTERING})
+HELD = FLYING | ENTERING | {State.RELEASING}
+# States in which a change of mode is under way.
+ASKING = ENTERING | {State.RELEASING, State.STOPPING}
+OVERRIDES = frozenset(
     {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED, Event.LANDING, Event.FAILSAFE, Event.FENCE}
 )
 
+
+def _from(states: frozenset[State], event: Event, after: State) -> dict[tuple[State, Event], State]:
+    return {(state, event): after for state in states}
+
+
 TRANSITIONS: dict[tuple[State, Event], State] = {
-    **{(state, event): State.HANDS_OFF for state in HELD for event in TAKEN_AWAY},
-    # Giving back goes on whatever the sticks and the failsafes say: there is no later.
+    **{(state, event): State.HANDS_OFF for state in HELD for event in OVERRIDES},
+    **_from(HELD, Event.SENT_BACK, State.SUPPRESSED),
+    # Giving back at the end goes on whatever the sticks and the failsafes say: there is no later.
     (State.STOPPING, Event.MODE_CHANGED): State.STOPPED,
     (State.STOPPING, Event.DISARMED): State.STOPPED,
     (State.STOPPING, Event.LANDING): State.STOPPED,
-    # It fell out of the guided mode while the link was gone.
-    **{(state, Event.FOUND): State.RELEASING for state in FLYING | {State.RELEASING}},
-    **{(state, Event.POISONED): State.ENGAGING for state in FLYING | {State.RELEASING}},
-    (State.STANDBY, Event.READY): State.MONITOR,
-    (State.STANDBY, Event.LATE): State.RELEASING,
-    (State.STANDBY, Event.FOUND): State.RELEASING,
-    (State.STANDBY, Event.POISONED): State.ENGAGING,
-    (State.STANDBY, Event.STOP): State.STOPPED,
+    # It left the guided mode by itself while the link was lost.
+    **_from(FLYING | {State.RELEASING}, Event.FOUND, State.RELEASING),
+    **_from(FLYING | {State.RELEASING}, Event.INVALID_OUTSIDE, State.RE_ENTERING),
+    **_from(FLYING, Event.INVALID_GUIDED, State.RECOVERING),
+    **_from(FLYING, Event.LOST, State.RELEASING),
+    **_from(HELD - {State.RELEASING}, Event.ADVISE, State.RELEASING),
+    **_from(HELD, Event.STOP, State.STOPPING),
+    **_from(WATCHING, Event.STOP, State.STOPPED),
+    **_from(WATCHING - {State.MONITOR}, Event.READY, State.MONITOR),
+    **_from(WATCHING - {State.MONITOR}, Event.LATE, State.RELEASING),
+    **_from(frozenset({State.STANDBY, State.WAITING}), Event.FOUND, State.RELEASING),
+    **_from(
+        frozenset({State.STANDBY, State.WAITING, State.MONITOR}), Event.INVALID_OUTSIDE, State.RE_ENTERING
+    ),
     (State.MONITOR, Event.NOT_READY): State.STANDBY,
     (State.MONITOR, Event.OUTER_CONFLICT): State.ENGAGING,
     (State.MONITOR, Event.INNER_CONFLICT): State.ENGAGING,
-    (State.MONITOR, Event.POISONED): State.ENGAGING,
-    (State.MONITOR, Event.STOP): State.STOPPED,
     (State.ENGAGING, Event.TAKEN): State.OUTER,
-    (State.ENGAGING, Event.REFUSED): State.STANDBY,
-    (State.ENGAGING, Event.UNKNOWN): State.RELEASING,
+    **_from(ENTERING, Event.REFUSED, State.WAITING),
+    **_from(ENTERING, Event.UNKNOWN, State.RELEASING),
     (State.ENGAGING, Event.CLEAR): State.RELEASING,
-    (State.ENGAGING, Event.ADVISE): State.RELEASING,
     (State.ENGAGING, Event.RESUME): State.RELEASING,
-    (State.ENGAGING, Event.STOP): State.STOPPING,
     (State.OUTER, Event.INNER_CONFLICT): State.INNER,
     (State.OUTER, Event.CLEAR): State.RELEASING,
     (State.OUTER, Event.FAR): State.RETURNING,
-    (State.OUTER, Event.ADVISE): State.RELEASING,
     (State.OUTER, Event.RESUME): State.RELEASING,
-    (State.OUTER, Event.STOP): State.STOPPING,
     (State.INNER, Event.OUTER_CONFLICT): State.OUTER,
     (State.INNER, Event.CLEAR): State.RELEASING,
     (State.INNER, Event.FAR): State.RETURNING,
-    (State.INNER, Event.ADVISE): State.RELEASING,
     (State.INNER, Event.RESUME): State.RELEASING,
-    (State.INNER, Event.STOP): State.STOPPING,
     (State.RETURNING, Event.OUTER_CONFLICT): State.OUTER,
     (State.RETURNING, Event.INNER_CONFLICT): State.INNER,
     (State.RETURNING, Event.CLEAR): State.RELEASING,
-    (State.RETURNING, Event.ADVISE): State.RELEASING,
     (State.RETURNING, Event.RESUME): State.RELEASING,
-    (State.RETURNING, Event.STOP): State.STOPPING,
-    (State.RELEASING, Event.GIVEN_BACK): State.MONITOR,
+    # With an invalid setpoint the aircraft cannot fly its mission: it is not given back before it recovered.
+    (State.RE_ENTERING, Event.TAKEN): State.RECOVERING,
+    (State.RECOVERING, Event.RECOVERED): State.OUTER,
+    # The autopilot refuses the former mode, and there is traffic.
     (State.RELEASING, Event.OUTER_CONFLICT): State.ENGAGING,
     (State.RELEASING, Event.INNER_CONFLICT): State.ENGAGING,
-    (State.RELEASING, Event.STOP): State.STOPPING,
-    (State.HANDS_OFF, Event.READY): State.MONITOR,
-    (State.HANDS_OFF, Event.LATE): State.RELEASING,
+    (State.RELEASING, Event.GIVEN_BACK): State.MONITOR,
+    (State.RELEASING, Event.RECLAIMED): State.WAITING,
     (State.HANDS_OFF, Event.ABANDONED): State.RELEASING,
-    (State.HANDS_OFF, Event.STOP): State.STOPPED,
     (State.STOPPING, Event.GIVEN_BACK): State.STOPPED,
+    (State.STOPPING, Event.RECLAIMED): State.STOPPED,
+}
+
+
+@dataclass(slots=True)
+class StateData:
+    """Everything that is remembered about who has the aircraft; times in seconds of the engine's clock."""
+
+    # The flight to go back to, and whether it is still flown in the mode that we left it in.
+    prior: PriorFlightState = field(default_factory=lambda: PriorFlightState(0))
+    left_in_prior_mode: bool = False
+    # The guided mode was asked for at this time: the request may still arrive, even after it was given up.
+    requested_s: float = -math.inf
+    last_unguided_mode: int = 0
+    # Take-overs given up since the last one that succeeded.
+    given_up: int = 0
+    # Conflicts that the operator decided about: when each track was last in conflict.
+    suppressed_s: dict[str, float] = field(default_factory=dict)
+    # The change of mode under way.
+    request: ModeRequest | None = None
+    # The way back to a circle or a course that the former mode holds.
+    rejoin: Rejoin | None = None
+    # Guided by our doing since then, and not left since.
+    guided_since_s: float | None = None
+    # Overrides that were there already when we began: they count only after they have ceased.
+    overlooked: frozenset[Event] = frozenset()
+    # The last time that the controller had no valid setpoint.
+    invalid_s: float = -math.inf
+    # Given back after it was abandoned: to be waited with before the next take-over.
+    reclaiming: bool = False
+    given_back_s: float = -math.inf
+    wait_until_s: float = -math.inf
+    ready_since_s: float | None = None
+    # Guided and flown by no one since then.
+    unattended_since_s: float | None = None
+    # What a former run left, and since when the aircraft is heard after it.
+    left_behind: PersistedState | None = None
+    left_behind_since_s: float | None = None
+
+    def forget_request(self) -> None:
+        """No request for the guided mode is under way any more."""
+        self.requested_s = -math.inf
+
+    def forget_item(self) -> None:
+        """The mission's item needs no more looking after."""
+        self.given_back_s = -math.inf
+
+    def forget(self, kept: frozenset[str]) -> None:
+        """Reset every field that is not `kept`."""
+        fresh = StateData()
+        for one in fields(self):
+            if one.name not in kept:
+                setattr(self, one.name, getattr(fresh, one.name))
+
+
+_ALWAYS = frozenset(
+    {"prior", "left_in_prior_mode", "requested_s", "last_unguided_mode", "given_up", "suppressed_s"}
+)
+_OURS = _ALWAYS | {"rejoin", "guided_since_s", "overlooked"}
+_IDLE = _ALWAYS | {"given_back_s", "left_behind", "left_behind_since_s"}
+DATA: dict[State, frozenset[str]] = {
+    State.STANDBY: _IDLE,
+    State.WAITING: _IDLE | {"wait_until_s"},
+    State.MONITOR: _IDLE,
+    State.ENGAGING: _OURS | {"request"},
+    State.OUTER: _OURS,
+    State.INNER: _OURS,
+    State.RETURNING: _OURS,
+    State.RE_ENTERING: _OURS | {"request"},
+    State.RECOVERING: _OURS | {"invalid_s"},
+    State.RELEASING: _OURS | {"request", "reclaiming"},
+    State.HANDS_OFF: _ALWAYS | {"guided_since_s", "ready_since_s", "unattended_since_s"},
+    State.SUPPRESSED: _ALWAYS | {"ready_since_s"},
+    State.STOPPING: _OURS | {"request", "reclaiming"},
+    State.STOPPED: _ALWAYS,
 }
 
 
@@ -124,34 +221,41 @@ class SupervisorParams:
 
     # What to begin with; MAVLink parameter CA_ROLE or a command changes it in flight.
     role: Literal["off", "advise", "fly"] = "fly"
-    # Names of the autopilot's modes, as its ground stations show them.
+    # Names of the autopilot's modes, as ground stations show them.
     take_over_from: Annotated[tuple[str, ...], MinLen(1)] = ("AUTO", "MISSION")
     # Never below this height above home.
     min_height_m: Annotated[float, Ge(0)] = 30.0
-    # A mode that somebody chose after we flew is theirs; only after so long in an allowed one we may again.
+    # After someone else took the aircraft, it has to be ready for this long before it is taken over again.
     settle_s: Annotated[float, Ge(0), Le(600)] = 5.0
-    # After a refusal the autopilot is not asked again for so long.
+    # The wait after a refusal before the autopilot is asked again.
     retry_s: Annotated[float, Ge(0), Le(600)] = 2.0
-    # Roll, pitch or yaw stick further than this from where it was at take-over: the pilot flies. 0: never.
+    # The pilot flies when the roll, pitch or yaw stick is further than this from where it was. 0: never.
     stick_us: Annotated[float, Ge(0), Le(500)] = 100.0
-    # Taken from us but left in the guided mode, where it would fly on for ever: given back after so long.
+    # Taken from us but left in the guided mode, where it would fly on for ever: given back after this time.
     abandoned_s: Annotated[float, Ge(1), Le(600)] = 5.0
-    # The autopilot's own avoidance acts too: two that steer fight, so that by default we only advise.
+    # While the autopilot's own avoidance acts too, we only advise by default: two that steer would fight.
     beside_other_avoider: Literal["advise", "fly"] = "advise"
 
 
 class Supervisor:
-    """The state, and the only way to change it."""
+    """The state and its data. `handle` is the only way to change the state."""
 
     def __init__(self) -> None:
         self.state = State.STANDBY
+        self.data = StateData()
 
     def handle(self, event: Event) -> bool:
-        """Apply an event; true when the state changed."""
+        """Apply an event; true when the state changed. Data that the new state does not have is forgotten."""
         after = TRANSITIONS.get((self.state, event), self.state)
         changed = after is not self.state
-        self.state = after
+        if changed:
+            self.state = after
+            self.data.forget(DATA[after])
         return changed
+
+    def heeds(self, event: Event) -> bool:
+        """Whether the event changes anything in this state."""
+        return (self.state, event) in TRANSITIONS
 
     @property
     def flying(self) -> bool:
@@ -166,3 +270,11 @@ def printed() -> str:
     widths = [max(len(row[column]) for row in table) for column in range(len(table[0]))]
     lines = [" | ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) for row in table]
     return "\n".join(line.rstrip() for line in lines)
+
+
+def printed_data() -> str:
+    """What each state remembers: a line for each, without what all of them do."""
+    width = max(map(len, State))
+    lines = [f"{'every state':{width}} : {', '.join(sorted(_ALWAYS))}"]
+    lines += [f"{state:{width}} : {', '.join(sorted(DATA[state] - _ALWAYS))}".rstrip(" :") for state in State]
+    return "\n".join(lines)

@@ -1,86 +1,65 @@
-"""The guided mode with nobody flying it: entered late, left behind by a crash, or abandoned."""
+"""The guided mode that no one flies: entered late, left behind by a crash, or abandoned by the pilot."""
 
-import math
-
+from companion.control.context import ControlContext
 from companion.control.state_machine import Event, State
-from companion.gcs.settings import Settings
 from companion.model import PriorFlightState
 from companion.output.persisted_state import PersistedState
-from companion.ownship.aircraft import Aircraft
 
-# A request that was given up may still arrive, on a slow link.
+# A request that was given up may still arrive on a slow link.
 _LATE_S = 6.0
-# Time enough to hear whether the controller of an aircraft that was left behind is well.
+# After this time it is known whether the controller of an aircraft that was left behind is well.
 _FOUND_AFTER_S = 1.0
+
+# What was found, and the flight to go back to; `None`: the one that we know.
+Found = tuple[Event, PriorFlightState | None]
 
 
 class UnattendedGuided:
-    """Looks for them while we have nothing to do with the aircraft. `before` is what to go back to."""
+    """Looks for it while the aircraft is not ours."""
 
-    def __init__(self, aircraft: Aircraft, settings: Settings) -> None:
-        self._aircraft = aircraft
-        self._settings = settings
-        self._asked_s = -math.inf
-        self._other_mode = 0  # the last one heard that was not the guided one
-        self._abandoned_since_s: float | None = None
-        self._held: PersistedState | None = None
-        self._held_since_s: float | None = None
-        self.before = PriorFlightState(0)
+    def __init__(self, context: ControlContext) -> None:
+        self._context = context
 
-    def asked(self, now_s: float) -> None:
-        """The guided mode was asked for."""
-        self._asked_s = now_s
+    def note_mode(self) -> None:
+        """Remember the newest mode that is not the guided one, while the aircraft is not ours."""
+        aircraft = self._context.aircraft
+        if not aircraft.guided:
+            self._context.data.last_unguided_mode = aircraft.custom_mode
 
-    def settled(self) -> None:
-        """No request for the guided mode is under way any more."""
-        self._asked_s = -math.inf
-
-    def expect(self, held: PersistedState) -> None:
-        """A former run was killed while it had the aircraft."""
-        self._held = held if held.before is not None else None
-
-    def observe(self) -> None:
-        """Take note of the mode, at every tick."""
-        if not self._aircraft.guided:
-            self._other_mode = self._aircraft.custom_mode
-
-    def seen(self, state: State, now_s: float, *, was_guided: bool) -> Event | None:
-        """What is to be put right; `was_guided`: since our last take-over it never left the guided mode."""
-        aircraft = self._aircraft
-        if self._held is not None:
-            return self._left_behind(self._held, now_s)
+    def found(self, now_s: float) -> Found | None:
+        """What has to be put right now."""
+        context, data = self._context, self._context.data
+        aircraft = context.aircraft
+        if data.left_behind is not None:
+            return self._left_behind(data.left_behind, now_s)
         if not aircraft.guided or not aircraft.armed:
-            self._abandoned_since_s = None
+            data.unattended_since_s = None
             return None
-        if now_s - self._asked_s < _LATE_S:
-            self.before = PriorFlightState(self._other_mode)
-            return Event.LATE
-        if state is not State.HANDS_OFF or not was_guided:
+        if now_s - data.requested_s < _LATE_S:
+            return Event.LATE, PriorFlightState(data.last_unguided_mode)
+        if context.supervisor.state is not State.HANDS_OFF or data.guided_since_s is None:
             return None
-        # As long as the pilot flies by his sticks, or it lands, it is not abandoned.
-        busy = aircraft.sticks.moved or aircraft.landing()
-        if busy or self._abandoned_since_s is None:
-            self._abandoned_since_s = now_s
-        return (
-            Event.ABANDONED
-            if now_s - self._abandoned_since_s >= self._settings.supervisor.abandoned_s
-            else None
-        )
+        # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
+        attended = aircraft.sticks.moved or aircraft.landing()
+        if attended or data.unattended_since_s is None:
+            data.unattended_since_s = now_s
+        abandoned = now_s - data.unattended_since_s >= context.params.abandoned_s
+        return (Event.ABANDONED, None) if abandoned else None
 
-    def _left_behind(self, held: PersistedState, now_s: float) -> Event | None:
+    def _left_behind(self, left: PersistedState, now_s: float) -> Found | None:
         """Whether the aircraft is where a companion that was killed left it."""
-        aircraft, adapter = self._aircraft, self._aircraft.adapter
-        if not held.is_fresh(now_s) or held.before is None:
-            self._held = None
+        data, aircraft = self._context.data, self._context.aircraft
+        adapter = aircraft.adapter
+        if not left.is_fresh(now_s) or left.before is None:
+            data.left_behind = None
             return None
         if adapter is None or not aircraft.heard(now_s):
             return None
-        if self._held_since_s is None:
-            self._held_since_s = now_s
-        if now_s - self._held_since_s < _FOUND_AFTER_S:
+        if data.left_behind_since_s is None:
+            data.left_behind_since_s = now_s
+        if now_s - data.left_behind_since_s < _FOUND_AFTER_S:
             return None
-        self._held = None
-        if not aircraft.armed or aircraft.custom_mode not in (adapter.guided_mode, held.left_behind):
+        data.left_behind = None
+        if not aircraft.armed or aircraft.custom_mode not in (adapter.guided_mode, left.left_behind):
             return None
-        self.before = held.before
-        return Event.POISONED if adapter.setpoint_invalid(now_s) else Event.FOUND
+        return Event.INVALID_OUTSIDE if adapter.setpoint_invalid(now_s) else Event.FOUND, left.before

@@ -1,8 +1,8 @@
-"""When the engine ticks: on the whole tenths of its clock, whoever drives it.
+"""When the engine ticks: on whole tenths of a second of its clock, in flight as in a replay.
 
-A tick at T sees exactly the facts received before T. That rule, and not the moment at which a timer happened
-to fire, orders facts and ticks; so a recorded flight, driven through here by the stamps of its log, makes the
-decisions that were flown.
+A tick at time T sees exactly the facts received before T. This rule orders facts and ticks, not the moment at
+which a timer fires. So a recorded flight, replayed by the stamps of its log, makes the decisions that were
+flown.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,8 +12,8 @@ from companion.mavlink.facts import Fact
 from companion.output.effects import Effect
 
 TICK_US = 100_000
-# A suspended or starved machine does not make up for decisions that nobody can use any more. A log shows such
-# a gap too, as our own heartbeats are missing in it.
+# A machine that was suspended does not make up for decisions that are of no use any more. A log shows such a
+# gap too, as our own heartbeats are missing in it.
 LONGEST_CATCH_UP_US = 5_000_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
@@ -22,8 +22,8 @@ Perform = Callable[[int, Sequence[Effect]], None]
 class Stepper:
     """Drives an engine along a clock of whole microseconds that never runs backwards.
 
-    `perform(time_us, effects)` does what the engine wants done. With `longest_catch_up_us`, ticks that are
-    overdue by more (the machine was suspended) are left out rather than made up for. `ticks` were made.
+    `perform(time_us, effects)` carries out the effects. Ticks that are overdue by more than
+    `longest_catch_up_us`, after the machine was suspended, are skipped. `ticks` counts those made.
     """
 
     def __init__(self, engine: Engine, perform: Perform, *, longest_catch_up_us: int | None = None) -> None:
@@ -35,7 +35,7 @@ class Stepper:
         self._next_tick_us: int | None = None
 
     def next_tick_us(self, now_us: int) -> int:
-        """When the next tick is due."""
+        """Time of the next tick [us]."""
         if self._next_tick_us is None:
             self._next_tick_us = -(-now_us // TICK_US) * TICK_US
         return self._next_tick_us
@@ -44,7 +44,7 @@ class Stepper:
         """Make all ticks that are due."""
         due_us = self.next_tick_us(now_us)
         if self._longest_catch_up_us is not None and now_us - due_us > self._longest_catch_up_us:
-            # Not even the latest: what arrived meanwhile comes first.
+            # Not even the latest tick is made: what arrived meanwhile comes first.
             resumed_us = (now_us // TICK_US + 1) * TICK_US
             self.skipped_ticks += (resumed_us - due_us) // TICK_US
             due_us = resumed_us
@@ -56,7 +56,7 @@ class Stepper:
         self._next_tick_us = due_us
 
     def receive(self, fact: Fact, now_us: int) -> None:
-        """Make the ticks that are due, take a fact in, and tick at once when it cannot wait."""
+        """Make the ticks that are due, take a fact in, and tick at once when the fact cannot wait."""
         self.advance(now_us)
         if self.engine.receive(fact, now_us / 1e6):
             self._perform(now_us, self.engine.tick(now_us / 1e6))

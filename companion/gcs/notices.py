@@ -1,83 +1,70 @@
-"""What the operator is told of the situation at large: who is there, what we are told to do, what to set."""
+"""What the operator should know about the situation at large: other systems, our role, settings to change."""
 
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
-from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
-from companion.output.effects import Effect, Say
+from companion.output.notice import Notice
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 
-# Others may be heard before the one that is configured.
+# Others may be heard before the configured one.
 _CONFIGURED_AWAITED_S = 5.0
 _ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 
 
 class OperatorNotices:
-    """Tells each of it once, and again only what changed."""
+    """Gives each notice once, and again when it changed."""
 
     def __init__(
-        self,
-        aircraft: Aircraft,
-        queries: AutopilotQueries,
-        operator: GcsRequests,
-        announcer: StatusText,
-        settings: Settings,
+        self, aircraft: Aircraft, queries: AutopilotQueries, operator: GcsRequests, settings: Settings
     ) -> None:
         self._aircraft = aircraft
-        self._onboard = queries
+        self._queries = queries
         self._operator = operator
-        self._announcer = announcer
         self._settings = settings
-        self._role_told = Role.FLY  # what everybody expects
+        self._announced_role = Role.FLY  # what everyone expects
 
-    def tick(self, now_s: float) -> list[Effect]:
-        """What there is to tell."""
-        return [
-            effect
-            for problem in (*self._advice(), *self._company(now_s))
-            for effect in self._announcer.tell(
-                mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {problem}", now_s, once=True
-            )
-        ] + [*self._role(now_s), *self._tuned(now_s)]
+    def tick(self, now_s: float) -> list[Notice]:
+        """The notices of this tick."""
+        problems = (*self._advice(), *self._other_systems(now_s))
+        notices = [
+            Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {problem}", once=True) for problem in problems
+        ]
+        return notices + self._role() + self._settings_changed()
 
     def other_avoider(self) -> str | None:
         """The autopilot's own avoidance, where it acts."""
         adapter = self._aircraft.adapter
-        return None if adapter is None else adapter.other_avoider(self._onboard.parameters)
+        return None if adapter is None else adapter.other_avoider(self._queries.parameters)
 
-    def _role(self, now_s: float) -> list[Effect]:
+    def _role(self) -> list[Notice]:
         role = self._operator.role
-        if role is self._role_told:
+        if role is self._announced_role:
             return []
-        self._role_told = role
-        return self._announcer.tell(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}", now_s)
+        self._announced_role = role
+        return [Notice(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}")]
 
-    def _tuned(self, now_s: float) -> list[Effect]:
-        """What was refused of what the operator set; what was done his ground station shows."""
+    def _settings_changed(self) -> list[Notice]:
+        """Refused settings for the operator; accepted ones, which the ground station shows, for the log."""
         operator = self._operator
         refusals, operator.refusals = operator.refusals, []
         changes, operator.changes = operator.changes, []
-        told = [
-            effect
-            for words in refusals
-            for effect in self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, words, now_s)
-        ]
-        return [*told, *(Say(mavlink.MAV_SEVERITY_INFO, words) for words in changes)]
+        refused = [Notice(mavlink.MAV_SEVERITY_WARNING, text) for text in refusals]
+        return refused + [Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True) for text in changes]
 
     def _advice(self) -> list[str]:
         """What should be set otherwise in the autopilot."""
         adapter, other = self._aircraft.adapter, self.other_avoider()
-        words = [] if adapter is None else adapter.advice(self._onboard.parameters)
+        texts = [] if adapter is None else adapter.advice(self._queries.parameters)
         if other is not None:
             advising = self._settings.supervisor.beside_other_avoider == "advise"
             consequence = ", advising only" if advising else ""
-            words.append(f"autopilot avoids too ({other}){consequence}")
-        return words
+            texts.append(f"autopilot avoids too ({other}){consequence}")
+        return texts
 
-    def _company(self, now_s: float) -> list[str]:
-        """Who is heard that should not be, or is not what should be."""
+    def _other_systems(self, now_s: float) -> list[str]:
+        """Systems that are heard and should not be, and an aircraft of the wrong type."""
         aircraft = self._aircraft
         if aircraft.adapter is not None:
             if aircraft.others:

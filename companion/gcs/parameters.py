@@ -1,7 +1,7 @@
-"""The settings that can be tuned in flight: one table, from names on the wire to fields of the configuration.
+"""The settings that can be changed in flight: one table, from parameter names to configuration fields.
 
-Ranges are those that can be flown with, within what a configuration file may say. Rules between fields are
-those of the configuration itself: what it refuses, nobody can set.
+A range holds the values that can be flown with; it lies within the range of the configuration file. The rules
+between fields are those of the configuration itself.
 """
 
 import math
@@ -11,18 +11,18 @@ from typing import Any, get_args
 
 import numpy as np
 
-from companion.avoidance.control import ALL_CONTROLS, Control
+from companion.avoidance.envelope import ALL_CONTROLS, Control
 from companion.engine_config import EngineConfig
 from companion.model import Role, TextUnits
 
-# Beyond this no setting means anything, and the 32 bits of the wire end somewhere.
+# No setting needs more, and the 32 bits of the wire end somewhere.
 _LARGEST = 1e9
 _CONTROL_BITS = {Control.HEADING: 1, Control.SPEED: 2, Control.HEIGHT: 4}
 
 
 @dataclass(frozen=True, slots=True)
 class _Coding:
-    """How a field becomes a number on the wire and back; `ValueError` for a number that means nothing."""
+    """How a field becomes a number on the wire and back; ValueError for a number without a meaning."""
 
     number: Callable[[Any], float]
     field: Callable[[float], Any]
@@ -41,7 +41,7 @@ def _whole(value: float) -> int:
 def _controls(value: float) -> frozenset[Control]:
     bits = _whole(value)
     if not bits & _CONTROL_BITS[Control.HEADING]:
-        raise ValueError("1 (course) must be among them")  # the outer layer steers by course
+        raise ValueError("1 (course) must be included")  # the outer layer steers by course
     return frozenset(control for control in ALL_CONTROLS if bits & _CONTROL_BITS[control])
 
 
@@ -55,7 +55,7 @@ _CONTROLS = _Coding(lambda controls: float(sum(_CONTROL_BITS[c] for c in control
 
 @dataclass(frozen=True, slots=True)
 class GcsParam:
-    """One setting. `field` is its place in the configuration, the range is in `unit`, as on the wire."""
+    """One setting: `field` is its path in the configuration; the range is in `unit`, as on the wire."""
 
     name: str
     field: str
@@ -66,13 +66,13 @@ class GcsParam:
     coding: _Coding = _PLAIN
 
     def value(self, config: EngineConfig) -> float:
-        """What the wire shows of it, as exact as 32 bits are."""
+        """The value on the wire, with the precision of 32 bits."""
         return as_sent(self.coding.number(self._field_of(config)))
 
     def put(self, config: EngineConfig, value: float | None, configured: EngineConfig) -> EngineConfig:
-        """The same configuration with this value; `ValueError` says what is allowed instead.
+        """The configuration with this value; ValueError with the allowed range.
 
-        Back to what is `configured` is always allowed, also where a file may say more than the wire.
+        The `configured` value is always allowed, even outside the range of the wire.
         """
         if value is None or not abs(value) < _LARGEST:
             raise ValueError("a number")
@@ -84,7 +84,7 @@ class GcsParam:
         return self._exchanged(config, self.coding.field(value))
 
     def shown(self, value: float) -> str:
-        """A value with its unit."""
+        """The value with its unit."""
         return f"{value:g} {self.unit}".rstrip()
 
     def _exchanged(self, config: EngineConfig, value: Any) -> EngineConfig:
@@ -99,64 +99,64 @@ class GcsParam:
 
 
 def as_sent(value: float) -> float:
-    """The shortest number that is the same in the 32 bits of the wire: 609.6, not 609.5999755859375."""
+    """The shortest number that has the same 32 bits on the wire: 609.6, not 609.5999755859375."""
     return float(str(np.float32(min(max(value, -_LARGEST), _LARGEST))))
 
 
 def _exchanged(section: Any, path: list[str], value: Any) -> Any:
-    """The section with one field exchanged, made anew so that its rules are checked."""
+    """A copy of the section with one field replaced; its rules are checked."""
     first, *rest = path
     return replace(section, **{first: _exchanged(getattr(section, first), rest, value) if rest else value})
 
 
-# The order is that of the indices on the wire: new ones come last.
+# The order is that of the indices on the wire: add new settings at the end.
 GCS_PARAMETERS: tuple[GcsParam, ...] = (
     GcsParam("CA_ROLE", "supervisor.role", "", 0, 2, "0 off, 1 advise, 2 fly", _ROLE),
     GcsParam("CA_WC_HORIZ", "avoidance.well_clear_horizontal_m", "m", 50, 5000, "well clear, sideways"),
     GcsParam("CA_WC_VERT", "avoidance.well_clear_vertical_m", "m", 15, 1000, "well clear, in height"),
-    GcsParam("CA_MARGIN_H", "avoidance.horizontal_margin", "share", 0, 2, "to spare beside well clear"),
-    GcsParam("CA_MARGIN_V", "avoidance.vertical_margin", "share", 0, 2, "to spare above and below it"),
+    GcsParam("CA_MARGIN_H", "avoidance.horizontal_margin", "share", 0, 2, "margin, sideways"),
+    GcsParam("CA_MARGIN_V", "avoidance.vertical_margin", "share", 0, 2, "margin, in height"),
     GcsParam("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", 20, 2000, "obstacles, sideways"),
     GcsParam("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", 10, 500, "obstacles, in height"),
     GcsParam("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", 300, 20_000, "reach of the outer layer"),
-    GcsParam("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the further one counts"),
+    GcsParam("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the greater reach counts"),
     GcsParam("CA_INNER_DIST", "avoidance.inner_radius_m", "m", 50, 5000, "reach of the inner layer"),
-    GcsParam("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the further one counts"),
+    GcsParam("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the greater reach counts"),
     GcsParam(
         "CA_DOMAIN", "avoidance.delta_beta_rad", "deg", 0, 180, "width of the transition domain", _DEGREES
     ),
-    GcsParam("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "missed by less, and soon: begin"),
-    GcsParam("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "missed by less, later on: begin"),
-    GcsParam("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "so much more room to give back"),
-    GcsParam("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "clear for so long to give back"),
-    GcsParam("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "no further up or down"),
+    GcsParam("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "begin below this miss, soon"),
+    GcsParam("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "begin below this miss, later"),
+    GcsParam("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "extra margin to give back"),
+    GcsParam("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "time clear before giving back"),
+    GcsParam("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "largest change of height"),
     GcsParam("CA_HEIGHT_MIN", "supervisor.min_height_m", "m", 10, 1000, "lowest height above home"),
     GcsParam(
         "CA_HEIGHT_MAX", "engine.max_height_m", "m", 0, 10_000, "highest height above home; 0: none",
         _ZERO_IS_NONE,
     ),
-    GcsParam("CA_SETTLE", "supervisor.settle_s", "s", 0, 120, "all well for so long, to take over anew"),
+    GcsParam("CA_SETTLE", "supervisor.settle_s", "s", 0, 120, "time ready before taking over again"),
     GcsParam(
         "CA_CONTROLS", "avoidance.controls", "", 1, 7, "1 course + 2 speed + 4 height", _CONTROLS
     ),
-    GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "price of a climb, old PX4"),
-    GcsParam("CA_UNITS", "engine.text_units", "", 0, 1, "of texts: 0 metric, 1 aviation", _TEXT_UNITS),
+    GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "cost of a climb, PX4 to 1.16"),
+    GcsParam("CA_UNITS", "engine.text_units", "", 0, 1, "units of texts: 0 metric, 1 aviation", _TEXT_UNITS),
 )  # fmt: skip
 BY_NAME: Mapping[str, GcsParam] = {tunable.name: tunable for tunable in GCS_PARAMETERS}
 INDEX: Mapping[str, int] = {tunable.name: index for index, tunable in enumerate(GCS_PARAMETERS)}
 
 
 def values_changed(config: EngineConfig, configured: EngineConfig) -> dict[str, float]:
-    """What is set otherwise than configured, by name."""
+    """The settings that differ from the configuration, by name."""
     shown = ((tunable.name, tunable.value(config), tunable.value(configured)) for tunable in GCS_PARAMETERS)
     return {name: value for name, value, before in shown if value != before}
 
 
 def with_values(configured: EngineConfig, values: Mapping[str, Any]) -> tuple[EngineConfig, list[str]]:
-    """A configuration with these values by name, and what of them was refused, each in a few words."""
+    """The configuration with these values, and the refused ones, each with a reason."""
     config, waiting, reasons = configured, dict(values), dict.fromkeys(values, "")
     while True:
-        # One may be possible only after another: both layers further out.
+        # A value may become valid only after another one, as with the reaches of both layers.
         done = []
         for name, value in waiting.items():
             try:

@@ -1,4 +1,4 @@
-"""What the operator may ask of us over MAVLink: settings, as parameters, our role, and the mission back."""
+"""What the operator may request over MAVLink: settings as parameters, our role, and to resume the mission."""
 
 import math
 from collections import deque
@@ -12,40 +12,45 @@ from companion.model import Role
 
 ROLE = "CA_ROLE"
 _ALL_COMPONENTS = 0
-# Slow links carry the list beside everything else: no more of it than this in one tick.
+# A slow link carries the list beside everything else: at most this many parameters in one tick.
 _LISTED_AT_ONCE = 10
 _LIST_INTERVAL_S = 0.1
 
 
 class GcsRequests:
-    """Holds the role, and answers who asks. `address` is ours.
+    """Holds the role and answers requests; `address` returns our own address.
 
-    Parameters are those of `GCS_PARAMETERS`. Commands, addressed to our component and no other, are
-    MAV_CMD_DO_SET_MODE with the role as its custom mode, which HEARTBEAT.custom_mode shows, and
-    MAV_CMD_DO_PAUSE_CONTINUE with 1: the mission is to be resumed now, conflict or not. Asked again, they
-    are done again and answered alike, so that a lost answer does no harm.
+    The parameters are those of `GCS_PARAMETERS`. Two commands are accepted when they are addressed to our
+    component: MAV_CMD_DO_SET_MODE with the role as its custom mode, which HEARTBEAT.custom_mode shows, and
+    MAV_CMD_DO_PAUSE_CONTINUE with 1, which resumes the mission now, conflict or not. A repeated command has
+    the same effect and the same answer, so that a lost answer does no harm.
     """
 
-    def __init__(self, settings: Settings, address: Callable[[], Sender]) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        address: Callable[[], Sender],
+        may_resume: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.settings = settings
         self.role = Role[settings.supervisor.role.upper()]
-        self.at_most = Role.FLY  # whatever anybody asks for
-        self.may_resume: Callable[[], bool] = lambda: False
-        self.refusals: list[str] = []  # to be told
+        self.at_most = Role.FLY  # the highest role that may be requested
+        self.refusals: list[str] = []  # for the operator, until they are announced
         self.changes: list[str] = []
         self._configured = self.role
         self._address = address
+        self._may_resume = may_resume
         self._resumes = False
         self._listing: deque[GcsParam] = deque()
         self._listed_s = -math.inf
 
     @property
     def changed_to(self) -> Role | None:
-        """The role, if it is no more the one that was configured."""
+        """The role, if it differs from the configured one."""
         return None if self.role is self._configured else self.role
 
     def receive(self, fact: Fact) -> list[Message]:
-        """Do what is asked; the answers to send. What is not for us is not answered."""
+        """Carry out a request; returns the answers to send, none to a request that is not for us."""
         match fact:
             case CommandRequest() if fact.target == self._address():
                 return [self._command(fact)]
@@ -56,14 +61,14 @@ class GcsRequests:
             case ParameterRequest(name=None, index=None) if self._is_ours(fact.target):
                 self._listing = deque(GCS_PARAMETERS)
             case ParameterRequest() if fact.target == self._address():
-                # A read that is meant for every component is the autopilot's.
+                # A read that is addressed to all components is for the autopilot.
                 return [self._value(tunable) for tunable in _meant(fact)]
             case _:
                 pass
         return []
 
     def listed(self, now_s: float) -> list[Message]:
-        """What is due of a list that was asked for."""
+        """The next parameters of a requested list."""
         if not self._listing or 0.0 <= now_s - self._listed_s < _LIST_INTERVAL_S - 1e-3:
             return []
         self._listed_s = now_s
@@ -71,7 +76,7 @@ class GcsRequests:
         return [self._value(self._listing.popleft()) for _ in range(due)]
 
     def take_resume(self) -> bool:
-        """Whether the mission is to be resumed now; once for each time that it was asked."""
+        """Whether the mission is to be resumed now; true once for each request."""
         resumes, self._resumes = self._resumes, False
         return resumes
 
@@ -88,7 +93,7 @@ class GcsRequests:
         )
 
     def _set_mode(self, base: float | None, role: float | None) -> bool:
-        """A role for this run: what is to outlast it is set as a parameter."""
+        """Set the role for this run; the parameter sets it for later runs too."""
         custom = base is not None and int(base) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         if not custom or role not in list(Role) or role > self.at_most:
             return False
@@ -96,8 +101,8 @@ class GcsRequests:
         return True
 
     def _resume(self, continues: float | None) -> bool:
-        if continues != 1.0 or not self.may_resume():
-            return False  # pausing is not for us: whoever wants that takes the aircraft
+        if continues != 1.0 or not self._may_resume():
+            return False  # pausing is not offered: the pilot can take the aircraft
         self._resumes = True
         return True
 
@@ -138,7 +143,7 @@ class GcsRequests:
 
 
 def _meant(fact: ParameterRequest) -> list[GcsParam]:
-    """The one that is to be read, if there is such a one."""
+    """The parameter that is requested, if there is one of that name or index."""
     if fact.name is not None:
         return [BY_NAME[fact.name]] if fact.name in BY_NAME else []
     assert fact.index is not None

@@ -1,4 +1,4 @@
-"""The configuration as it is now: what was configured, and what the operator has tuned since."""
+"""The present configuration: as configured, with what the operator has changed since."""
 
 from collections.abc import Mapping
 
@@ -9,9 +9,9 @@ from companion.gcs.parameters import GcsParam, values_changed, with_values
 
 
 class Settings:
-    """Whoever goes by a setting that can be tuned asks here for it, each time.
+    """Holds the settings that can be changed in flight; read them here each time.
 
-    `saved` are values by name that a former run left; those that cannot be used any more are left out.
+    `saved` are the values of a former run by name; values that are not valid any more are left out.
     """
 
     def __init__(self, configured: EngineConfig, saved: Mapping[str, float] | None = None) -> None:
@@ -20,12 +20,12 @@ class Settings:
 
     @property
     def config(self) -> EngineConfig:
-        """All of it."""
+        """The whole configuration."""
         return self._config
 
     @property
     def engine(self) -> EngineParams:
-        """Identity, ages, ceiling, words."""
+        """Identity, ages, ceiling, units of texts."""
         return self._config.engine
 
     @property
@@ -35,14 +35,14 @@ class Settings:
 
     @property
     def avoidance(self) -> AvoidanceParams:
-        """How it is flown around traffic."""
+        """How traffic is avoided."""
         return self._config.avoidance
 
     @property
     def changed(self) -> dict[str, float]:
-        """What is set otherwise than configured, by name."""
+        """The settings that differ from the configuration, by name."""
         return values_changed(self._config, self._configured)
 
     def put(self, tunable: GcsParam, value: float | None) -> None:
-        """Set one; `ValueError` says what is allowed, and nothing has changed."""
+        """Change one setting; ValueError with the allowed range, and no change, when the value is refused."""
         self._config = tunable.put(self._config, value, self._configured)

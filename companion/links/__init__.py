@@ -1,10 +1,10 @@
-"""Links to other MAVLink systems. `open_link` makes one from its address, `Reconnect` keeps one open."""
+"""Links to other MAVLink systems: `open_link` makes one from its address, `Reconnect` keeps one open."""
 
 from companion.address import NetworkKind, SerialAddress, parse_address
 from companion.links.backoff import Backoff, LinkState
 from companion.links.link import Link, LinkCounters, OnFrames
 from companion.links.memory import MemoryLink, memory_pair
-from companion.links.reconnect import Reconnect, open_at_start
+from companion.links.reconnect import Reconnect, open_all
 from companion.links.serial import SerialLink
 from companion.links.tcp import TcpInLink, TcpOutLink
 from companion.links.udp import UdpInLink, UdpOutLink
@@ -19,7 +19,7 @@ __all__ = [
     "Reconnect",
     "SerialLink",
     "memory_pair",
-    "open_at_start",
+    "open_all",
     "open_link",
 ]
 
@@ -32,9 +32,9 @@ _NETWORK_LINKS: dict[NetworkKind, type[UdpInLink | UdpOutLink | TcpInLink | TcpO
 
 
 def open_link(text: str) -> Link:
-    """The link that an address stands for; `LinkError` when it stands for none.
+    """The link for an address, not opened yet; `LinkError` if the text is not a link address.
 
-    Whether the host exists and the port is free turns out when the link is opened (`Link.open`, `Link.run`).
+    Whether the host exists and the port is free is known when the link is opened (`Link.open`, `Link.run`).
     """
     address = parse_address(text)
     if isinstance(address, SerialAddress):

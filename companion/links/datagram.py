@@ -1,18 +1,70 @@
-"""Links of datagrams: each stands alone, and everybody who sends good ones is a peer."""
+"""Links of datagrams, and their peers: every sender of good frames that was heard lately."""
 
 import time
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from companion.links.peers import Peers
 from companion.links.queued import QueuedLink
-from companion.mavlink.framing import Frame
+from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
+
+MAX_PEERS = 16
+SILENCE_S = 30.0
 
 Address = TypeVar("Address", bound=Hashable)
 
 
+@dataclass(slots=True)
+class _Peer:
+    splitter: FrameSplitter
+    heard_s: float
+
+
+class Peers(Generic[Address]):
+    """The peers that sent a good frame in the last `SILENCE_S`, at most `MAX_PEERS`.
+
+    When the table is full, frames of a newcomer are received but it is not added: a flood of sender addresses
+    cannot displace the autopilot.
+    """
+
+    def __init__(self, counters: StreamCounters, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._counters = counters
+        self._clock_s = clock_s
+        self._peers: dict[Address, _Peer] = {}
+
+    def split(self, address: Address, datagram: bytes) -> list[Frame]:
+        """The frames of a datagram; if it has any, its sender becomes a peer."""
+        now_s = self._clock_s()
+        peer = self._peers.get(address)
+        if peer is None:
+            peer = _Peer(FrameSplitter(self._counters), now_s)
+        frames = peer.splitter.feed_datagram(datagram)
+        if frames:
+            peer.heard_s = now_s
+            if address not in self._peers:
+                self._add(address, peer)
+        return frames
+
+    def present(self) -> list[Address]:
+        """The addresses to send to."""
+        self._remove_silent()
+        return list(self._peers)
+
+    def _add(self, address: Address, peer: _Peer) -> None:
+        if len(self._peers) >= MAX_PEERS:
+            self._remove_silent()
+        if len(self._peers) < MAX_PEERS:
+            self._peers[address] = peer
+
+    def _remove_silent(self) -> None:
+        oldest_s = self._clock_s() - SILENCE_S
+        silent = [address for address, peer in self._peers.items() if peer.heard_s < oldest_s]
+        for address in silent:
+            del self._peers[address]
+
+
 class DatagramLink(QueuedLink[Address], Generic[Address]):
-    """The receiving half of a datagram link."""
+    """A link whose datagrams are split into frames independently of each other."""
 
     def __init__(
         self, address: str, clock_s: Callable[[], float] = time.monotonic, *, listen_only: bool = False

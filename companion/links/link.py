@@ -1,4 +1,4 @@
-"""What every link is: frames come in by a callback, bytes go out without waiting."""
+"""The interface of all links: frames arrive in a callback, and sending never waits."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -9,9 +9,10 @@ from companion.mavlink.framing import Frame, StreamCounters
 
 @dataclass(slots=True)
 class LinkCounters(StreamCounters):
-    """What came in and what went out, over all times that the link was opened.
+    """What was received and sent, since the link was made.
 
-    `dropped` pieces arrived faster than they were dealt with; `send_errors` are frames that did not go out.
+    `dropped` counts datagrams (or pieces of a stream) that arrived faster than they were processed;
+    `send_errors` counts frames that were not sent.
     """
 
     received_bytes: int = 0
@@ -22,12 +23,12 @@ class LinkCounters(StreamCounters):
 
 
 class Link(ABC):
-    """One way to other MAVLink systems; nothing is ever sent on one that is `listen_only`.
+    """A connection to other MAVLink systems; a `listen_only` link never sends.
 
-    `await open()` (optional: `run` does it too) raises `LinkDownError` if the address does not work now, and
-    another `LinkError` if it never will; `run` hands over whatever arrives until `close`, and raises
-    `LinkDownError` when the link is lost, after which both may be tried again. What `on_frames` raises comes
-    out of `run`. All in one event loop.
+    `await open()` (optional, as `run` opens the link too) raises `LinkDownError` if the address does not work
+    now, and another `LinkError` if it never will. `run` hands over received frames until `close`, and raises
+    `LinkDownError` when the link is lost; then both may be called again. Errors of `on_frames` are raised by
+    `run`. All calls belong to one event loop.
     """
 
     def __init__(self, address: str, *, listen_only: bool = False) -> None:
@@ -36,25 +37,25 @@ class Link(ABC):
         self.counters = LinkCounters()
 
     def send(self, data: bytes) -> None:
-        """Send one frame to everybody on this link. Never waits, never raises: errors are counted."""
+        """Send one frame to all peers on this link. Never waits, never raises: errors are counted."""
         if not self.listen_only:
             self._send(data)
 
     @abstractmethod
     async def open(self) -> None:
-        """Get ready to send and receive; a second time does nothing."""
+        """Open the link for sending and receiving; does nothing if it is open."""
 
     @abstractmethod
     async def run(self, on_frames: "OnFrames") -> None:
-        """Hand over the frames that arrive, those of one datagram together, until `close`."""
+        """Hand over received frames, those of one datagram together, until `close`."""
 
     @abstractmethod
     def close(self) -> None:
-        """Stop for good; `run` returns. A second time does nothing."""
+        """Close for good; `run` returns. A second call does nothing."""
 
     @abstractmethod
     def _send(self, data: bytes) -> None:
-        """Send one frame, now or never: old setpoints are worth nothing. Errors are counted."""
+        """Send one frame now or drop it, because an old setpoint is worthless. Errors are counted."""
 
 
 OnFrames = Callable[[list[Frame], Link], None]

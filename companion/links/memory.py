@@ -1,4 +1,4 @@
-"""Two links joined in memory, for tests and simulations: no socket, and as lossy as asked for."""
+"""Two links joined in memory, for tests and simulations: no sockets, and faults on request."""
 
 import random
 
@@ -17,7 +17,7 @@ class MemoryLink(DatagramLink[str]):
         self._loss = loss
         self._duplication = duplication
         self._reordering = reordering
-        self._held_back: list[bytes] = []
+        self._delayed: list[bytes] = []
 
     @property
     def _is_open(self) -> bool:
@@ -27,7 +27,7 @@ class MemoryLink(DatagramLink[str]):
         """There is nothing to open."""
 
     def _disconnect(self) -> None:
-        """There is nothing to let go of."""
+        """There is nothing to close."""
 
     def _send(self, data: bytes) -> None:
         if self.closed or self.other is None:
@@ -35,14 +35,14 @@ class MemoryLink(DatagramLink[str]):
             return
         self.counters.sent_frames += 1
         self.counters.sent_bytes += len(data)
-        overtaken, self._held_back = self._held_back, []
+        delayed, self._delayed = self._delayed, []
         if self._chance.random() >= self._loss:
             copies = 2 if self._chance.random() < self._duplication else 1
             if self._chance.random() < self._reordering:
-                self._held_back = [data] * copies  # comes after the next one
+                self._delayed = [data] * copies  # delivered after the next one
             else:
                 self._deliver(self.other, [data] * copies)
-        self._deliver(self.other, overtaken)
+        self._deliver(self.other, delayed)
 
     def _deliver(self, other: "MemoryLink", datagrams: list[bytes]) -> None:
         for datagram in datagrams:
@@ -52,7 +52,7 @@ class MemoryLink(DatagramLink[str]):
 def memory_pair(
     *, loss: float = 0.0, duplication: float = 0.0, reordering: float = 0.0, seed: int = 0
 ) -> tuple[MemoryLink, MemoryLink]:
-    """Two joined links; the probabilities are per datagram, and the same seed repeats the same faults."""
+    """Two joined links; probabilities are per datagram, and the same seed gives the same faults."""
     ends = [
         MemoryLink(f"memory:{name}", random.Random(f"{seed}{name}"), loss, duplication, reordering)
         for name in ("a", "b")

@@ -1,30 +1,31 @@
-"""Links whose bytes come by callbacks: they wait in a bounded queue until `run` takes them."""
+"""Links whose bytes arrive in callbacks: a bounded queue holds them until `run` processes them."""
 
 import asyncio
 import errno
-import os
 from abc import abstractmethod
 from collections import deque
 from typing import Generic, TypeVar
 
 from companion.errors import LinkDownError, LinkError
 from companion.links.link import Link, OnFrames
+from companion.links.sockets import error_text
 from companion.mavlink.framing import Frame
 
 _MAX_WAITING = 512  # about a second of a busy link
 _MAX_WAITING_BYTES = 1 << 20
-_BYTES_AT_ONCE = 32_768  # junk costs a microsecond a byte: however much there is, ticks come in between
+# Junk costs a microsecond a byte; after this many bytes other tasks get a turn, so that ticks stay on time.
+_BYTES_AT_ONCE = 32_768
 # Waiting does not help: another program has the port, or the system forbids it.
-_HOPELESS = frozenset({errno.EADDRINUSE, errno.EACCES, errno.EPERM})
+_PERMANENT = frozenset({errno.EADDRINUSE, errno.EACCES, errno.EPERM})
 
 Source = TypeVar("Source")
 
 
 class QueuedLink(Link, Generic[Source]):
-    """Opening, receiving and closing; whoever holds the socket calls `arrived` and `failed`.
+    """Opening, receiving and closing; the owner of the socket calls `arrived` and `failed`.
 
-    The frames are handed over from `run` and not from the event loop's callback, because there an error in
-    `on_frames` would be logged and forgotten instead of stopping the service.
+    Frames are handed over by `run`, not by the event loop's callback: an error of `on_frames` in a callback
+    would only be logged, instead of stopping the service.
     """
 
     def __init__(self, address: str, *, listen_only: bool = False) -> None:
@@ -33,17 +34,17 @@ class QueuedLink(Link, Generic[Source]):
         self._waiting: deque[tuple[Source, bytes]] = deque()
         self._waiting_bytes = 0
         self._failure: str | None = None
-        self._news = asyncio.Event()
-        self._opening = asyncio.Lock()  # `open` and `run` may meet: one socket, not two
+        self._changed = asyncio.Event()
+        self._opening = asyncio.Lock()  # `open` and `run` at the same time must not open two sockets
 
     async def open(self) -> None:
-        """Get ready to send and receive; a second time does nothing."""
+        """Open the link for sending and receiving; does nothing if it is open."""
         async with self._opening:
             if not (self.closed or self._is_open):
                 await self._open()
 
     async def run(self, on_frames: OnFrames) -> None:
-        """Hand over the frames that arrive, those of one datagram together, until `close`."""
+        """Hand over received frames, those of one datagram together, until `close`."""
         await self.open()
         while not self.closed:
             self._hand_over(on_frames)
@@ -54,38 +55,38 @@ class QueuedLink(Link, Generic[Source]):
             if self._waiting:
                 await asyncio.sleep(0)
                 continue
-            await self._news.wait()
-            self._news.clear()
+            await self._changed.wait()
+            self._changed.clear()
 
     def close(self) -> None:
-        """Stop for good; `run` returns. A second time does nothing."""
+        """Close for good; `run` returns. A second call does nothing."""
         self.closed = True
         self._disconnect()
-        self._news.set()
+        self._changed.set()
 
     def arrived(self, source: Source, data: bytes) -> None:
-        """A datagram, or the next piece of a stream, came in."""
+        """Queue a datagram, or the next piece of a stream; drop it if the queue is full."""
         if len(self._waiting) >= _MAX_WAITING or self._waiting_bytes + len(data) > _MAX_WAITING_BYTES:
             self.counters.dropped += 1
             return
         self._waiting.append((source, data))
         self._waiting_bytes += len(data)
-        self._news.set()
+        self._changed.set()
 
     def failed(self, reason: str) -> None:
-        """Nothing will come in any more, unless it is opened again."""
+        """The link is lost; `run` raises `LinkDownError` once the queue is empty."""
         self._failure = reason
-        self._news.set()
+        self._changed.set()
 
     async def _open(self) -> None:
         try:
             await self._connect()
         except UnicodeError as error:
-            raise LinkError(f"{self.address}: this is no host name") from error
+            raise LinkError(f"{self.address}: this is not a host name") from error
         except OSError as error:
-            kind = LinkError if error.errno in _HOPELESS else LinkDownError
-            raise kind(f"{self.address}: {in_words(error)}") from error
-        if self.closed:  # meanwhile
+            kind = LinkError if error.errno in _PERMANENT else LinkDownError
+            raise kind(f"{self.address}: {error_text(error)}") from error
+        if self.closed:  # while it was being opened
             self._disconnect()
 
     def _hand_over(self, on_frames: OnFrames) -> None:
@@ -106,21 +107,12 @@ class QueuedLink(Link, Generic[Source]):
 
     @abstractmethod
     async def _connect(self) -> None:
-        """Open the socket or port; `OSError` when that fails."""
+        """Open the socket or port; `OSError` on failure."""
 
     @abstractmethod
     def _disconnect(self) -> None:
-        """Let go of what `_connect` opened; a second time does nothing."""
+        """Close what `_connect` opened; a second call does nothing."""
 
     @abstractmethod
     def _split(self, source: Source, data: bytes) -> list[Frame]:
         """The frames that these bytes complete."""
-
-
-def in_words(error: OSError) -> str:
-    """Why it failed, without numbers and addresses: those of a name that is not found are negative."""
-    if isinstance(error, TimeoutError):
-        return "no answer"
-    if error.errno is not None and error.errno > 0:
-        return os.strerror(error.errno)
-    return error.strerror or str(error) or type(error).__name__

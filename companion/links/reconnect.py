@@ -1,4 +1,4 @@
-"""Keeps a link open for as long as the service lives, whatever happens to cables, hosts and peers."""
+"""Opens links, and opens them again whenever a cable, host or peer fails."""
 
 import asyncio
 import logging
@@ -11,12 +11,12 @@ from companion.links.link import Link, OnFrames
 
 _log = logging.getLogger("companion")
 
-# What opens at all opens at once; waiting longer for a name or a peer would keep the others from flying.
-_PATIENCE_AT_START_S = 0.25
+# A link that works opens at once; a longer wait for a name or a peer would delay the start of the others.
+_LONGEST_WAIT_AT_START_S = 0.25
 
 
 class Reconnect:
-    """Runs one link and opens it again, with growing waits, whenever it fails. Others do not notice."""
+    """Runs one link, and opens it again after growing waits whenever it fails; other links go on."""
 
     def __init__(self, link: Link, clock_s: Callable[[], float] = time.monotonic) -> None:
         self.link = link
@@ -25,11 +25,11 @@ class Reconnect:
 
     @property
     def state(self) -> LinkState:
-        """How it is with the link."""
+        """The present state of the link."""
         return self._backoff.state
 
     async def run(self, on_frames: OnFrames) -> None:
-        """Until the link is closed, or `on_frames` raises."""
+        """Hand over received frames until the link is closed or `on_frames` raises."""
         while True:
             self._backoff.opening()
             try:
@@ -44,29 +44,29 @@ class Reconnect:
     async def _run_once(self, on_frames: OnFrames) -> None:
         await self.link.open()
         self._backoff.opened(self._clock_s())
-        later = asyncio.get_running_loop().call_later(STEADY_S, self._steady)
+        timer = asyncio.get_running_loop().call_later(STEADY_S, self._log_recovery)
         try:
             await self.link.run(on_frames)
         finally:
-            later.cancel()
+            timer.cancel()
 
-    def _steady(self) -> None:
+    def _log_recovery(self) -> None:
         if self._backoff.steady(self._clock_s()):
             _log.info("%s: works again", self.link.address)
 
 
-async def open_at_start(links: Sequence[Link]) -> None:
-    """Open all that can be opened at once; the others go on opening, and are left to `Reconnect`.
+async def open_all(links: Sequence[Link]) -> None:
+    """Open the links that can be opened at once; the others are left to `Reconnect`.
 
-    `LinkError` for one that can never be opened, a port to listen on that is in use or forbidden; then all
-    are closed.
+    `LinkError` if one can never be opened, such as a port to listen on that is in use or forbidden; then all
+    links are closed.
     """
-    tasks = [asyncio.create_task(_why_never(link), name=f"opening {link.address}") for link in links]
+    tasks = [asyncio.create_task(_permanent_error(link), name=f"opening {link.address}") for link in links]
     _opening.update(tasks)
     for task in tasks:
         task.add_done_callback(_opening.discard)
     if tasks:
-        await asyncio.wait(tasks, timeout=_PATIENCE_AT_START_S)
+        await asyncio.wait(tasks, timeout=_LONGEST_WAIT_AT_START_S)
     for task in tasks:
         error = task.result() if task.done() else None
         if error is not None:
@@ -75,10 +75,11 @@ async def open_at_start(links: Sequence[Link]) -> None:
             raise error
 
 
-_opening: set[asyncio.Task[LinkError | None]] = set()  # the event loop forgets tasks that nobody else knows
+# The event loop keeps only weak references to tasks.
+_opening: set[asyncio.Task[LinkError | None]] = set()
 
 
-async def _why_never(link: Link) -> LinkError | None:
+async def _permanent_error(link: Link) -> LinkError | None:
     try:
         await link.open()
     except LinkDownError:

@@ -1,4 +1,4 @@
-"""Serial ports: one peer, one stream; what the port does not take at once is forgotten."""
+"""Serial ports: one peer and one stream; frames that the port cannot take at once are dropped."""
 
 import asyncio
 import contextlib
@@ -9,14 +9,15 @@ import termios
 from serial import Serial
 
 from companion.address import DEFAULT_BAUD
-from companion.links.queued import QueuedLink, in_words
+from companion.links.queued import QueuedLink
+from companion.links.sockets import error_text
 from companion.mavlink.framing import Frame, FrameSplitter
 
-_READ_BYTES = 4_096  # what the kernel holds of a terminal at most
+_READ_BYTES = 4_096  # the most that the kernel buffers for a terminal
 
 
 class SerialLink(QueuedLink[None]):
-    """A device opened for us alone, eight bits, no parity, one stop bit, no flow control."""
+    """A device opened exclusively: eight bits, no parity, one stop bit, no flow control."""
 
     def __init__(
         self, address: str, device: str, baud: int = DEFAULT_BAUD, *, listen_only: bool = False
@@ -26,7 +27,7 @@ class SerialLink(QueuedLink[None]):
         self._baud = baud
         self._port: Serial | None = None
         self._splitter = FrameSplitter(self.counters)
-        self._rest = b""  # of a frame that has begun to go out: cut in two it would spoil the next one
+        self._rest = b""  # of a frame that was sent in part: without it the next frame would be damaged too
 
     def _send(self, data: bytes) -> None:
         if self._port is None or self._rest:
@@ -43,14 +44,14 @@ class SerialLink(QueuedLink[None]):
             asyncio.get_running_loop().add_writer(self._port.fileno(), self._write_rest)
 
     def _write(self, descriptor: int, data: bytes) -> int:
-        """How many bytes the port took; none when it is full or gone."""
-        # Not by pyserial: with a timeout of zero it tries for ever when the port is full.
+        """How many bytes the port took; 0 when it is full or gone."""
+        # Not with pyserial: with a timeout of zero it retries for ever while the port is full.
         try:
             return os.write(descriptor, data)
         except BlockingIOError:
             return 0
         except OSError as error:
-            self._gone(in_words(error))
+            self._lose(error_text(error))
             return 0
 
     def _write_rest(self) -> None:
@@ -69,19 +70,19 @@ class SerialLink(QueuedLink[None]):
         except BlockingIOError:
             return
         except OSError as error:
-            self._gone(in_words(error))
+            self._lose(error_text(error))
             return
         if data:
             self.arrived(None, data)
         else:
-            self._gone("unplugged")
+            self._lose("unplugged")
 
-    def _gone(self, reason: str) -> None:
-        if self._port is not None:  # a device that is gone stays readable: it would keep the loop busy
+    def _lose(self, reason: str) -> None:
+        if self._port is not None:  # a device that is gone stays readable and would keep the loop busy
             asyncio.get_running_loop().remove_reader(self._port.fileno())
         self.failed(reason)
 
-    def _split(self, source: None, data: bytes) -> list[Frame]:  # noqa: ARG002 - there is one peer
+    def _split(self, source: None, data: bytes) -> list[Frame]:  # noqa: ARG002 - there is only one peer
         return self._splitter.feed(data)
 
     @property
@@ -90,7 +91,7 @@ class SerialLink(QueuedLink[None]):
 
     async def _connect(self) -> None:
         self._splitter, self._rest = FrameSplitter(self.counters), b""
-        # A USB device that hangs takes seconds to refuse its settings.
+        # In a thread: a USB device that hangs takes seconds to refuse its settings.
         port = await asyncio.to_thread(self._open_port)
         self._port = port
         asyncio.get_running_loop().add_reader(port.fileno(), self._read)
@@ -101,10 +102,10 @@ class SerialLink(QueuedLink[None]):
         except (ValueError, termios.error) as error:
             raise OSError(f"cannot be used at {self._baud} baud: {error}") from error
         except OSError as error:
-            if error.errno == errno.EACCES:  # udev gives a new device to its group a moment later
+            if error.errno == errno.EACCES:  # temporary: udev sets the group of a new device a moment later
                 raise OSError(os.strerror(errno.EACCES)) from error
             if error.errno == errno.EAGAIN:
-                raise OSError("another program has it") from error
+                raise OSError("in use by another program") from error
             raise
 
     def _disconnect(self) -> None:
@@ -115,5 +116,5 @@ class SerialLink(QueuedLink[None]):
         loop.remove_reader(port.fileno())
         loop.remove_writer(port.fileno())
         with contextlib.suppress(OSError, termios.error):
-            port.reset_output_buffer()  # or closing waits until everything has gone out
+            port.reset_output_buffer()  # otherwise closing waits until everything is sent
         port.close()

@@ -1,4 +1,4 @@
-"""TCP: `tcpin` listens and has several clients, `tcpout` connects to one address."""
+"""TCP: `tcpin` listens and serves several clients, `tcpout` connects to one address."""
 
 import asyncio
 import errno
@@ -8,24 +8,24 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 from companion.errors import LinkError
-from companion.links.peers import MAX_PEERS, SILENCE_S
-from companion.links.queued import QueuedLink, in_words
-from companion.links.resolve import SocketAddress, resolve
+from companion.links.datagram import MAX_PEERS, SILENCE_S
+from companion.links.queued import QueuedLink
+from companion.links.sockets import SocketAddress, error_text, resolve
 from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
 
 _READ_BYTES = 16_384
 _LONGEST_CONNECTING_S = 5.0
-# What the kernel may hold for a peer that does not take it, and for how long until the connection is given
-# up: setpoints that arrive later than that are worth less than none. Each small packet is booked with its
-# overhead, so that this is some hundred frames: a burst, on a slow radio.
+# How much the kernel buffers for a peer that does not read, and after how long the connection is closed:
+# setpoints that arrive later than that do harm. The kernel counts the overhead of each small packet, so that
+# this is about a hundred frames: a burst on a slow radio.
 _SEND_BUFFER_BYTES = 65_536
 _UNANSWERED_MS = 5_000
-# A peer that vanished without a word is noticed by us even if we never send.
+# Keep-alive probes detect a peer that vanished, even if we never send.
 _PROBE_AFTER_S, _PROBE_EVERY_S, _PROBES = 5, 2, 3
 
 
 class Connection(asyncio.BufferedProtocol):
-    """One peer's stream, both ways."""
+    """The stream of one peer, in both directions."""
 
     def __init__(self, link: "TcpLink", counters: StreamCounters) -> None:
         self.splitter = FrameSplitter(counters)
@@ -35,26 +35,26 @@ class Connection(asyncio.BufferedProtocol):
         self._buffer = bytearray(_READ_BYTES)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The event loop has connected it."""
+        """Called by the event loop when connected."""
         assert isinstance(transport, asyncio.Transport)
         self.transport = transport
         _tune(transport.get_extra_info("socket"))
         self._link.joined(self)
 
-    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - small pieces let others have their turn
-        """Where the next piece goes."""
+    def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002 - small pieces keep other tasks on time
+        """The buffer for the next piece."""
         return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        """The next piece came in."""
+        """Called by the event loop when the next piece has arrived."""
         self._link.arrived(self, bytes(self._buffer[:nbytes]))
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It ended, by whomever."""
+        """Called by the event loop when the connection has ended, from either side."""
         self._link.left(self, exc)
 
     def write(self, data: bytes) -> bool:
-        """Send it if it can go now; at most the rest of one frame waits for a peer that does not read."""
+        """Send a frame if possible now; at most the rest of one frame waits for a peer that does not read."""
         transport = self.transport
         if transport is None or transport.is_closing() or transport.get_write_buffer_size():
             return False
@@ -62,13 +62,13 @@ class Connection(asyncio.BufferedProtocol):
         return True
 
     def abort(self) -> None:
-        """End it; what is not sent yet never is."""
+        """Close the connection; data not sent yet is dropped."""
         if self.transport is not None:
             self.transport.abort()
 
 
 class TcpLink(QueuedLink[Connection]):
-    """What both directions share: connections, and sending that never waits."""
+    """What `tcpin` and `tcpout` share: connections, and sending that never waits."""
 
     def __init__(
         self,
@@ -87,17 +87,17 @@ class TcpLink(QueuedLink[Connection]):
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
+        """The number of connections."""
         return len(self._connections)
 
     def joined(self, connection: Connection) -> None:
-        """A connection stands."""
+        """A connection was made."""
         connection.heard_s = self._clock_s()
         self._connections.append(connection)
 
     @abstractmethod
     def left(self, connection: Connection, error: Exception | None) -> None:
-        """A connection ended; by itself, if it is still among ours."""
+        """A connection has ended; not by us, if it is still in `_connections`."""
 
     def _send(self, data: bytes) -> None:
         for connection in self._connections:
@@ -123,10 +123,10 @@ class TcpLink(QueuedLink[Connection]):
 
 
 class TcpInLink(TcpLink):
-    """Listens. One client more or less is no event; `MAX_PEERS` are served.
+    """Listens, and serves up to `MAX_PEERS` clients; a client that leaves does not end the link.
 
-    When all places are taken, a newcomer gets that of a client that sent no good frame in `SILENCE_S`, if
-    there is one: whoever floods the port does not push the autopilot out.
+    When all places are taken, a newcomer replaces a client that sent no good frame in the last `SILENCE_S`,
+    if there is one: a flood of connections cannot displace the autopilot.
     """
 
     _server: asyncio.Server | None = None
@@ -141,18 +141,18 @@ class TcpInLink(TcpLink):
 
     def joined(self, connection: Connection) -> None:
         """A client has connected."""
-        if self.closed or (len(self._connections) >= MAX_PEERS and not self._dismiss_silent()):
+        if self.closed or (len(self._connections) >= MAX_PEERS and not self._drop_silent()):
             self.counters.dropped += 1
             connection.abort()
             return
         super().joined(connection)
 
-    def left(self, connection: Connection, error: Exception | None) -> None:  # noqa: ARG002 - it may come back
+    def left(self, connection: Connection, error: Exception | None) -> None:  # noqa: ARG002 - it may connect again
         """A client has gone."""
         if connection in self._connections:
             self._connections.remove(connection)
 
-    def _dismiss_silent(self) -> bool:
+    def _drop_silent(self) -> bool:
         oldest_s = self._clock_s() - SILENCE_S
         silent = next((each for each in self._connections if each.heard_s < oldest_s), None)
         if silent is None:
@@ -180,13 +180,13 @@ class TcpInLink(TcpLink):
 
 
 class TcpOutLink(TcpLink):
-    """Connected to one address, and lost when that connection is."""
+    """Connects to one address; the link is lost when that connection is."""
 
     def left(self, connection: Connection, error: Exception | None) -> None:
-        """The connection ended."""
+        """The connection has ended."""
         if connection in self._connections:
             self._connections.remove(connection)
-            self.failed(in_words(error) if isinstance(error, OSError) else "closed by the other end")
+            self.failed(error_text(error) if isinstance(error, OSError) else "closed by the other end")
 
     def _send(self, data: bytes) -> None:
         if not self._connections:
@@ -203,7 +203,7 @@ class TcpOutLink(TcpLink):
         async with asyncio.timeout(_LONGEST_CONNECTING_S):
             transport, _ = await loop.create_connection(lambda: Connection(self, self.counters), host, port)
         if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
-            # Nobody listens, and the kernel happened to give us that very port.
+            # No listener, and the kernel chose the very port for our own end.
             self._disconnect()
             raise ConnectionRefusedError(errno.ECONNREFUSED, "connected to itself")
 

@@ -1,4 +1,4 @@
-"""UDP: `udpin` listens and answers whoever talks to it, `udpout` talks to one fixed address."""
+"""UDP: `udpin` listens and sends to each peer that it hears, `udpout` sends to one fixed address."""
 
 import asyncio
 import socket
@@ -8,12 +8,11 @@ from collections.abc import Callable
 
 from companion.errors import LinkError
 from companion.links.datagram import DatagramLink
-from companion.links.queued import in_words
-from companion.links.resolve import SocketAddress, resolve
+from companion.links.sockets import SocketAddress, error_text, resolve
 
 
 class UdpLink(DatagramLink[SocketAddress]):
-    """What both directions share: a socket in the event loop, and sending that never waits."""
+    """What `udpin` and `udpout` share: a socket in the event loop, and sending that never waits."""
 
     def __init__(
         self,
@@ -39,9 +38,9 @@ class UdpLink(DatagramLink[SocketAddress]):
         return port
 
     def lost(self, transport: asyncio.BaseTransport | None, error: Exception | None) -> None:
-        """The socket is gone; by itself, if it is still ours."""
+        """The socket was closed; not by us, if it is still `_transport`."""
         if transport is self._transport and error is not None:
-            self.failed(in_words(error) if isinstance(error, OSError) else str(error))
+            self.failed(error_text(error) if isinstance(error, OSError) else str(error))
 
     def _send(self, data: bytes) -> None:
         transport, counters = self._transport, self.counters
@@ -73,11 +72,11 @@ class UdpLink(DatagramLink[SocketAddress]):
 
     @abstractmethod
     def _receivers(self) -> list[SocketAddress] | list[None]:
-        """Whom to send to; `None` is whom the socket is connected to."""
+        """The addresses to send to; `None` is the address that the socket is connected to."""
 
 
 class UdpInLink(UdpLink):
-    """Bound to a port; answers every peer heard lately, and sends nothing while there is none."""
+    """Bound to a port; sends to every peer heard lately, and to none as long as there is none."""
 
     async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport:
         loop = asyncio.get_running_loop()
@@ -89,7 +88,7 @@ class UdpInLink(UdpLink):
 
 
 class UdpOutLink(UdpLink):
-    """Connected to one address: the kernel lets in only what comes from there."""
+    """Connected to one address: the kernel accepts datagrams from there only."""
 
     async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport:
         loop = asyncio.get_running_loop()
@@ -111,11 +110,11 @@ class _Protocol(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: SocketAddress) -> None:
         self._link.arrived(addr, data)
 
-    def error_received(self, exc: Exception) -> None:  # noqa: ARG002 - an unreachable port may open again
+    def error_received(self, exc: Exception) -> None:  # noqa: ARG002 - an unreachable port may open later
         self._link.counters.send_errors += 1
 
     def pause_writing(self) -> None:
-        self._link.congested = True  # old setpoints are worth nothing: nothing more is queued
+        self._link.congested = True  # old setpoints are worthless: nothing more is queued
 
     def resume_writing(self) -> None:
         self._link.congested = False

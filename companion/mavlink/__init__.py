@@ -1,1 +1,1 @@
-"""Bytes to frames, frames to messages, messages to facts; and logs of all that."""
+"""Bytes to frames, frames to messages, messages to facts; and telemetry logs."""

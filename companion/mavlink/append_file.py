@@ -1,4 +1,4 @@
-"""A file that only grows: a killed process loses nothing of it, and a failing disk disturbs nobody."""
+"""A file that only grows: it survives a killed process, and disk errors do not interrupt the caller."""
 
 import contextlib
 import fcntl
@@ -10,12 +10,12 @@ from companion.errors import LogError
 
 
 class AppendOnlyFile:
-    """A new file that takes whole records.
+    """A new file of whole records; `LogError` if it cannot be created.
 
-    Every record is with the operating system when `append` returns, so it survives the death of this process;
-    `sync` makes it survive a power cut. Once open, no error of the disk is raised: a record that does not fit
-    is taken back and counted in `failures`, and `problem` keeps the newest reason. While it is open it is
-    locked: see `is_being_written`.
+    When `append` returns, the operating system has the record, so that it survives the end of this process;
+    after `sync` it survives a power cut. Once the file is open, disk errors are not raised: a record written
+    in part is removed again and counted in `failures`, and `problem` has the newest error. An open file is
+    locked, see `is_being_written`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -23,24 +23,24 @@ class AppendOnlyFile:
         self.failures = 0
         self.problem: str | None = None
         self._size = 0
-        self._lock = threading.Lock()  # `sync` runs in a thread of its own: `close` must not overtake it
+        self._lock = threading.Lock()  # `sync` runs in another thread, and `close` must wait for it
         try:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except FileExistsError as error:
             raise LogError(f"{path}: exists already and is not overwritten") from error
         except OSError as error:
             raise LogError(f"{path}: cannot be written: {error.strerror}") from error
-        with contextlib.suppress(OSError):  # some file systems know no locks
+        with contextlib.suppress(OSError):  # some file systems have no locks
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._open = True
 
     @property
     def size(self) -> int:
-        """How many bytes it has."""
+        """The size of the file in bytes."""
         return self._size
 
     def append(self, record: bytes) -> None:
-        """Add a record whole or not at all; does nothing once closed."""
+        """Add a record, whole or not at all; does nothing once closed."""
         if not self._open:
             return
         written = 0
@@ -48,23 +48,23 @@ class AppendOnlyFile:
             while written < len(record):
                 written += os.write(self._descriptor, record[written:] if written else record)
         except OSError as error:
-            self._failed(error)
+            self._count_failure(error)
             if written:
-                self._take_back()
+                self._remove_partial_record()
             return
         self._size += written
 
     def sync(self) -> None:
-        """Bring everything onto the disk; may take long, so it is called off the event loop's thread."""
+        """Write everything to the disk; may take long, so call it outside the event loop's thread."""
         with self._lock:
             if self._open:
                 try:
                     os.fdatasync(self._descriptor)
                 except OSError as error:
-                    self._failed(error)
+                    self._count_failure(error)
 
     def close(self) -> None:
-        """Bring everything onto the disk and close; a second time does nothing."""
+        """Write everything to the disk and close; a second call does nothing."""
         self.sync()
         with self._lock:
             if self._open:
@@ -72,22 +72,22 @@ class AppendOnlyFile:
                 try:
                     os.close(self._descriptor)
                 except OSError as error:
-                    self._failed(error)
+                    self._count_failure(error)
 
-    def _take_back(self) -> None:
-        """Remove the part of a record that did fit; a reader would stumble over it."""
+    def _remove_partial_record(self) -> None:
+        """Remove the part of a record that was written; readers could not parse it."""
         try:
             os.ftruncate(self._descriptor, self._size)
         except OSError as error:
-            self._failed(error)
+            self._count_failure(error)
 
-    def _failed(self, error: OSError) -> None:
+    def _count_failure(self, error: OSError) -> None:
         self.failures += 1
         self.problem = f"{self.path}: {error.strerror}"
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether some process has this file open as an `AppendOnlyFile`; not that of one that was killed."""
+    """Whether a living process has this file open as an `AppendOnlyFile`."""
     try:
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

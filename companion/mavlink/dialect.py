@@ -1,10 +1,10 @@
-"""The dialect: the one place that imports pymavlink, which makes, packs and unpacks messages; no I/O."""
+"""The MAVLink dialect: the one place that imports pymavlink, which packs and unpacks messages; no I/O."""
 
 from typing import Any, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-# pymavlink's generated code is untyped where it matters: message fields are attributes made at run time.
+# pymavlink's generated code is untyped: message fields are attributes created at run time.
 mavlink: Any = ardupilotmega
 Message: TypeAlias = Any
 
@@ -15,13 +15,13 @@ MAX_PAYLOAD: dict[int, int] = {
 
 
 class Encoder:
-    """Packs messages into MAVLink 2 frames; every (system, component) counts its own sequence numbers."""
+    """Packs messages into MAVLink 2 frames; each (system, component) has its own sequence numbers."""
 
     def __init__(self) -> None:
         self._packers: dict[tuple[int, int], Any] = {}
 
     def encode(self, message: Message, system_id: int, component_id: int) -> bytes:
-        """The frame of `message` as sent by this address; a field out of its range is a `struct.error`."""
+        """The frame of `message` as sent by this address; `struct.error` if a field is out of range."""
         packer = self._packers.get((system_id, component_id))
         if packer is None:
             packer = mavlink.MAVLink(None, system_id, component_id)

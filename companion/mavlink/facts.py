@@ -1,7 +1,7 @@
-"""Facts: what messages said, in SI units and radians, with `None` for whatever the sender marked as invalid.
+"""Facts: the content of messages in SI units and radians; a field marked as invalid by its sender is `None`.
 
-A fact names its sender (`sender`), because on one link several systems speak. Positions are geographic
-here; the local frame comes later, in the engine. `climb` is positive up, `velocity_mps` is north-east-down.
+Every fact has its `sender`, because several systems may share a link. Positions are geographic; the local
+frame is the engine's. `climb` is positive up, `velocity_mps` is north-east-down.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from companion.model import TrafficReport, Vec3
 
-# The parameter with our own transponder's address, of either autopilot.
+# The parameter with the address of our own transponder, in both autopilots.
 OWN_ICAO_PARAMETER = "ADSB_ICAO_ID"
 
 
 class Sender(NamedTuple):
-    """The MAVLink address a message came from."""
+    """The MAVLink address of the sender of a message."""
 
     system_id: int
     component_id: int
@@ -35,7 +35,7 @@ class Heartbeat:
 
 @dataclass(frozen=True, slots=True)
 class OwnPosition:
-    """GLOBAL_POSITION_INT: where a system says that it is itself; ours and others' alike."""
+    """GLOBAL_POSITION_INT: the position of the sender, our own system or another."""
 
     sender: Sender
     boot_time_s: float
@@ -49,7 +49,7 @@ class OwnPosition:
 
 @dataclass(frozen=True, slots=True)
 class AirData:
-    """VFR_HUD: speed through the air, and height above mean sea level, both `None` when not measured."""
+    """VFR_HUD: airspeed, and altitude above mean sea level; `None` when not measured."""
 
     sender: Sender
     airspeed_mps: float | None
@@ -58,7 +58,7 @@ class AirData:
 
 @dataclass(frozen=True, slots=True)
 class PressureAltitude:
-    """SCALED_PRESSURE: height in the standard atmosphere, as transponders report it."""
+    """SCALED_PRESSURE: altitude in the standard atmosphere, as transponders report it."""
 
     sender: Sender
     altitude_m: float
@@ -66,7 +66,7 @@ class PressureAltitude:
 
 @dataclass(frozen=True, slots=True)
 class GeoidSeparation:
-    """GPS_RAW_INT: height above the ellipsoid less height above mean sea level, here."""
+    """GPS_RAW_INT: altitude above the ellipsoid minus altitude above mean sea level, at this position."""
 
     sender: Sender
     separation_m: float
@@ -91,7 +91,7 @@ class LandedState:
 
 @dataclass(frozen=True, slots=True)
 class NavigationTarget:
-    """POSITION_TARGET_GLOBAL_INT: where the autopilot is flying to."""
+    """POSITION_TARGET_GLOBAL_INT: the position that the autopilot flies to."""
 
     sender: Sender
     lat_deg: float
@@ -101,10 +101,7 @@ class NavigationTarget:
 
 @dataclass(frozen=True, slots=True)
 class MissionProgress:
-    """MISSION_CURRENT: the item that is being flown, and what tells one mission from another.
-
-    `total` is `None` where the sender does not say, and so are the identities of mission and fence.
-    """
+    """MISSION_CURRENT: the current item; `total` and the ids of mission and fence are `None` if not sent."""
 
     sender: Sender
     sequence: int
@@ -114,7 +111,7 @@ class MissionProgress:
 
 
 class HeightAbove(Enum):
-    """What the height of a mission item is measured from."""
+    """The reference of the height of a mission item."""
 
     SEA = "sea"
     HOME = "home"
@@ -125,8 +122,8 @@ class HeightAbove(Enum):
 class MissionItem:
     """MISSION_ITEM_INT: one item of a mission or of a fence (`mission_type`: MAV_MISSION_TYPE).
 
-    `params` are its first four, in the units of `command` (MAV_CMD). An item without a place has no latitude
-    and longitude, one without a height in a known frame no `height_m`.
+    `params` are the first four, in the units of `command` (MAV_CMD). Latitude, longitude and `height_m` are
+    `None` if the item has none, or an unknown frame.
     """
 
     sender: Sender
@@ -143,7 +140,7 @@ class MissionItem:
 
 @dataclass(frozen=True, slots=True)
 class MissionCount:
-    """MISSION_COUNT: how many items a list has that is about to be transferred."""
+    """MISSION_COUNT: the number of items in a list that is about to be transferred."""
 
     sender: Sender
     target: Sender
@@ -162,8 +159,8 @@ class MissionAck:
 
 
 @dataclass(frozen=True, slots=True)
-class MissionTalk:
-    """Any other message of the mission protocol: somebody transfers, or clears, a list."""
+class OtherMissionMessage:
+    """Any other message of the mission protocol: a list is being transferred or cleared."""
 
     sender: Sender
     target: Sender
@@ -172,7 +169,7 @@ class MissionTalk:
 
 @dataclass(frozen=True, slots=True)
 class FenceStatus:
-    """FENCE_STATUS: the autopilot keeps to a fence; `breached`: it is outside."""
+    """FENCE_STATUS: the autopilot has a fence; `breached`: the aircraft is outside of it."""
 
     sender: Sender
     breached: bool
@@ -180,7 +177,7 @@ class FenceStatus:
 
 @dataclass(frozen=True, slots=True)
 class HomePosition:
-    """HOME_POSITION; the height is above mean sea level."""
+    """HOME_POSITION; the altitude is above mean sea level."""
 
     sender: Sender
     lat_deg: float
@@ -190,7 +187,7 @@ class HomePosition:
 
 @dataclass(frozen=True, slots=True)
 class TerrainReport:
-    """TERRAIN_REPORT of a place whose terrain is known.
+    """TERRAIN_REPORT for a position with terrain data.
 
     `terrain_altitude_m` is above mean sea level; `height_above_terrain_m` is that of the aircraft.
     """
@@ -204,7 +201,7 @@ class TerrainReport:
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
-    """COMMAND_ACK. `target` is whom it answers, `None` in MAVLink 1, which does not say."""
+    """COMMAND_ACK. `target` is the address that it answers; `None` in MAVLink 1, which has no such field."""
 
     sender: Sender
     command: int
@@ -214,7 +211,7 @@ class CommandResult:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """PARAM_VALUE, already turned into the number it stands for (also where PX4 packs integers bytewise)."""
+    """PARAM_VALUE, converted to the number it stands for (PX4 sends the bits of integers)."""
 
     sender: Sender
     name: str
@@ -223,7 +220,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class RcChannels:
-    """RC_CHANNELS: positions of the pilot's sticks [us], `None` for a channel that is not there."""
+    """RC_CHANNELS: positions of the pilot's sticks [us]; `None` for a missing channel."""
 
     sender: Sender
     pulses_us: tuple[int | None, ...]
@@ -231,7 +228,7 @@ class RcChannels:
 
 @dataclass(frozen=True, slots=True)
 class AttitudeTarget:
-    """ATTITUDE_TARGET: whether the attitude that the autopilot steers to is a number at all."""
+    """ATTITUDE_TARGET: whether the attitude setpoint of the autopilot is finite."""
 
     sender: Sender
     finite: bool
@@ -239,7 +236,7 @@ class AttitudeTarget:
 
 @dataclass(frozen=True, slots=True)
 class SystemTime:
-    """SYSTEM_TIME: the autopilot's idea of the time [s, Unix]; `None` before it has one."""
+    """SYSTEM_TIME: the clock of the autopilot [s, Unix]; `None` if not set yet."""
 
     sender: Sender
     unix_s: float | None
@@ -247,7 +244,7 @@ class SystemTime:
 
 @dataclass(frozen=True, slots=True)
 class AutopilotVersion:
-    """AUTOPILOT_VERSION: the firmware's version as people write it, and the capability bits."""
+    """AUTOPILOT_VERSION: the firmware version (as text and numbers), and the capability bits."""
 
     sender: Sender
     version: str
@@ -258,7 +255,7 @@ class AutopilotVersion:
 
 @dataclass(frozen=True, slots=True)
 class CommandRequest:
-    """COMMAND_LONG or COMMAND_INT from somebody to `target` (component 0: all); `None` stands for NaN."""
+    """COMMAND_LONG or COMMAND_INT to `target` (component 0: all); `None` replaces NaN and infinities."""
 
     sender: Sender
     target: Sender
@@ -278,7 +275,7 @@ class ParameterRequest:
 
 @dataclass(frozen=True, slots=True)
 class ParameterSet:
-    """PARAM_SET; `value` is `None` where it is no finite number: a wish too, and to be answered."""
+    """PARAM_SET; `value` is `None` if it is not finite, and the request still needs an answer."""
 
     sender: Sender
     target: Sender
@@ -288,7 +285,7 @@ class ParameterSet:
 
 @dataclass(frozen=True, slots=True)
 class OwnTransponder:
-    """UAVIONIX_ADSB_OUT_CFG: the address our own transponder transmits."""
+    """UAVIONIX_ADSB_OUT_CFG: the ICAO address of our own transponder."""
 
     sender: Sender
     icao: int
@@ -296,7 +293,7 @@ class OwnTransponder:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """ADSB_VEHICLE or UTM_GLOBAL_POSITION. `report.time_s` is the time of reception less the known age."""
+    """ADSB_VEHICLE or UTM_GLOBAL_POSITION. `report.time_s` is the time of reception minus the known age."""
 
     sender: Sender
     report: TrafficReport
@@ -315,7 +312,7 @@ Fact = (
     | MissionItem
     | MissionCount
     | MissionAck
-    | MissionTalk
+    | OtherMissionMessage
     | FenceStatus
     | HomePosition
     | TerrainReport

@@ -1,8 +1,7 @@
-"""Frames: where in a run of bytes each MAVLink message begins and ends, proved by its checksum.
+"""Frames: where each MAVLink message begins and ends in a run of bytes, verified by its checksum.
 
-Reads MAVLink 1 and 2, signed frames included (signatures are kept, not verified). The walk is the same for
-live streams and for logs. After anything that is no frame the search goes on one byte later, so that junk
-hides no good frame behind it.
+Reads MAVLink 1 and 2, including signed frames (signatures are kept, not verified), in live streams and logs.
+After bytes that are not a frame the search continues one byte later, so that junk never hides a good frame.
 """
 
 import re
@@ -20,7 +19,7 @@ MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
 MAX_FRAME_BYTES = 280  # header 10, payload 255, checksum 2, signature 13
 
-# The parts of `frame_at`; the reader of logs, which has it written out once more, shares them.
+# The parts of `frame_at`, shared with the log reader, which has a faster copy of it.
 HEADER_V1_BYTES = 6
 HEADER_V2_BYTES = 10
 CHECKSUM_BYTES = 2
@@ -30,16 +29,16 @@ unpack_v1 = struct.Struct("<BBBBB").unpack_from  # length, sequence, system, com
 unpack_v2 = struct.Struct("<BBBBBBHB").unpack_from  # length, 2 x flags, sequence, system, component, message
 crc_extra_of = CRC_EXTRA.get
 crc_of: Callable[[bytes], int] = crc16.mcrf4xx
-# One byte more of the checksum: next = crc >> 8 ^ CRC_STEP[(crc ^ byte) & 0xFF].
+# One more byte of the checksum: next = crc >> 8 ^ CRC_STEP[(crc ^ byte) & 0xFF].
 CRC_STEP = tuple(crc16.mcrf4xx(bytes((byte,)), 0) for byte in range(256))
-new_frame = tuple.__new__  # half the time of calling the class, and the hottest place of a replay
+new_frame = tuple.__new__  # takes half the time of calling the class, in the hottest loop of a replay
 
 _CRC_STEPS = frozenset(CRC_STEP)
 _find_magic = re.compile(b"[\xfd\xfe]").search
 
 
 class Frame(NamedTuple):
-    """One message as it stood on the wire, its checksum found right."""
+    """One message as received, with a correct checksum."""
 
     raw: bytes
     message_id: int
@@ -60,7 +59,7 @@ class Frame(NamedTuple):
 
 
 class UnknownFrame(NamedTuple):
-    """What may be a frame of a message that our dialect lacks: its checksum suits some CRC_EXTRA."""
+    """Probably a frame of a message that the dialect lacks: its checksum matches some CRC_EXTRA."""
 
     size: int
     message_id: int
@@ -70,7 +69,7 @@ class UnknownFrame(NamedTuple):
 
 
 class Flaw(Enum):
-    """Why no frame begins at a place."""
+    """Why no frame begins at a position."""
 
     NO_FRAME = "no frame"
     BAD_CRC = "checksum wrong"
@@ -79,10 +78,10 @@ class Flaw(Enum):
 
 @dataclass(slots=True)
 class Counters:
-    """What came in. `bad_bytes` belong to no frame at all, those of frames with a wrong checksum included.
+    """What was read. `bad_bytes` belong to no frame, or to a frame with a wrong checksum.
 
-    `bad_crc` counts what looks like a frame of a known message with a wrong checksum, `unknown` well-formed
-    frames of messages that the dialect lacks, `undecodable` good frames that pymavlink refused.
+    `bad_crc` counts frames of known messages with a wrong checksum, `unknown` well-formed frames of messages
+    that the dialect lacks, `undecodable` good frames that pymavlink refused.
     """
 
     frames: int = 0
@@ -94,30 +93,30 @@ class Counters:
 
 @dataclass(slots=True)
 class StreamCounters(Counters):
-    """What came in on a link. `lost` frames are missing in the sequence numbers.
+    """What was received on a link. `lost` frames are missing in the sequence numbers.
 
-    Logs do not count them: they mix links and directions, of which each has its own numbers.
+    They are not counted in logs, which mix links and directions with sequence numbers of their own.
     """
 
     lost: int = 0
 
 
 class LossMeter:
-    """Counts frames that never came, from the sequence numbers of each (system, component).
+    """Counts missing frames by the sequence numbers of each (system, component).
 
-    A number up to 32 behind the newest is a duplicate or came late: nothing is counted, and a late frame
-    stays counted as lost. Further behind the sender has restarted, or more than half of a turn is missing,
-    which nobody can tell apart: counting begins anew.
+    A number up to 32 behind the newest is a duplicate or late: nothing is counted, and a late frame stays
+    counted as lost. A number further behind means a restart of the sender, or a loss of more than half a
+    wrap; these cannot be distinguished, and counting starts again.
     """
 
     _LATE = 32
-    _HALF_TURN = 128
+    _HALF_WRAP = 128
 
     def __init__(self) -> None:
         self._expected: dict[int, int] = {}
 
     def lost_before(self, system_id: int, component_id: int, sequence: int) -> int:
-        """How many frames of the same sender are missing between the one before and this one."""
+        """How many frames are missing between the previous frame of this sender and this one."""
         sender = system_id << 8 | component_id
         expected = self._expected.get(sender, sequence)
         if sequence == expected:
@@ -127,7 +126,7 @@ class LossMeter:
         if missing >= 256 - self._LATE:
             return 0
         self._expected[sender] = (sequence + 1) & 0xFF
-        return missing if missing < self._HALF_TURN else 0
+        return missing if missing < self._HALF_WRAP else 0
 
 
 def frame_at(data: bytes, start: int) -> Frame | UnknownFrame | Flaw:
@@ -140,7 +139,7 @@ def frame_at(data: bytes, start: int) -> Frame | UnknownFrame | Flaw:
         if start + HEADER_V2_BYTES > size:
             return Flaw.CUT
         length, flags, _, sequence, system_id, component_id, message_id, high = unpack_v2(data, start + 1)
-        if flags > SIGNED:  # the receiver must drop what carries a flag that it does not know
+        if flags > SIGNED:  # a frame with an unknown flag must be dropped
             return Flaw.NO_FRAME
         if high:
             message_id |= high << 16
@@ -160,7 +159,7 @@ def frame_at(data: bytes, start: int) -> Frame | UnknownFrame | Flaw:
     checksum = data[checksum_at] | data[checksum_at + 1] << 8
     extra = crc_extra_of(message_id)
     if extra is None:
-        # Of all checksums only one in 256 is right for any CRC_EXTRA.
+        # Only one of 256 checksums matches any CRC_EXTRA.
         if (checksum ^ crc >> 8) not in _CRC_STEPS:
             return Flaw.NO_FRAME
         return UnknownFrame(end - start, message_id, system_id, component_id, sequence)
@@ -170,7 +169,7 @@ def frame_at(data: bytes, start: int) -> Frame | UnknownFrame | Flaw:
 
 
 def next_magic(data: bytes, start: int) -> int:
-    """Where the next frame could begin, at `start` or after; the end of `data` if nowhere."""
+    """The first position at or after `start` where a frame could begin, or else the end of `data`."""
     found = _find_magic(data, start)
     return found.start() if found else len(data)
 
@@ -181,9 +180,9 @@ def is_magic(data: bytes, position: int) -> bool:
 
 
 class FrameSplitter:
-    """Cuts bytes into frames: `feed` for streams, `feed_datagram` where every datagram stands alone.
+    """Splits bytes into frames: `feed` for streams, `feed_datagram` for independent datagrams.
 
-    A stream keeps at most one unfinished frame (`MAX_FRAME_BYTES`) between two calls.
+    Between two calls of `feed` at most one unfinished frame (`MAX_FRAME_BYTES`) is kept.
     """
 
     def __init__(self, counters: StreamCounters | None = None) -> None:
@@ -192,23 +191,23 @@ class FrameSplitter:
         self._losses = LossMeter()
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that the next bytes of the stream complete."""
+        """The frames completed by the next bytes of the stream."""
         data = self._kept + data
         frames, taken = self._split(data, final=False)
         self._kept = data[taken:]
         return frames
 
     def flush(self) -> list[Frame]:
-        """The end of the stream: drops the unfinished frame, and returns what it may have hidden."""
+        """End the stream: drop the unfinished frame, and return the frames that it may have hidden."""
         data, self._kept = self._kept, b""
         return self._split(data, final=True)[0]
 
     def feed_datagram(self, data: bytes) -> list[Frame]:
-        """The frames of one datagram; a cut one at its end spoils nothing that comes later."""
+        """The frames of one datagram; a truncated frame at its end does not affect later datagrams."""
         return self._split(data, final=True)[0]
 
     def _split(self, data: bytes, *, final: bool) -> tuple[list[Frame], int]:
-        """The frames in `data`, and how many of its bytes are dealt with: all of them when `final`."""
+        """The frames in `data`, and how many of its bytes were processed: all if `final`."""
         frames: list[Frame] = []
         counters = self.counters
         position, size = 0, len(data)
@@ -222,7 +221,7 @@ class FrameSplitter:
             if isinstance(found, UnknownFrame):
                 end = position + found.size
                 if end == size and not final:
-                    break  # only what follows tells whether it was one
+                    break  # only the next bytes show whether it is a frame
                 if end == size or is_magic(data, end):
                     counters.unknown += 1
                     counters.lost += self._losses.lost_before(*found[2:])
@@ -243,7 +242,7 @@ _decoder = mavlink.MAVLink(None)
 
 
 def decode(frame: Frame, counters: Counters | None = None) -> Message | None:
-    """The message in a frame; `None`, counted as `undecodable`, when pymavlink refuses its content."""
+    """The message in a frame; `None`, counted as `undecodable`, if pymavlink refuses its content."""
     try:
         return _decoder.decode(bytearray(frame.raw))
     except (mavlink.MAVError, struct.error, ValueError):

@@ -1,51 +1,51 @@
-"""Datagrams that overtook each other: which heartbeat is older than one that was heard already."""
+"""Heartbeats out of order: which one is older than a heartbeat that was received before it."""
 
 from dataclasses import dataclass
 
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.framing import Frame
 
-_TURN = 256  # of the sequence number
-# So many old heartbeats in a row are no stragglers: their sender started anew.
-_MOST_STRAGGLERS = 3
-# In so long a silence the number may have gone around: it tells nothing then, and nothing straggles so long.
+_WRAP = 256  # of the sequence number
+# After this many outdated heartbeats in a row the sender must have restarted.
+_MAX_OUTDATED = 3
+# After a silence this long the number may have wrapped, so that it proves nothing; no frame is this late.
 _SILENCE_S = 1.0
 
 
 @dataclass(slots=True)
 class _Sender:
-    newest: int  # counted on over all turns, over all frames
-    heartbeat: int  # the newest heartbeat's, in the same count
+    newest: int  # sequence number of the newest frame, counted on over all wraps
+    heartbeat: int  # the same for the newest heartbeat
     heard_s: float
-    stragglers: int = 0
+    outdated: int = 0  # in a row
 
 
 class HeartbeatSequence:
-    """Watches the sequence numbers of one link, by sender."""
+    """The sequence numbers of the frames on one link, by sender."""
 
     def __init__(self) -> None:
         self._senders: dict[tuple[int, int], _Sender] = {}
 
-    def is_overtaken(self, frame: Frame, now_s: float) -> bool:
-        """Whether this is a heartbeat, and a later one was heard already; a repetition counts too.
+    def is_outdated(self, frame: Frame, now_s: float) -> bool:
+        """Whether the frame is a heartbeat that is not newer than the newest one received.
 
-        To be called with every frame of the link: that keeps the count over the turns of the number. `now_s`
-        is when it arrived, by any clock [s].
+        Call this for every frame of the link, to follow the sequence number over its wraps. `now_s` is the
+        time of arrival on any clock [s].
         """
         address = frame.system_id, frame.component_id
         sender = self._senders.get(address)
         if sender is None or not abs(now_s - sender.heard_s) < _SILENCE_S:
-            sender = self._senders[address] = _Sender(frame.sequence, frame.sequence - _TURN, now_s)
+            sender = self._senders[address] = _Sender(frame.sequence, frame.sequence - _WRAP, now_s)
         sender.heard_s = now_s
-        ahead = (frame.sequence - sender.newest + _TURN // 2) % _TURN - _TURN // 2
-        place = sender.newest + ahead
-        sender.newest = max(place, sender.newest)
+        ahead = (frame.sequence - sender.newest + _WRAP // 2) % _WRAP - _WRAP // 2
+        number = sender.newest + ahead
+        sender.newest = max(number, sender.newest)
         if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             return False
-        if place <= sender.heartbeat and sender.stragglers < _MOST_STRAGGLERS:
-            sender.stragglers += 1
+        if number <= sender.heartbeat and sender.outdated < _MAX_OUTDATED:
+            sender.outdated += 1
             return True
-        if sender.stragglers:
-            sender.newest = place
-        sender.heartbeat, sender.stragglers = place, 0
+        if sender.outdated:
+            sender.newest = number
+        sender.heartbeat, sender.outdated = number, 0
         return False

@@ -1,4 +1,4 @@
-"""Telemetry logs: before each frame its time, big-endian microseconds since 1970 in 8 bytes; nothing else."""
+"""Telemetry logs: frames, each after its time in 8 bytes (big-endian microseconds since 1970)."""
 
 import struct
 from collections.abc import Collection, Iterator
@@ -35,29 +35,29 @@ from companion.mavlink.framing import (
 _STAMP_BYTES = 8
 _unpack_stamp = struct.Struct(">Q").unpack_from
 _CHUNK_BYTES = 1 << 20
-# What it takes to judge a frame: all of it, and where the next record's frame would begin.
+# The bytes needed to judge a frame: the frame, and the position where the next one would begin.
 _FRAME_VIEW_BYTES = MAX_FRAME_BYTES + _STAMP_BYTES + 1
 _RECORD_VIEW_BYTES = _STAMP_BYTES + _FRAME_VIEW_BYTES
 
 
 def read_tlog(path: Path | str, only: Collection[int] | None = None) -> "TlogReader":
-    """Open a log; a `LogError` says why it cannot be read. `only` names the message ids to hand over."""
+    """Open a log; `LogError` if it cannot be read. `only`: the ids of the messages to hand over."""
     return TlogReader(Path(path), only)
 
 
 class TlogReader:
-    """The good frames of a log, each with its stamp [us] as written; what is wrong in between is counted.
+    """The good frames of a log, each with its time stamp [us] as written; bytes between them are counted.
 
-    A frame without a stamp of its own carries that of the frame before, or 0. Stamps may jump and run
-    backwards: what to believe of them is for the caller. With `only`, frames of other messages are checked
-    and counted all the same, but not handed over, which is faster. `counters` tells about the newest pass
-    over the file, also while it runs. The end of a file without any frame raises `LogError`.
+    A frame without a stamp has that of the frame before it, or 0. Stamps may jump and run backwards; that is
+    left to the caller. With `only`, frames of other messages are checked and counted but not handed over,
+    which is faster. `counters` are those of the newest pass over the file, also while it runs. `LogError` at
+    the end of a file without any frame.
     """
 
     def __init__(self, path: Path, only: Collection[int] | None = None) -> None:
         self.path = path
         self.counters = Counters()
-        self.read_bytes = 0  # of the file, for a progress bar
+        self.read_bytes = 0  # for a progress bar
         self._only: Collection[int] = CRC_EXTRA if only is None else only
         with _opened(path) as file:
             if not _read(file, path, 1):
@@ -65,17 +65,17 @@ class TlogReader:
 
     @property
     def messages(self) -> int:
-        """How many good frames were read."""
+        """The number of good frames read."""
         return self.counters.frames
 
     @property
     def bad_bytes(self) -> int:
-        """How many bytes belong to no record."""
+        """The number of bytes that belong to no record."""
         return self.counters.bad_bytes
 
     @property
     def unknown(self) -> int:
-        """How many frames are of messages that the dialect lacks."""
+        """The number of frames of messages that the dialect lacks."""
         return self.counters.unknown
 
     def __iter__(self) -> Iterator[tuple[int, Frame]]:
@@ -97,9 +97,9 @@ class TlogReader:
 def _intact_records(
     window: "_Window", only: Collection[int], counters: Counters
 ) -> Iterator[tuple[int, Frame]]:
-    """Record after record, up to the first place where anything is wrong, or near the end of the window.
+    """The records up to the first that is damaged, or to the end of the window.
 
-    The same test as `frame_at`, written out: half of the time of a replay is spent in this loop.
+    A copy of `frame_at`, inlined because half of the time of a replay is spent in this loop.
     """
     data, position = window.data, window.position
     last = len(data) - _RECORD_VIEW_BYTES
@@ -135,7 +135,7 @@ def _intact_records(
 
 
 class _Window:
-    """The part of a log that is in memory: everything before `position` is dealt with."""
+    """The part of a log that is in memory; everything before `position` has been processed."""
 
     def __init__(self, file: BinaryIO, path: Path, counters: Counters) -> None:
         self.data = b""
@@ -147,7 +147,7 @@ class _Window:
         self._at_end = False
 
     def fill(self) -> bool:
-        """Have a whole record in view, unless the file ends before; false when nothing is left."""
+        """Read on until a whole record is in `data`, or the file ends; false when nothing is left."""
         while not self._at_end and len(self.data) - self.position < _RECORD_VIEW_BYTES:
             chunk = _read(self._file, self._path, _CHUNK_BYTES)
             self._at_end = not chunk
@@ -156,8 +156,8 @@ class _Window:
         return self.position < len(self.data)
 
     def find_record(self) -> tuple[int, Frame] | None:
-        """The next record, wherever it stands; `None` at the end, and after a frame of an unknown message."""
-        gap = 0  # from `position` to the place under test: at most a stamp, what is before that is given up
+        """The next record, wherever it begins; `None` at the end, and after a frame of an unknown message."""
+        gap = 0  # from `position` to the byte under test; at most a stamp, bytes before that are skipped
         while self.fill():
             at = next_magic(self.data, self.position + gap)
             self._skip(at - _STAMP_BYTES)
@@ -170,11 +170,11 @@ class _Window:
                 continue
             found = frame_at(self.data, at)
             if isinstance(found, Frame):
-                self._claim_stamp(at)
+                self._read_stamp(at)
                 self.position = at + len(found.raw)
                 return self.time_us, found
             if isinstance(found, UnknownFrame) and self._record_may_follow(at + found.size):
-                self._claim_stamp(at)
+                self._read_stamp(at)
                 self.position = at + found.size
                 self._counters.unknown += 1
                 return None
@@ -183,8 +183,8 @@ class _Window:
             gap += 1
         return None
 
-    def _claim_stamp(self, frame_start: int) -> None:
-        """Take the stamp before a frame, if there is room for one."""
+    def _read_stamp(self, frame_start: int) -> None:
+        """Use the eight bytes before a frame as its stamp, if there are as many."""
         if frame_start - self.position == _STAMP_BYTES:
             (self.time_us,) = _unpack_stamp(self.data, self.position)
         else:
@@ -194,49 +194,18 @@ class _Window:
         return end == len(self.data) or is_magic(self.data, end + _STAMP_BYTES) or is_magic(self.data, end)
 
     def _skip(self, to: int) -> None:
-        """Give up the bytes before `to` as bad."""
+        """Skip the bytes before `to`, and count them as bad."""
         if to > self.position:
             self._counters.bad_bytes += to - self.position
             self.position = to
 
 
-class TlogWriter:
-    """A new log, as ground stations play it; `AppendOnlyFile` says what a crash or a full disk does to it."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = AppendOnlyFile(path)
-
-    @property
-    def path(self) -> Path:
-        """Where the log is."""
-        return self._file.path
-
-    @property
-    def size(self) -> int:
-        """How many bytes it has."""
-        return self._file.size
-
-    @property
-    def failures(self) -> int:
-        """How often the disk refused."""
-        return self._file.failures
-
-    @property
-    def problem(self) -> str | None:
-        """The newest error of the disk."""
-        return self._file.problem
+class TlogWriter(AppendOnlyFile):
+    """A new log in the format of ground stations."""
 
     def write(self, time_us: int, raw: bytes) -> None:
-        """Add one frame; with the operating system on return. Never raises for what the disk does."""
-        self._file.append((time_us & 0xFFFF_FFFF_FFFF_FFFF).to_bytes(_STAMP_BYTES, "big") + raw)
-
-    def sync(self) -> None:
-        """Bring everything onto the disk; slow, for a thread of its own."""
-        self._file.sync()
-
-    def close(self) -> None:
-        """Bring everything onto the disk and close."""
-        self._file.close()
+        """Append one frame with its time stamp."""
+        self.append((time_us & 0xFFFF_FFFF_FFFF_FFFF).to_bytes(_STAMP_BYTES, "big") + raw)
 
 
 def _opened(path: Path) -> BinaryIO:

@@ -1,4 +1,4 @@
-"""A decision as one line of JSON: units in the names, degrees, numbers rounded to what they are worth."""
+"""A decision as one line of JSON: units in the names, degrees, numbers rounded to their accuracy."""
 
 import json
 import math
@@ -12,7 +12,7 @@ from companion.units import course_deg
 
 
 class Circumstances(NamedTuple):
-    """What a decision was made in: the supervisor's state, the autopilot's mode, the local frame."""
+    """The state machine's state, the autopilot's mode and the local frame at the decision."""
 
     state: str
     flying: bool
@@ -23,9 +23,9 @@ class Circumstances(NamedTuple):
 def decision_line(
     time_s: float, decision: Decision, own: Ownship, tracks: Sequence[Track], around: Circumstances
 ) -> str:
-    """One line, without the newline; the same decision gives the same bytes.
+    """One line without the newline; the same decision gives the same bytes.
 
-    `traffic` has all tracks, their `north_m` and `east_m` counted from `own`; `tracks` is how many they are.
+    `traffic` lists all tracks, with `north_m` and `east_m` relative to `own`; `tracks` is their number.
     """
     place = None if around.frame is None else around.frame.to_geo(*own.position_m)
     north_mps, east_mps, down_mps = own.velocity_mps
@@ -56,7 +56,7 @@ def decision_line(
 
 
 def guidance_of(guidance: Guidance | None) -> dict[str, object] | None:
-    """What is commanded; `None` is the mission."""
+    """The commanded guidance as JSON values; `None` is the mission."""
     if guidance is None:
         return None
     return {
@@ -66,7 +66,7 @@ def guidance_of(guidance: Guidance | None) -> dict[str, object] | None:
     }
 
 
-# What there may be many of ten times a second is written out: the json module takes six times as long.
+# Threats and tracks are formatted here, ten times a second: the json module takes six times as long.
 _THREAT = (
     '{"track":%s,"distance_m":%.1f,"relative_altitude_m":%.1f,"bearing_deg":%.1f,"closing_mps":%.1f,'
     '"time_to_closest_s":%s,"miss_horizontal_m":%.1f,"miss_vertical_m":%.1f,"layer":"%s"}'
@@ -78,7 +78,7 @@ _TRACK = (
 
 
 def threat_text(threat: Threat) -> str:
-    """A threat as it was seen when decided, as JSON."""
+    """A threat at the moment of the decision, as JSON."""
     values = (
         threat.distance_m,
         threat.relative_altitude_m,
@@ -119,7 +119,7 @@ def _traffic(tracks: Sequence[Track], own_m: Vec3) -> str:
 
 
 def _insist_on_finite(check: float) -> None:
-    """What `allow_nan=False` does for all else."""
+    """ValueError for a number that is not finite, as `allow_nan=False` does in the json module."""
     if not math.isfinite(check):
         raise ValueError("a track is not finite")
 
@@ -129,7 +129,7 @@ _quoted = lru_cache(maxsize=4096)(json.dumps)
 
 @lru_cache(maxsize=4096)
 def _names(track_id: str, icao: int | None, callsign: str | None, kind: TrafficKind) -> str:
-    """What of a track stays as it is, open at its end."""
+    """The constant fields of a track as JSON, without the closing brace."""
     names = {
         "track": track_id,
         "icao": None if icao is None else f"{icao:06X}",

@@ -1,6 +1,6 @@
-"""Effects: what the engine wants done. The shell does them; nothing in the engine touches the world.
+"""Effects: what the shell is to do. Nothing in the engine touches the world.
 
-What is written is made into text when it is asked for: a flight of a campaign writes nothing.
+Text is made only when it is read: a campaign flies without writing any.
 """
 
 import json
@@ -16,14 +16,14 @@ from companion.output.persisted_state import PersistedState
 
 
 class Transmit(NamedTuple):
-    """Send a message, from this address, to all links."""
+    """Send a message from this address to all links."""
 
     sender: Sender
     message: Message
 
 
 class Record(NamedTuple):
-    """Keep `line`, one decision as JSON: made at `time_s`, among these tracks."""
+    """Record `line`, one decision as JSON: made at `time_s` from these tracks."""
 
     time_s: float
     decision: Decision
@@ -33,13 +33,13 @@ class Record(NamedTuple):
 
     @property
     def line(self) -> str:
-        """One line, without the newline; the same every time."""
+        """One line without the newline."""
         return decision_line(self.time_s, self.decision, self.own, self.tracks, self.around)
 
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """Tell whoever reads the log of the service."""
+    """Write to the log of the service."""
 
     severity: int
     text: str
@@ -47,25 +47,25 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Keep:
-    """Keep `text` for the next run, in place of what was kept before; `None`: nothing needs to be known."""
+    """Replace the state that is kept for the next run by `text`; `None` removes it."""
 
     held: PersistedState | None
 
     @property
     def text(self) -> str | None:
-        """One line of JSON; the same every time."""
+        """One line of JSON, or `None`."""
         return None if self.held is None else self.held.to_text()
 
 
 @dataclass(frozen=True, slots=True)
 class Save:
-    """Keep the settings that differ from the configuration, by name, for every run from now on."""
+    """Save the settings that differ from the configuration, by name, for all later runs."""
 
     values: Mapping[str, float]
 
     @property
     def text(self) -> str | None:
-        """JSON, a line for each; `None` when none differs."""
+        """JSON with a line for each setting; `None` when none differs."""
         return json.dumps(self.values, indent=1) + "\n" if self.values else None
 
 

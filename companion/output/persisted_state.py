@@ -1,4 +1,4 @@
-"""What must survive a crash of the companion: that it had the aircraft, and what it was told to do."""
+"""What must survive a crash of the companion: that it had the aircraft, and the role it was given."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -7,16 +7,16 @@ from typing import Any
 from companion.geodesy import GeoPoint
 from companion.model import PriorFlightState, Role
 
-# Longer ago than this, whoever is responsible has decided otherwise.
+# After this time the pilot or the autopilot has decided what to do.
 LONGEST_S = 20.0
 
 
 @dataclass(frozen=True)
 class PersistedState:
-    """State at `time_s` [s, Unix]. `before` is what the aircraft was taken from, `None` when we had it not.
+    """State at `time_s` [s, Unix]. `before` is the flight to go back to, `None` when we had no aircraft.
 
-    `role` is set when the operator changed it in flight. `left_behind` is the mode that the autopilot falls
-    into by itself some time after we fell silent. `borrowed` are parameters to put back, by name.
+    `role` is set when the operator changed it in flight. `left_behind` is the mode that the autopilot enters
+    by itself some time after we fell silent. `borrowed` are parameters to restore, by name.
     """
 
     time_s: float
@@ -32,7 +32,7 @@ class PersistedState:
 
     @classmethod
     def from_text(cls, text: str) -> "PersistedState | None":
-        """What a former run left; `None` when it is nothing that can be used."""
+        """The state of a former run; `None` when the text is not valid."""
         try:
             raw = json.loads(text)
             role, left_behind = raw["role"], raw["left_behind"]
@@ -48,7 +48,7 @@ class PersistedState:
             return None
 
     def is_fresh(self, now_s: float) -> bool:
-        """Whether it still says something of who has the aircraft."""
+        """Whether it is recent enough to say who has the aircraft."""
         return 0.0 <= now_s - self.time_s <= LONGEST_S
 
 

@@ -1,1 +1,1 @@
-"""What is known of our own aircraft, and how fresh it is."""
+"""Everything that is known of our own aircraft, and how fresh it is."""

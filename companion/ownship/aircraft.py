@@ -1,12 +1,8 @@
-"""Our aircraft: the autopilot we belong to, and the newest of everything it said."""
+"""Our aircraft: the autopilot that is ours, and the newest of everything that it reported."""
 
-import math
-
-from companion.autopilots import Adapter, choose
+from companion.autopilots import Adapter
 from companion.autopilots.adapter import GuidanceCommand
-from companion.control.sticks import Sticks
 from companion.geodesy import GeoPoint, LocalFrame
-from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import (
     AirData,
     AutopilotVersion,
@@ -24,50 +20,21 @@ from companion.mavlink.facts import (
     Wind,
 )
 from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
+from companion.ownship.autopilot_state import Contact, FlightState, Identity, Sticks
+from companion.ownship.kinematics import Kinematics, Terrain
 from companion.ownship.mission import Mission
-from companion.ownship.terrain import Terrain
-from companion.ownship.wind import WindEstimator
-from companion.units import wrap_two_pi
+from companion.ownship.navigation import Navigation
 
-_TARGET_FRESH_S = 10.0
-# MISSION_CURRENT comes once a second.
-_PROGRESS_FRESH_S = 5.0
-# Further apart than this, the mission's item and the autopilot's own target are different places.
-_SAME_PLACE_M = 150.0
-# For so long they may differ while one waypoint follows another.
-_DIFFERENCE_S = 5.0
-_MISSION_MODES = frozenset({"AUTO", "MISSION"})
-# Without heartbeats for so long the autopilot is gone or restarting.
-_HEARTBEAT_LOST_S = 5.0
-# Not a message of many a second for so long: the link is gone, and ours do not arrive either.
-_SILENCE_S = 1.0
-# Its mode is heard once a second, what it steers to several times.
-_SILENCE_KNOWN_S, _TOLD_AFTER_S = 2.5, 1.0
-_BLIND_S = 5.0
-# FENCE_STATUS comes once a second.
-_FENCE_HEARD_S = 10.0
-_OLD_POSITION_S = 0.5
-# EXTENDED_SYS_STATE comes once a second as soon as it is asked for; not every firmware has it.
+# The heartbeat with the mode comes once a second, so that after a silence it may be this late.
+_MODE_KNOWN_S = 2.5
+# EXTENDED_SYS_STATE is requested at adoption and comes once a second; not every firmware sends it.
 _LANDED_STATE_AWAITED_S = 4.0
-_ELSEWHERE_M = 100.0
-# MAV_STATE of an autopilot that deals with an emergency by itself.
-_FAILSAFE = frozenset(
-    {
-        mavlink.MAV_STATE_CRITICAL,
-        mavlink.MAV_STATE_EMERGENCY,
-        mavlink.MAV_STATE_POWEROFF,
-        mavlink.MAV_STATE_FLIGHT_TERMINATION,
-    }
-)
-# Aeroplanes, and those VTOLs that fly as such.
-_FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
 
 
 class Aircraft:
-    """Adopts the one autopilot that is heard, or the configured one, and keeps to it.
+    """Routes each fact to the part that stores it; answers what takes more than one part.
 
-    `autopilot` is a MAV_AUTOPILOT; with it, or a system id, no other is adopted. Without a system id, others
-    are waited for: when several are there, none is ours to choose.
+    The parameters are those of `Identity` and `Sticks`.
     """
 
     def __init__(
@@ -78,52 +45,59 @@ class Aircraft:
         adopt_after_s: float = 0.0,
         stick_us: float = 0.0,
     ) -> None:
-        self._wanted_system_id = system_id
-        self._wanted_autopilot = autopilot
-        self._adopt_after_s = adopt_after_s
-        self._first_heard_s: float | None = None
-        self.adapter: Adapter | None = None
-        self.armed = False
-        self.custom_mode = 0
-        self.heartbeat_s = -math.inf
-        self._fact_s = -math.inf
-        self._silent_until_s = -math.inf
-        self.position: OwnPosition | None = None
-        self.position_s = -math.inf
-        self.others: set[int] = set()
-        self.unwanted_since_s: dict[int, float] = {}  # systems whose autopilot is not the configured one
-        self.fixed_wing = False
-        self.version: str | None = None
-        self.clock_offset_s: float | None = None  # its clock less ours
-        self.failsafe = False
-        self.fence_breached = False
-        self._fence_s = -math.inf
-        self.sequence: int | None = None  # of the mission item that is flown
-        self.sticks = Sticks(stick_us)
-        # It has our setpoints, or may have: where it says that it flies to is nobody's wish but ours.
-        self.ours = False
-        self._airspeed_mps: float | None = None
-        # By VFR_HUD; it counts by how much it changed since the last position.
-        self._altitude_m: float | None = None
-        self._altitude_then_m: float | None = None
-        self._altitude_s = -math.inf
-        self._landed_state: int | None = None
-        self._landed_state_heard = False
-        self._adopted_s = -math.inf
-        self._target: NavigationTarget | None = None
-        self.target_while_ours: NavigationTarget | None = None
-        self._target_s = -math.inf
-        # The mission as far as it is known; whoever reads it from the autopilot puts it here.
-        self.mission: Mission | None = None
+        self.identity = Identity(system_id, autopilot, adopt_after_s)
+        self.contact = Contact()
+        self.flight_state = FlightState()
+        self.kinematics = Kinematics()
+        self.navigation = Navigation(self.kinematics)
         self.terrain = Terrain()
-        self._wind = WindEstimator()
-        self._sequence_s = -math.inf
-        self._differs_since_s: float | None = None
+        self.sticks = Sticks(stick_us)
+        self.ours = False  # our setpoints are flown, or may be
 
-    @property
-    def sender(self) -> Sender | None:
-        """The address of our autopilot."""
-        return None if self.adapter is None else self.adapter.target
+    def observe(self, fact: Fact, now_s: float) -> bool:
+        """Store a fact; returns whether it came from our autopilot."""
+        if isinstance(fact, Heartbeat):
+            return self._observe_heartbeat(fact, now_s)
+        if fact.sender != self.sender:
+            return False
+        self.contact.observe(now_s)
+        match fact:
+            case OwnPosition():
+                self.kinematics.observe_position(fact, now_s)
+            case AirData():
+                self.kinematics.observe_air_data(fact, now_s)
+            case Wind():
+                self.kinematics.wind.report(fact, now_s)
+            case LandedState():
+                self.flight_state.observe_landed_state(fact)
+            case FenceStatus():
+                self.flight_state.observe_fence(fact, now_s)
+            case TerrainReport():
+                self.terrain.observe(fact, self.place(), now_s)
+            case MissionProgress():
+                self.navigation.observe_progress(fact, now_s)
+            case NavigationTarget():
+                self.navigation.observe_target(fact, now_s, ours=self.ours)
+            case AutopilotVersion():
+                self.identity.version = fact.version
+            case SystemTime():
+                self.contact.observe_clock(fact.unix_s, now_s)
+            case RcChannels():
+                self.sticks.observe(fact)
+            case _:
+                pass
+        return True
+
+    def _observe_heartbeat(self, fact: Heartbeat, now_s: float) -> bool:
+        if not self.identity.is_ours(fact, now_s):
+            return False
+        self.contact.observe(now_s)
+        self.contact.heartbeat_s = now_s
+        self.flight_state.observe_heartbeat(fact, now_s)
+        self.enter_mode(fact.custom_mode, now_s)
+        return True
+
+    # --- answers from several parts
 
     @property
     def mode(self) -> str | None:
@@ -132,303 +106,233 @@ class Aircraft:
 
     @property
     def guided(self) -> bool:
-        """Whether it is in the mode that obeys us."""
+        """Whether the autopilot is in the mode in which our setpoints are obeyed."""
         return self.adapter is not None and self.adapter.is_guided(self.custom_mode)
 
-    def observe(self, fact: Fact, now_s: float) -> bool:
-        """Take a fact in; true when it came from our autopilot."""
-        if isinstance(fact, Heartbeat):
-            return self._heartbeat(fact, now_s)
-        if fact.sender != self.sender:
-            return False
-        self._in_touch(now_s)
-        match fact:
-            case OwnPosition():
-                self.position, self.position_s = fact, now_s
-                self._altitude_then_m = self._altitude_m
-                self._wind.observe(fact, self._airspeed_mps, now_s)
-            case AirData():
-                self._airspeed_mps = fact.airspeed_mps
-                self._altitude_m, self._altitude_s = fact.altitude_m, now_s
-            case LandedState():
-                self._landed_state, self._landed_state_heard = fact.landed_state, True
-            case Wind():
-                self._wind.report(fact, now_s)
-            case FenceStatus():
-                self.fence_breached, self._fence_s = fact.breached, now_s
-            case TerrainReport():
-                self.terrain.observe(fact, self.place(), now_s)
-            case MissionProgress():
-                self.sequence, self._sequence_s = fact.sequence, now_s
-            case NavigationTarget():
-                if self.ours:
-                    self.target_while_ours = fact
-                else:
-                    self._target, self._target_s = fact, now_s
-            case AutopilotVersion():
-                self.version = fact.version
-            case SystemTime():
-                self.clock_offset_s = None if fact.unix_s is None else fact.unix_s - now_s
-            case RcChannels():
-                self.sticks.observe(fact)
-            case _:
-                pass
-        return True
+    @property
+    def _in_mission(self) -> bool:
+        return self.adapter is not None and self.adapter.is_mission(self.custom_mode)
 
     def enter_mode(self, custom_mode: int, now_s: float) -> None:
-        """The autopilot is in this mode: its heartbeat says so, or it accepted our request for it."""
+        """Store the mode, as a heartbeat or an accepted request shows it."""
         if self.ours and not (self.adapter is None or self.adapter.is_guided(custom_mode)):
-            # The mission's target was not renewed while we flew; it is what is flown to again.
-            self._target_s = now_s
-        self.custom_mode = custom_mode
+            self.navigation.refresh_target(now_s)
+        self.flight_state.custom_mode = custom_mode
 
-    def resume(self, now_s: float) -> None:
-        """It is heard again: where it was flying to counts until it says something else."""
-        if self._target is not None:
-            self._target_s = now_s
-        if self.sequence is not None:
-            self._sequence_s = now_s
-
-    def heard(self, now_s: float) -> bool:
-        """Whether the autopilot is there."""
-        return now_s - self.heartbeat_s < _HEARTBEAT_LOST_S
-
-    def in_contact(self, now_s: float) -> bool:
-        """Whether it is heard right now, and its mode is known from after the last silence."""
-        return now_s - self._fact_s <= _SILENCE_S and self.heartbeat_s >= self._silent_until_s
-
-    def just_back(self, now_s: float) -> bool:
-        """Whether a silence ended so lately that it had no time yet to tell how it is."""
-        return now_s - self._silent_until_s < _TOLD_AFTER_S
-
-    def left_by_itself(self, now_s: float) -> bool:
-        """Whether a silence ended just now, and it is in the mode that it falls into in one."""
+    def left_guided_by_itself(self, now_s: float) -> bool:
+        """Whether a silence has just ended with the mode that the autopilot enters when our setpoints end."""
         adapter = self.adapter
-        if adapter is None or self.guided or now_s - self._silent_until_s > _SILENCE_KNOWN_S:
+        if adapter is None or self.guided or self.contact.since_silence_s(now_s) > _MODE_KNOWN_S:
             return False
-        return self.custom_mode == adapter.left_behind_mode()
-
-    def blind(self, now_s: float) -> bool:
-        """Whether own position is too old for anything, and the aircraft better given back."""
-        return now_s - self.position_s > _BLIND_S
-
-    def home_altitude_m(self) -> float | None:
-        """Height of home above mean sea level."""
-        if self.position is None:
-            return None
-        return self.position.altitude_m - self.position.height_above_home_m
+        return self.custom_mode == adapter.setpoint_loss_mode()
 
     def flying(self, min_height_m: float) -> bool:
-        """Armed, in the air, and neither taking off nor landing."""
+        """Whether it is armed, at least this high above home, and neither taking off nor landing."""
         if not self.armed or self.position is None:
             return False
-        if self._landed_state not in (None, mavlink.MAV_LANDED_STATE_IN_AIR) or self.taking_off_or_landing():
+        if not self.flight_state.may_be_in_the_air or self.taking_off_or_landing():
             return False
         return self.position.height_above_home_m >= min_height_m
 
-    def known(self, now_s: float) -> bool:
-        """Whether it had the time to say that it is landing, or has said so."""
-        return self._landed_state_heard or now_s - self._adopted_s >= _LANDED_STATE_AWAITED_S
-
-    def landing(self) -> bool:
-        """Known to be on its way down to land, or on the ground."""
-        return self._landed_state in (mavlink.MAV_LANDED_STATE_ON_GROUND, mavlink.MAV_LANDED_STATE_LANDING)
-
-    def target(self, now_s: float) -> GeoPoint | None:
-        """Where the autopilot itself was flying to, or what it circled, if it said so lately."""
-        target = self._target
-        if target is None or now_s - self._target_s >= _TARGET_FRESH_S:
-            return None
-        altitude_m = target.altitude_m
-        if altitude_m is None:
-            altitude_m = 0.0 if self.position is None else self.position.altitude_m
-        return GeoPoint(target.lat_deg, target.lon_deg, altitude_m)
-
-    def doing(self, now_s: float) -> PriorFlightState:
-        """What it does now, to go back to later."""
-        north_mps, east_mps, _ = self.velocity_mps()
-        return PriorFlightState(
-            self.custom_mode,
-            self.sequence,
-            self.target(now_s),
-            math.atan2(east_mps, north_mps),
-            0.0 if self.position is None else self.position.altitude_m,
-            self.airspeed_mps(),
-        )
-
-    def mission_place(self, before: PriorFlightState) -> GeoPoint | None:
-        """Where the mission leads on to that was left, as soon as its items are known."""
-        of_mission = self.adapter is not None and self.adapter.mode_name(before.mode) in _MISSION_MODES
-        sequence = self.sequence if before.sequence is None else before.sequence
-        if not of_mission or self.mission is None or sequence is None:
-            return None
-        return self.mission.destination(sequence, self.home_altitude_m())
-
-    def sent_elsewhere(self, target: GeoPoint | None) -> bool:
-        """Whether somebody gave the guided mode, in which it already was, another target while we fly it."""
-        other = self.target_while_ours
-        if target is None or other is None:
-            return False
-        frame = LocalFrame(target.lat_deg, target.lon_deg)
-        moved_m = frame.to_ned_m(GeoPoint(other.lat_deg, other.lon_deg, 0.0))[:2]
-        return math.hypot(*moved_m) > _ELSEWHERE_M
-
-    def expect(self, system_id: int) -> None:
-        """Adopt the autopilot of this system as soon as it is heard: it was ours a moment ago."""
-        if self._wanted_system_id is None:
-            self._wanted_system_id = system_id
-
-    def flown(self, guidance: Guidance, *, max_bank_rad: float) -> GuidanceCommand | None:
-        """Guidance with what a setpoint needs beside it."""
-        position = self.position
-        if position is None:
-            return None
-        altitude_m = position.altitude_m + self._climbed_since_m()
-        place = GeoPoint(position.lat_deg, position.lon_deg, altitude_m)
-        return GuidanceCommand(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
-
-    def flying_now(self) -> Guidance:
-        """What it flies now, as guidance."""
-        north_mps, east_mps, _ = self.velocity_mps()
-        altitude_m = 0.0 if self.position is None else self.position.altitude_m
-        return Guidance(wrap_two_pi(math.atan2(east_mps, north_mps)), self.airspeed_mps(), altitude_m)
-
-    def _climbed_since_m(self) -> float:
-        """How much higher it is than its last position says, when that is old."""
-        if self._altitude_m is None or self._altitude_then_m is None:
-            return 0.0
-        old = self._altitude_s - self.position_s > _OLD_POSITION_S
-        return self._altitude_m - self._altitude_then_m if old else 0.0
+    def landed_state_known(self, now_s: float) -> bool:
+        """Whether the landed state is known, or has been awaited long enough."""
+        awaited_s = now_s - self.identity.adopted_s
+        return self.flight_state.landed_state_heard or awaited_s >= _LANDED_STATE_AWAITED_S
 
     def taking_off_or_landing(self) -> bool:
-        """Whether the mission being flown takes off, approaches or lands, as far as it is known."""
-        if self.mode not in _MISSION_MODES or self.mission is None or self.sequence is None:
-            return False
-        return self.mission.taking_off_or_landing(self.sequence)
+        """Whether a mission is flown whose item takes off, approaches or lands, as far as that is known."""
+        return self._in_mission and self.navigation.taking_off_or_landing()
 
-    def place(self) -> GeoPoint | None:
-        """Where it is."""
-        if self.position is None:
-            return None
-        return GeoPoint(self.position.lat_deg, self.position.lon_deg, self.position.altitude_m)
-
-    def velocity_mps(self) -> Vec3:
-        """Velocity over ground, north-east-down."""
-        return (0.0, 0.0, 0.0) if self.position is None else self.position.velocity_mps
-
-    def ownship(self, frame: LocalFrame) -> Ownship | None:
-        """Ownship in the local frame, valid at the time its position was received."""
-        place = self.place()
-        if self.position is None or place is None:
-            return None
-        velocity = self.position.velocity_mps
-        return Ownship(
-            time_s=self.position_s,
-            position_m=frame.to_ned_m(place),
-            velocity_mps=velocity,
-            airspeed_mps=self.airspeed_mps(),
-            heading_rad=self._heading_rad(self.position),
-            wind_mps=self._wind.wind_mps(self.airspeed_mps(), self.position_s),
+    def prior_flight_state(self, now_s: float) -> PriorFlightState:
+        """The present flight state, to return to later."""
+        own = self.kinematics
+        target, course_rad = self.target(now_s), own.course_rad()
+        return PriorFlightState(
+            self.custom_mode, self.sequence, target, course_rad, own.altitude_m(), own.airspeed_mps()
         )
+
+    def mission_destination(self, before: PriorFlightState) -> GeoPoint | None:
+        """The place that the mission flown before leads to; `None` when there was none or it is unknown."""
+        if self.adapter is None or not self.adapter.is_mission(before.mode):
+            return None
+        return self.navigation.destination(before.sequence)
 
     def goal(self, frame: LocalFrame, now_s: float) -> Goal:
-        """What the mission wants: its item, or the autopilot's own target, or else straight on as now.
+        """What the mission wants (see `Navigation.goal`)."""
+        return self.navigation.goal(frame, now_s, in_mission=self._in_mission)
 
-        Where item and target are different places, what is known of the mission is out of date, and the
-        target counts.
-        """
-        place = self.target(now_s)
-        item = self._item_place(now_s)
-        if item is None:
-            self._differs_since_s = None
-        elif not self._different(item, place, frame, now_s):
-            place = item
-        speed_mps = self.airspeed_mps()
-        if place is not None:
-            return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
-        north_mps, east_mps, _ = self.velocity_mps()
-        altitude_m = None if self.position is None else self.position.altitude_m
-        return Goal(course_rad=math.atan2(east_mps, north_mps), airspeed_mps=speed_mps, altitude_m=altitude_m)
+    # --- identity
 
-    def mission_outdated(self, now_s: float) -> bool:
-        """Whether the autopilot has been flying elsewhere than the mission that is known leads to."""
-        since_s = self._differs_since_s
-        return since_s is not None and now_s - since_s > _DIFFERENCE_S
+    @property
+    def adapter(self) -> Adapter | None:
+        """The adapter of our autopilot, once it is adopted."""
+        return self.identity.adapter
 
-    def _item_place(self, now_s: float) -> GeoPoint | None:
-        """Where the mission's item leads to that is being flown."""
-        if self.mission is None or self.sequence is None or self.mode not in _MISSION_MODES:
-            return None
-        if now_s - self._sequence_s > _PROGRESS_FRESH_S:
-            return None
-        return self.mission.destination(self.sequence, self.home_altitude_m())
+    @property
+    def sender(self) -> Sender | None:
+        """The address of our autopilot."""
+        return self.identity.sender
 
-    def _different(self, item: GeoPoint, target: GeoPoint | None, frame: LocalFrame, now_s: float) -> bool:
-        """Whether the mission's item and the autopilot's target are different places; notes since when."""
-        away_m = 0.0
-        if target is not None:
-            here, there = frame.to_ned_m(item), frame.to_ned_m(target)
-            away_m = math.hypot(here[0] - there[0], here[1] - there[1])
-        if away_m <= _SAME_PLACE_M:
-            self._differs_since_s = None
-            return False
-        if self._differs_since_s is None:
-            self._differs_since_s = now_s
-        return True
+    @property
+    def fixed_wing(self) -> bool:
+        """Whether the aircraft is an aeroplane or flies like one."""
+        return self.identity.fixed_wing
 
-    def _heartbeat(self, fact: Heartbeat, now_s: float) -> bool:
-        if fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
-            return False
-        if self.adapter is None:
-            self._consider(fact, now_s)
-        if fact.sender != self.sender:
-            if self._is_wanted(fact):
-                self.others.add(fact.sender.system_id)
-            else:
-                self.unwanted_since_s.setdefault(fact.sender.system_id, now_s)
-            return False
-        self._in_touch(now_s)
-        self.armed, self.heartbeat_s = fact.armed, now_s
-        self.failsafe = fact.system_status in _FAILSAFE
-        # Of a fence that is switched off nothing is heard any more.
-        self.fence_breached &= now_s - self._fence_s < _FENCE_HEARD_S
-        self.enter_mode(fact.custom_mode, now_s)
-        return True
+    @property
+    def version(self) -> str | None:
+        """The firmware's version."""
+        return self.identity.version
 
-    def _in_touch(self, now_s: float) -> None:
-        if now_s - self._fact_s > _SILENCE_S and math.isfinite(self._fact_s):
-            self._silent_until_s = now_s
-        self._fact_s = now_s
+    @property
+    def others(self) -> set[int]:
+        """Systems with another autopilot that could be ours."""
+        return self.identity.others
 
-    def _is_wanted(self, fact: Heartbeat) -> bool:
-        return self._wanted_system_id in (None, fact.sender.system_id) and self._wanted_autopilot in (
-            None,
-            fact.autopilot,
-        )
+    @property
+    def unwanted_since_s(self) -> dict[int, float]:
+        """Systems whose autopilot is not the configured one, and since when they are heard."""
+        return self.identity.unwanted_since_s
 
-    def _consider(self, fact: Heartbeat, now_s: float) -> None:
-        """Adopt the sender, unless it is not the one configured, or not the only one."""
-        if not self._is_wanted(fact):
-            return
-        if self._first_heard_s is None:
-            self._first_heard_s = now_s
-        waited = now_s - self._first_heard_s >= self._adopt_after_s
-        alone = not self.others - {fact.sender.system_id}
-        if self._wanted_system_id is None and not (waited and alone):
-            return
-        self.adapter = choose(fact.autopilot, fact.sender)
-        self._adopted_s = now_s
-        self.fixed_wing = fact.vehicle_type in _FIXED_WINGS
-        self.others.discard(fact.sender.system_id)
+    def expect_system(self, system_id: int) -> None:
+        """Adopt the autopilot of this system without waiting."""
+        self.identity.expect(system_id)
+
+    # --- contact
+
+    @property
+    def heartbeat_s(self) -> float:
+        """Time of the newest heartbeat."""
+        return self.contact.heartbeat_s
+
+    @property
+    def clock_offset_s(self) -> float | None:
+        """The autopilot's Unix time minus ours."""
+        return self.contact.clock_offset_s
+
+    def heard(self, now_s: float) -> bool:
+        """Whether heartbeats arrive."""
+        return self.contact.heard(now_s)
+
+    def in_contact(self, now_s: float) -> bool:
+        """Whether messages arrive right now, with a heartbeat since the last silence."""
+        return self.contact.in_contact(now_s)
+
+    def contact_just_regained(self, now_s: float) -> bool:
+        """Whether a silence ended so recently that not all frequent messages have arrived since."""
+        return self.contact.contact_just_regained(now_s)
+
+    # --- flight state
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors are armed."""
+        return self.flight_state.armed
+
+    @property
+    def custom_mode(self) -> int:
+        """The mode, as a number of this autopilot."""
+        return self.flight_state.custom_mode
+
+    @property
+    def failsafe(self) -> bool:
+        """Whether the autopilot is in a failsafe."""
+        return self.flight_state.failsafe
+
+    @property
+    def fence_breached(self) -> bool:
+        """Whether the aircraft is outside the autopilot's fence."""
+        return self.flight_state.fence_breached
+
+    @property
+    def stick_pulses_us(self) -> tuple[int | None, ...]:
+        """The newest positions of the pilot's sticks [us]; empty before the first report."""
+        return self.sticks.pulses_us
+
+    def landing(self) -> bool:
+        """Whether the aircraft is landing or on the ground."""
+        return self.flight_state.landing
+
+    # --- kinematics
+
+    @property
+    def position(self) -> OwnPosition | None:
+        """The newest position."""
+        return self.kinematics.position
+
+    @property
+    def position_s(self) -> float:
+        """Time at which the newest position was received."""
+        return self.kinematics.position_s
+
+    def position_lost(self, now_s: float) -> bool:
+        """Whether the position is too old for any use."""
+        return self.kinematics.position_lost(now_s)
+
+    def place(self) -> GeoPoint | None:
+        """The position, with height above mean sea level."""
+        return self.kinematics.place()
+
+    def home_altitude_m(self) -> float | None:
+        """Height of home above mean sea level."""
+        return self.kinematics.home_altitude_m()
+
+    def velocity_mps(self) -> Vec3:
+        """Velocity over ground, north-east-down; 0 without a position."""
+        return self.kinematics.velocity_mps()
 
     def airspeed_mps(self) -> float:
-        """Speed through the air, or over ground where that is not heard."""
-        if self._airspeed_mps is not None and self._airspeed_mps > 1.0:
-            return self._airspeed_mps
-        return math.hypot(*self.velocity_mps()[:2])
+        """Airspeed; ground speed where no airspeed is measured."""
+        return self.kinematics.airspeed_mps()
 
-    @staticmethod
-    def _heading_rad(position: OwnPosition) -> float:
-        if position.heading_rad is not None:
-            return position.heading_rad
-        return math.atan2(position.velocity_mps[1], position.velocity_mps[0])
+    def ownship(self, frame: LocalFrame) -> Ownship | None:
+        """Ownship in the local frame, valid at the time when the position was received."""
+        return self.kinematics.ownship(frame)
+
+    def present_guidance(self) -> Guidance:
+        """The present course, airspeed and height."""
+        return self.kinematics.guidance()
+
+    def guidance_command(self, guidance: Guidance, *, max_bank_rad: float) -> GuidanceCommand | None:
+        """The guidance with what a setpoint needs besides; `None` without a position."""
+        return self.kinematics.command(guidance, max_bank_rad)
+
+    # --- navigation
+
+    @property
+    def mission(self) -> Mission | None:
+        """The mission, while it is known."""
+        return self.navigation.mission
+
+    @mission.setter
+    def mission(self, mission: Mission | None) -> None:
+        self.navigation.mission = mission
+
+    @property
+    def sequence(self) -> int | None:
+        """The number of the mission item that is flown."""
+        return self.navigation.sequence
+
+    @property
+    def target_while_ours(self) -> NavigationTarget | None:
+        """The target that the autopilot reported last while our setpoints were flown."""
+        return self.navigation.target_while_ours
+
+    @target_while_ours.setter
+    def target_while_ours(self, target: NavigationTarget | None) -> None:
+        self.navigation.target_while_ours = target
+
+    def target(self, now_s: float) -> GeoPoint | None:
+        """The place that the autopilot itself flies to or circles; `None` when it is unknown or old."""
+        return self.navigation.target(now_s)
+
+    def refresh_navigation(self, now_s: float) -> None:
+        """Treat mission item and target as reported now, as after a silence."""
+        self.navigation.refresh(now_s)
+
+    def redirected_from(self, target: GeoPoint | None) -> bool:
+        """Whether the target that is reported while our setpoints are flown is far from `target`."""
+        return self.navigation.redirected_from(target)
+
+    def mission_outdated(self, now_s: float) -> bool:
+        """Whether the autopilot has flown for a while to another place than the known mission leads to."""
+        return self.navigation.mission_outdated(now_s)

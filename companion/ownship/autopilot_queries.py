@@ -1,20 +1,17 @@
-"""What we know of our aircraft by asking its autopilot: limits, fence and mission.
+"""Everything that is requested from the autopilot: parameters with limits and fence settings, mission, fence.
 
-One question at a time, five a second at most, and none of them twice without need.
+At most five requests a second are sent, and none is repeated without need.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 from companion.airspace.altitude_limits import HeightLimits
-from companion.airspace.autopilot_fences import FenceSettings
-from companion.airspace.fence_items import zones_of
-from companion.airspace.fence_zones import FenceZone, LocalFence
+from companion.airspace.fences import AutopilotFence, FenceInForce, FenceSettings, FenceZone, zones_of
 from companion.autopilots import Adapter
-from companion.avoidance import Envelope
-from companion.gcs.statustext import StatusText
+from companion.autopilots.parameters import ReportedLimits, reported_limits
+from companion.avoidance import Envelope, Fence
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -26,98 +23,81 @@ from companion.mavlink.facts import (
     Parameter,
     Sender,
 )
-from companion.output.effects import Effect, Say
+from companion.output.notice import Notice
 from companion.ownship.mission import Mission
 from companion.ownship.mission_reader import FENCE, MISSION, MISSION_PROTOCOL, MissionReader
 from companion.ownship.parameter_reader import ParameterReader
-from companion.ownship.performance_limits import AircraftLimits, PerformanceLimits, effective
-from companion.ownship.reported_limits import ReportedLimits, believe
+from companion.ownship.performance_limits import AircraftLimits, PerformanceLimits, limits_in_effect
 
-# What it is told by; most facts are of other things.
-HEEDED: frozenset[type] = frozenset(
+# The facts that `AutopilotQueries.observe` processes.
+RELEVANT_FACTS: frozenset[type] = frozenset(
     (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
 )
-_GAP_S = 0.2
-# FENCE_STATUS comes once a second from an autopilot that keeps to its fence.
+_REQUEST_INTERVAL_S = 0.2
+# FENCE_STATUS comes once a second from an autopilot whose fence is enabled.
 _FENCE_HEARD_S = 5.0
-# Values come one by one; they are told when no more have come for so long.
+# Parameters arrive one by one; the limits are announced when none has changed them for this long.
 _SETTLED_S = 3.0
-# Where it flies elsewhere for reasons of its own, reading the mission over and over does not help.
-_DOUBTED_AGAIN_S = 120.0
-
-
-class _FenceSource(NamedTuple):
-    """All that the fence in the local frame is made from, besides the configuration."""
-
-    frame: LocalFrame
-    home_altitude_m: float
-    settings: FenceSettings
-    uploaded: tuple[FenceZone, ...]
-    home: HomePosition | None
+# The autopilot may have other reasons to fly elsewhere than its mission leads; then reading does not help.
+_REREAD_INTERVAL_S = 120.0
 
 
 class AutopilotQueries:
-    """Asks, believes with care, and tells what it took from where."""
+    """Requests, stores the answers, and announces the limits in effect with their sources."""
 
     def __init__(
-        self,
-        announcer: StatusText,
-        assumed: Envelope,
-        configured: AircraftLimits,
-        zones: tuple[FenceZone, ...] = (),
+        self, assumed: Envelope, configured: AircraftLimits, zones: tuple[FenceZone, ...] = ()
     ) -> None:
-        self._announcer = announcer
         self._assumed = assumed
         self._configured = configured
         self._configured_zones = zones
         self._adapter: Adapter | None = None
         self._parameters = ParameterReader(())
         self._missions = MissionReader()
-        self.belief = ReportedLimits()
-        self.limits: PerformanceLimits = effective(assumed, configured, self.belief)
+        self.limits: PerformanceLimits = limits_in_effect(assumed, configured, ReportedLimits())
         self.mission: Mission | None = None
         self._mission_items: tuple[MissionItem, ...] | None = None
         self._fence_items: tuple[MissionItem, ...] | None = None
         self._uploaded_zones: tuple[FenceZone, ...] = ()
         self._fence_settings = FenceSettings()  # by the parameters alone
         self._fence_heard_s = -math.inf
-        self._fence: tuple[_FenceSource, LocalFence] | None = None
+        self._fence_in_force = FenceInForce(zones)
         self._home: HomePosition | None = None
-        self._next_s = -math.inf
-        self._doubted_s = -math.inf
-        self._untold_since_s: float | None = None
-        self._told = ""
+        self._next_request_s = -math.inf
+        self._reread_s = -math.inf
+        self._limits_changed_s: float | None = None  # until they are announced
+        self._announced = ""
 
     @property
     def envelope(self) -> Envelope:
-        """What the avoidance may count upon, floor and ceiling aside."""
+        """The limits in effect, without floor and ceiling."""
         return self.limits.envelope
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """The autopilot's parameters as far as it told them, in its own units."""
+        """The parameters that the autopilot reported, in its own units."""
         return self._parameters.values
 
     @property
     def zones(self) -> tuple[FenceZone, ...]:
-        """The zones of the configuration, and those of the autopilot's own fence."""
+        """The zones of the configuration and of the autopilot's own fence."""
         return *self._configured_zones, *self._uploaded_zones
 
     @property
     def complete(self) -> bool:
-        """Whether all limits are answered or given up, and the lists read."""
+        """Whether all limits are answered or given up, and mission and fence are read."""
         if self._adapter is None or self._missions.mission is None or self._missions.fence is None:
             return False
         limits = self._adapter.parameters.limits
         return self._parameters.settled(named.name for limit in limits for named in limit.names)
 
     def restart(self) -> None:
-        """The autopilot started anew, or came back."""
+        """Request everything again, because the autopilot restarted or was out of contact."""
         self._parameters.restart()
         self._missions.restart()
 
     def observe(self, fact: Fact, adapter: Adapter, us: Sender, now_s: float) -> None:
-        """Take a fact in, whoever it came from; any that is not `HEEDED` means nothing."""
+        """Process a fact from any sender; those that are not `RELEVANT_FACTS` have no effect."""
         self._adopt(adapter, now_s)
         self._missions.observe(fact, us, adapter.target, now_s)
         if fact.sender != adapter.target:
@@ -132,73 +112,46 @@ class AutopilotQueries:
             case _:
                 pass
 
-    def tick(self, adapter: Adapter, now_s: float) -> list[Effect]:
-        """What to ask for now, and what there is to tell."""
+    def tick(self, adapter: Adapter, now_s: float) -> tuple[list[Message], list[Notice]]:
+        """The messages to send now, and what to announce."""
         self._adopt(adapter, now_s)
-        effects = self._announcer.transmit(self._requests(adapter, now_s))
-        effects += self._take_lists()
-        if self._untold_since_s is not None and now_s - self._untold_since_s >= _SETTLED_S:
-            self._untold_since_s = None
-            effects += self._tell_limits(now_s)
-        return effects
+        messages = self._requests(adapter, now_s)
+        notices = self._take_lists()
+        if self._limits_changed_s is not None and now_s - self._limits_changed_s >= _SETTLED_S:
+            self._limits_changed_s = None
+            notices += self._limit_notices()
+        return messages, notices
 
-    def _tell_limits(self, now_s: float) -> list[Effect]:
-        effects: list[Effect] = []
-        text = f"Aircraft: {', '.join(map(str, self.limits.taken))}"
-        if text != self._told:
-            self._told = text
-            effects.append(Say(mavlink.MAV_SEVERITY_INFO, text))
-        for doubt in self.limits.doubts:
-            warning = f"Avoidance: {doubt}"
-            effects += self._announcer.tell(mavlink.MAV_SEVERITY_WARNING, warning, now_s, once=True)
-        return effects
+    def _limit_notices(self) -> list[Notice]:
+        notices = []
+        text = f"Aircraft: {', '.join(map(str, self.limits.sourced))}"
+        if text != self._announced:
+            self._announced = text
+            notices.append(_to_log(text))
+        for warning in self.limits.warnings:
+            notices.append(Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {warning}", once=True))
+        return notices
 
-    def doubt_mission(self, now_s: float) -> None:
-        """The autopilot flies elsewhere than the mission that we know leads to: it may be another one."""
-        if now_s - self._doubted_s >= _DOUBTED_AGAIN_S:
-            self._doubted_s = now_s
+    def reread_mission(self, now_s: float) -> None:
+        """Read the mission again, as the autopilot flies elsewhere than the known one leads."""
+        if now_s - self._reread_s >= _REREAD_INTERVAL_S:
+            self._reread_s = now_s
             self._missions.changed(MISSION, now_s)
 
     # --- the fence
 
     def heights(self, min_height_m: float, max_height_m: float | None, now_s: float) -> HeightLimits:
         """The heights to keep between: those given, and those of the autopilot's fence within its margin."""
-        fence = self._settings(now_s)
-        low, high = fence.min_height_m, fence.max_height_m
-        return HeightLimits(
-            min_height_m,
-            max_height_m,
-            None if low is None else low + fence.margin_m,
-            None if high is None else high - fence.margin_m,
-        )
+        return HeightLimits.within_fence(min_height_m, max_height_m, self._settings(now_s))
 
-    def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> LocalFence:
-        """All zones in force, in the local frame: those of the configuration and those of the autopilot.
+    def autopilot_fence(self, now_s: float) -> AutopilotFence:
+        """The autopilot's own fence as known at present."""
+        home_deg = None if self._home is None else (self._home.lat_deg, self._home.lon_deg)
+        return AutopilotFence(self._settings(now_s), self._uploaded_zones, home_deg)
 
-        The same object until something about them changes.
-        """
-        # Barometer and home move by centimetres all the time, and the fence with them.
-        source = _FenceSource(
-            frame, float(round(home_altitude_m)), self._settings(now_s), self._uploaded_zones, self._home
-        )
-        if self._fence is None or self._fence[0] != source:
-            self._fence = source, self._in_frame(source)
-        return self._fence[1]
-
-    def _in_frame(self, source: "_FenceSource") -> LocalFence:
-        settings = source.settings
-        uploaded = source.uploaded if settings.zones else ()
-        others = [*self._configured_zones]
-        if settings.home_radius_m is not None and source.home is not None:
-            home = source.home.lat_deg, source.home.lon_deg
-            others.append(FenceZone(True, centre_deg=home, radius_m=settings.home_radius_m))
-        any_inclusion = settings.any_inclusion and sum(zone.inclusion for zone in uploaded) > 1
-        if any_inclusion and any(zone.inclusion for zone in others):
-            # "Inside any of these, and inside that" cannot be said: the autopilot looks after its own.
-            uploaded = tuple(zone for zone in uploaded if not zone.inclusion)
-            any_inclusion = False
-        zones = tuple(zone.in_frame(source.frame, source.home_altitude_m) for zone in (*others, *uploaded))
-        return LocalFence(zones, settings.margin_m, any_inclusion)
+    def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> Fence | None:
+        """The fence in force in the local frame, see `FenceInForce`."""
+        return self._fence_in_force.in_frame(frame, home_altitude_m, self.autopilot_fence(now_s))
 
     def _settings(self, now_s: float) -> FenceSettings:
         """What the autopilot makes of its fence; one that is known to be off is none at all."""
@@ -210,24 +163,24 @@ class AutopilotQueries:
             return FenceSettings(on=False, zones=False)
         return replace(settings, on=True) if heard else settings
 
-    # --- asking and believing
+    # --- requests and answers
 
     def _adopt(self, adapter: Adapter, now_s: float) -> None:
         if self._adapter is not adapter:
             self._adapter = adapter
             self._parameters = ParameterReader(adapter.parameters.questions())
             self._fence_settings = adapter.parameters.fence(self.parameters)
-            self._untold_since_s = now_s
+            self._limits_changed_s = now_s
 
     def _requests(self, adapter: Adapter, now_s: float) -> list[Message]:
-        if now_s < self._next_s:
+        if now_s < self._next_request_s:
             return []
         message = self._parameters.tick(adapter.request_parameter, now_s)
         if message is None:
             message = self._missions.tick(adapter.target, now_s)
         if message is None:
             return []
-        self._next_s = now_s + _GAP_S - 1e-3
+        self._next_request_s = now_s + _REQUEST_INTERVAL_S - 1e-3
         return [message]
 
     def _learn(self, fact: Parameter, adapter: Adapter, now_s: float) -> None:
@@ -241,19 +194,19 @@ class AutopilotQueries:
             elif fact.name == table.fence_total:
                 self._missions.changed(FENCE, now_s)
         self._fence_settings = table.fence(self.parameters)
-        self.belief = believe(self.parameters, table)
-        limits = effective(self._assumed, self._configured, self.belief)
+        reported = reported_limits(self.parameters, table)
+        limits = limits_in_effect(self._assumed, self._configured, reported)
         if limits != self.limits:
             self.limits = limits
-            self._untold_since_s = now_s
+            self._limits_changed_s = now_s
 
-    def _take_lists(self) -> list[Effect]:
-        """Take over what was read anew."""
-        effects: list[Effect] = []
+    def _take_lists(self) -> list[Notice]:
+        """Store the lists that were read; returns what to announce about them."""
+        notices: list[Notice] = []
         mission, fence = self._missions.mission, self._missions.fence
         if mission is not self._mission_items:
             if mission is not None and mission != self._mission_items:
-                effects.append(Say(mavlink.MAV_SEVERITY_INFO, f"Mission: {len(mission)} items"))
+                notices.append(_to_log(f"Mission: {len(mission)} items"))
             self._mission_items = mission
             self.mission = None if mission is None else Mission(mission)
         if fence is not None and fence != self._fence_items:
@@ -262,5 +215,9 @@ class AutopilotQueries:
             self._uploaded_zones, useless = zones_of(fence)
             words = f"Fence: {len(self._uploaded_zones)} zones of the autopilot"
             words += f", {useless} items not understood" if useless else ""
-            effects += [Say(mavlink.MAV_SEVERITY_INFO, words)] if news else []
-        return effects
+            notices += [_to_log(words)] if news else []
+        return notices
+
+
+def _to_log(text: str) -> Notice:
+    return Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True)

@@ -1,4 +1,4 @@
-"""Message rates: asked for once, measured ever after, asked for again when they drop."""
+"""Message rates: requested once, then measured, and requested again when they drop."""
 
 import math
 
@@ -30,16 +30,17 @@ _MEASURED: dict[type, int] = {
     MissionProgress: mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
 }
 _WINDOW_S = 5.0
-# An autopilot that cannot send a message is not to be nagged: the wait doubles up to this.
+# The interval between requests for a message that does not come doubles up to this.
 _LONGEST_WAIT_S = 60.0
 _OWN_ICAO_TRIES = 4
 _QUIET_TRAFFIC_S = 10.0
 
 
 class MessageRates:
-    """Asks one autopilot for the messages its adapter names.
+    """Requests the messages that the adapter names, at their intervals.
 
-    Traffic cannot be measured, as there may be none; it is asked for again now and then while it is quiet.
+    The rate of traffic cannot be measured, because there may be none. It is requested again from time to time
+    while none is received.
     """
 
     def __init__(self) -> None:
@@ -47,11 +48,10 @@ class MessageRates:
         self._waits_s: dict[int, float] = {}
         self._next_s: dict[int, float] = {}
         self._window_ends_s = math.inf
-        self._asked = False
+        self._requested = False
         self._traffic_s = -math.inf
         self._own_icao_tries = 0
-        # By message, over the last full window; empty before that.
-        self.measured_hz: dict[int, float] = {}
+        self.measured_hz: dict[int, float] = {}  # by message id, over the last full window
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Count a fact of our autopilot."""
@@ -64,13 +64,13 @@ class MessageRates:
             self._own_icao_tries = _OWN_ICAO_TRIES
 
     def restart(self) -> None:
-        """The autopilot started anew, or came back: it remembers nothing."""
-        self._asked = False
+        """Request everything again, because the autopilot restarted or was out of contact."""
+        self._requested = False
 
     def tick(self, adapter: Adapter, now_s: float) -> list[Message]:
         """The requests to send now."""
-        if not self._asked:
-            self._asked = True
+        if not self._requested:
+            self._requested = True
             self._traffic_s = now_s
             self._waits_s.clear()
             self._begin_window(now_s)
@@ -79,7 +79,7 @@ class MessageRates:
                 *(adapter.request_interval(*wanted) for wanted in adapter.intervals_s.items()),
                 adapter.request_parameter(OWN_ICAO_PARAMETER),
                 adapter.request_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
-                # Nothing is taken over before this has told that it is not landing.
+                # The aircraft is not taken over before this has shown that it is not landing.
                 adapter.request_message(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE),
             ]
         if now_s < self._window_ends_s:
@@ -97,10 +97,10 @@ class MessageRates:
         requests = [
             adapter.request_interval(message_id, interval_s)
             for message_id, interval_s in slow
-            if self._may_ask(message_id, now_s)
+            if self._may_request(message_id, now_s)
         ]
         if now_s - self._traffic_s >= _QUIET_TRAFFIC_S:
-            # No traffic and a lost request sound the same: ask again while it is quiet.
+            # The request may have been lost, which looks like no traffic.
             self._traffic_s = now_s
             traffic = mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
             requests.append(adapter.request_interval(traffic, adapter.intervals_s[traffic]))
@@ -113,7 +113,7 @@ class MessageRates:
         self._counts.clear()
         self._window_ends_s = now_s + _WINDOW_S
 
-    def _may_ask(self, message_id: int, now_s: float) -> bool:
+    def _may_request(self, message_id: int, now_s: float) -> bool:
         if now_s < self._next_s.get(message_id, -math.inf):
             return False
         wait_s = self._waits_s.get(message_id, _WINDOW_S)

@@ -1,4 +1,4 @@
-"""The mission as it was read from the autopilot: where it leads, and when it takes off or lands."""
+"""The mission as read from the autopilot: the places it leads to, its take-offs and landings."""
 
 from collections.abc import Sequence
 
@@ -10,21 +10,21 @@ _TAKE_OFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TA
 _LANDINGS = frozenset(
     {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND, mavlink.MAV_CMD_NAV_PAYLOAD_PLACE}
 )
-# Items that are flown to; all the others are done on the way.
+# Navigation items are flown to; all others are executed on the way.
 _LAST_NAVIGATION = mavlink.MAV_CMD_NAV_LAST
 _NOT_FLOWN_TO = frozenset({mavlink.MAV_CMD_NAV_DELAY, mavlink.MAV_CMD_NAV_GUIDED_ENABLE})
 
 
 class Mission:
-    """The items in their order; `sequence` counts as the autopilot does."""
+    """The items in their order; a `sequence` is an item's number at the autopilot."""
 
     def __init__(self, items: Sequence[MissionItem]) -> None:
         self.items = tuple(items)
 
     def taking_off_or_landing(self, sequence: int) -> bool:
-        """Whether this item is a take-off, a landing, or part of the approach to one.
+        """Whether this item is a take-off, a landing, or part of an approach.
 
-        The approach begins at DO_LAND_START, and ends with the landing.
+        An approach begins at DO_LAND_START and ends with the landing.
         """
         at = self._navigation(sequence)
         if at is None:
@@ -39,12 +39,12 @@ class Mission:
         return False
 
     def destination(self, sequence: int, home_altitude_m: float | None) -> GeoPoint | None:
-        """Where the item leads to, height above mean sea level; `None` when it does not say both."""
+        """The place that the item leads to, height above mean sea level; `None` if part of it is unknown."""
         at = self._navigation(sequence)
         return None if at is None else self._place(self.items[at], home_altitude_m)
 
     def places(self, home_altitude_m: float | None) -> list[tuple[int, GeoPoint]]:
-        """All that is flown to, with its number; without those that do not say where."""
+        """All known places that the mission leads to, each with its item's number."""
         found = [
             (at, self._place(item, home_altitude_m))
             for at, item in enumerate(self.items)
@@ -63,7 +63,7 @@ class Mission:
         return None
 
     def _navigation(self, sequence: int) -> int | None:
-        """The index of what is flown to while this item is current: itself, or what follows it."""
+        """The index of the navigation item that is flown while this item is current: it or a later one."""
         return next(
             (
                 at

@@ -1,4 +1,4 @@
-"""Parameters of the autopilot: asked for by name, a few at a time, until answered or given up."""
+"""Parameters of the autopilot: requested by name, a few at a time, until answered or given up."""
 
 import math
 from bisect import insort
@@ -11,15 +11,15 @@ from companion.mavlink.dialect import Message
 _AT_A_TIME = 3
 _ANSWER_S = 1.0
 _LONGEST_WAIT_S = 16.0
-# For each name: where three of ten datagrams get lost each way, one value in two hundred is given up.
+# For each name. With 30 % of the datagrams lost in each direction, one value in two hundred is given up.
 _TRIES = 8
-# A change that was announced once, and lost on the way, is found by asking for one value after the other.
+# Interval at which one known value after the other is requested again, to find changes whose report was lost.
 _REFRESH_S = 10.0
 
 
 @dataclass(slots=True)
 class _Question:
-    """One parameter by its alternative names, the newest first."""
+    """One parameter, by its names in several versions, the newest first."""
 
     names: tuple[str, ...]
     tries: int = 0
@@ -33,19 +33,19 @@ class _Question:
 
 
 class ParameterReader:
-    """Knows the values of some parameters, as far as the autopilot told them.
+    """Requests parameters and stores their values.
 
-    A value that arrives unasked, as after a ground station changed it, counts like any other. What is not
-    answered under any of its names is asked again with growing patience, and in the end given up until
-    `restart`. Values are kept over a restart until newer ones come.
+    A value that arrives without a request, as after a ground station changed it, is stored too. A parameter
+    that is not answered under any of its names is requested at growing intervals, and given up in the end.
+    `restart` requests all of them again; the values stay until newer ones arrive.
     """
 
     def __init__(self, questions: tuple[tuple[str, ...], ...]) -> None:
         self.values: dict[str, float] = {}
         self._questions = [_Question(names) for names in questions]
         self._by_name = {name: question for question in self._questions for name in question.names}
-        self._open = [*self._questions]  # neither answered nor given up, in the order in which they are due
-        self._waiting: list[_Question] = []  # asked a moment ago
+        self._open = [*self._questions]  # neither answered nor given up, in the order of their `due_s`
+        self._waiting: list[_Question] = []  # requested within `_ANSWER_S`
         self._refreshed_s = -math.inf
 
     def settled(self, names: Iterable[str]) -> bool:
@@ -53,14 +53,14 @@ class ParameterReader:
         return not any(self._by_name[name].open for name in names if name in self._by_name)
 
     def restart(self) -> None:
-        """The autopilot started anew, or came back: its parameters may be others."""
+        """Request everything again, because the autopilot restarted or was out of contact."""
         for question in self._questions:
             question.tries, question.answered_s = 0, None
             question.sent_s = question.due_s = -math.inf
         self._open = [*self._questions]
 
     def observe(self, name: str, value: float, now_s: float) -> bool:
-        """Take a value in; true when it is one of ours and differs from what was known."""
+        """Store a value; returns whether it belongs to a question and has changed."""
         question = self._by_name.get(name)
         if question is None:
             return False
@@ -102,6 +102,6 @@ class ParameterReader:
             return None
         _, oldest = min(answered, key=lambda pair: pair[0])
         self._refreshed_s = now_s
-        # Lost or not, the next one is asked for next.
+        # The next call takes another parameter, whether this answer arrives or not.
         oldest.answered_s = now_s
         return next((name for name in oldest.names if name in self.values), oldest.names[0])

@@ -1,4 +1,4 @@
-"""The envelope in effect: what is configured, else what the aircraft says, else what is assumed."""
+"""The limits in effect: as configured, otherwise as the autopilot reports them, otherwise as assumed."""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,13 +6,13 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le, Lt
 
+from companion.autopilots.parameters import ReportedLimits
 from companion.avoidance import Envelope
-from companion.ownship.reported_limits import ReportedLimits
 
-# Of the rate in its parameters an aircraft reaches this share when it is sent to another height: measured on
-# ArduPlane, 4.5 of 5 m/s. What is counted upon is what is reached.
+# Share of the climb or sink rate in its parameters that an aircraft reaches in a change of height; ArduPlane
+# was measured at 4.5 of 5 m/s. The prediction uses the rate that is reached.
 _REACHED = 0.9
-# ArduPlane grants this bank at any airspeed.
+# ArduPlane allows this bank at any airspeed.
 _LEAST_BANK_RAD = math.radians(25.0)
 CONFIGURED, ASSUMED = "configured", "assumed"
 _QUANTITIES = {
@@ -26,7 +26,7 @@ _QUANTITIES = {
 
 @dataclass(frozen=True)
 class AircraftLimits:
-    """Limits set by hand; `None`: as the autopilot's parameters say."""
+    """Configured limits; `None`: as the autopilot's parameters report."""
 
     min_airspeed_mps: Annotated[float, Gt(0), Le(200)] | None = None
     max_airspeed_mps: Annotated[float, Gt(0), Le(200)] | None = None
@@ -43,8 +43,8 @@ class AircraftLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
-    """One limit in effect: `quantity` in words, its value with unit, and where it was taken from."""
+class SourcedLimit:
+    """One limit in effect: `quantity` in words, its value in `unit`, and its `source`."""
 
     quantity: str
     value: float
@@ -57,12 +57,12 @@ class Taken:
 
 @dataclass(frozen=True, slots=True)
 class PerformanceLimits:
-    """What the avoidance may count upon, and where each of its limits was taken from."""
+    """The envelope for the avoidance; `sourced` lists its limits with their sources, for people to read."""
 
     envelope: Envelope
-    taken: tuple[Taken, ...] = ()
+    sourced: tuple[SourcedLimit, ...] = ()
     loiter_radius_m: float | None = None
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,29 +71,30 @@ class _Value:
     source: str
 
 
-def effective(assumed: Envelope, configured: AircraftLimits, belief: ReportedLimits) -> PerformanceLimits:
-    """The limits in effect.
+def limits_in_effect(
+    assumed: Envelope, configured: AircraftLimits, reported: ReportedLimits
+) -> PerformanceLimits:
+    """The limits in effect, with warnings where a configured limit exceeds the aircraft's own.
 
-    A configured limit counts, whoever says otherwise: parameters are wrong at times, and who flies the
-    aircraft knows it. Where it trusts the aircraft with more than its own parameters do, that is doubted in
-    words, as the autopilot may not fly it.
+    A configured limit always counts, because parameters are wrong at times and the user knows the aircraft.
+    The autopilot may not fly beyond its own limits, hence the warning.
     """
-    sure = _as_reached(belief)
-    bank = _chosen("max_bank_rad", configured.max_bank_rad, sure, assumed)
-    climb = _chosen("max_climb_mps", configured.max_climb_mps, sure, assumed)
-    sink = _chosen("max_sink_mps", configured.max_sink_mps, sure, assumed)
-    slowest, fastest, doubts = _airspeeds(assumed, configured, _banked(sure, bank.value))
-    taken = [
-        _taken("min airspeed", slowest, "m/s"),
-        _taken("max airspeed", fastest, "m/s"),
-        _taken("max bank", replace(bank, value=math.degrees(bank.value)), "deg"),
-        _taken("max climb", climb, "m/s"),
-        _taken("max sink", sink, "m/s"),
+    attainable = _attainable(reported)
+    bank = _chosen("max_bank_rad", configured.max_bank_rad, attainable, assumed)
+    climb = _chosen("max_climb_mps", configured.max_climb_mps, attainable, assumed)
+    sink = _chosen("max_sink_mps", configured.max_sink_mps, attainable, assumed)
+    slowest, fastest, warnings = _airspeeds(assumed, configured, _banked(attainable, bank.value))
+    sourced = [
+        _sourced("min airspeed", slowest, "m/s"),
+        _sourced("max airspeed", fastest, "m/s"),
+        _sourced("max bank", replace(bank, value=math.degrees(bank.value)), "deg"),
+        _sourced("max climb", climb, "m/s"),
+        _sourced("max sink", sink, "m/s"),
     ]
-    radius_m = configured.loiter_radius_m or sure.limits.loiter_radius_m
+    radius_m = configured.loiter_radius_m or attainable.limits.loiter_radius_m
     if radius_m is not None:
-        source = CONFIGURED if configured.loiter_radius_m else sure.names["loiter_radius_m"]
-        taken.append(_taken("loiter radius", _Value(radius_m, source), "m"))
+        source = CONFIGURED if configured.loiter_radius_m else attainable.parameters["loiter_radius_m"]
+        sourced.append(_sourced("loiter radius", _Value(radius_m, source), "m"))
     envelope = replace(
         assumed,
         min_airspeed_mps=slowest.value,
@@ -102,90 +103,91 @@ def effective(assumed: Envelope, configured: AircraftLimits, belief: ReportedLim
         max_climb_mps=climb.value,
         max_sink_mps=sink.value,
     )
-    return PerformanceLimits(
-        envelope, tuple(taken), radius_m, (*belief.doubts, *doubts, *_trusted(configured, sure))
-    )
+    beyond = _beyond_reported(configured, attainable)
+    return PerformanceLimits(envelope, tuple(sourced), radius_m, (*reported.warnings, *warnings, *beyond))
 
 
-def _as_reached(belief: ReportedLimits) -> ReportedLimits:
-    """What the aircraft reaches of its limits: the share of its rates, the bank that cruise airspeed carries.
+def _attainable(reported: ReportedLimits) -> ReportedLimits:
+    """The reported limits reduced to what is reached: climb and sink rates, bank at cruise airspeed.
 
-    In a turn the stall speed grows by 1 / sqrt(cos(bank)). ArduPlane's stall prevention gives no more bank
-    than keeps the airspeed above the lowest one grown alike; PX4 flies faster instead.
+    In a turn the stall speed grows by 1 / sqrt(cos(bank)). ArduPlane's stall prevention limits the bank so
+    that the airspeed stays above the minimum airspeed multiplied by this factor; PX4 flies faster instead.
     """
-    limits, names = belief.limits, dict(belief.names)
+    limits, parameters = reported.limits, dict(reported.parameters)
     for name in ("max_climb_mps", "max_sink_mps"):
         rate_mps = getattr(limits, name)
         if rate_mps is not None:
             limits = replace(limits, **{name: _REACHED * rate_mps})
-            names[name] = f"{_REACHED:g} {names[name]}"
+            parameters[name] = f"{_REACHED:g} {parameters[name]}"
     bank_rad, low, cruise = limits.max_bank_rad, limits.min_airspeed_mps, limits.cruise_airspeed_mps
-    if belief.stall_prevention and bank_rad is not None and low is not None and cruise is not None:
+    if reported.stall_prevention and bank_rad is not None and low is not None and cruise is not None:
         carried_rad = max(math.acos((low / cruise) ** 2), _LEAST_BANK_RAD)
         if carried_rad < bank_rad:
             limits = replace(limits, max_bank_rad=carried_rad)
-            names["max_bank_rad"] = f"{names['max_bank_rad']}, at cruise airspeed"
-    return replace(belief, limits=limits, names=names)
+            parameters["max_bank_rad"] = f"{parameters['max_bank_rad']}, at cruise airspeed"
+    return replace(reported, limits=limits, parameters=parameters)
 
 
-def _banked(belief: ReportedLimits, bank_rad: float) -> ReportedLimits:
-    """With the lowest airspeed at which this bank is flown."""
-    limits = belief.limits
+def _banked(reported: ReportedLimits, bank_rad: float) -> ReportedLimits:
+    """The same limits with the minimum airspeed in a turn at `bank_rad`."""
+    limits = reported.limits
     if limits.min_airspeed_mps is None:
-        return belief
+        return reported
     low = limits.min_airspeed_mps / math.sqrt(math.cos(bank_rad))
     low = min(low, math.inf if limits.max_airspeed_mps is None else limits.max_airspeed_mps)
-    names = {**belief.names, "min_airspeed_mps": f"{belief.names['min_airspeed_mps']}, banked"}
-    return replace(belief, limits=replace(limits, min_airspeed_mps=low), names=names)
+    parameters = {
+        **reported.parameters,
+        "min_airspeed_mps": f"{reported.parameters['min_airspeed_mps']}, banked",
+    }
+    return replace(reported, limits=replace(limits, min_airspeed_mps=low), parameters=parameters)
 
 
-def _chosen(name: str, configured: float | None, belief: ReportedLimits, assumed: Envelope) -> _Value:
-    """A limit and where it was taken from."""
-    known = getattr(belief.limits, name)
+def _chosen(name: str, configured: float | None, reported: ReportedLimits, assumed: Envelope) -> _Value:
+    """One limit and its source; a configured limit names the reported one too."""
+    known = getattr(reported.limits, name)
     if configured is not None:
-        # Both are told.
-        beside = "" if known is None else f"; {belief.names[name]} {_shown(name, known)}"
+        beside = "" if known is None else f"; {reported.parameters[name]} {_shown(name, known)}"
         return _Value(configured, f"{CONFIGURED}{beside}")
     if known is None:
         return _Value(getattr(assumed, name), ASSUMED)
-    return _Value(known, belief.names[name])
+    return _Value(known, reported.parameters[name])
 
 
-def _trusted(configured: AircraftLimits, belief: ReportedLimits) -> list[str]:
-    """In which the configuration trusts the aircraft with more than its own parameters do."""
-    doubts = []
+def _beyond_reported(configured: AircraftLimits, reported: ReportedLimits) -> list[str]:
+    """A warning for each configured limit that exceeds the reported one."""
+    warnings = []
     for name, quantity in _QUANTITIES.items():
-        wanted, known = getattr(configured, name), getattr(belief.limits, name)
+        wanted, known = getattr(configured, name), getattr(reported.limits, name)
         if wanted is None or known is None:
             continue
-        more = wanted < known if name.startswith("min_") else wanted > known
-        if more:
+        exceeds = wanted < known if name.startswith("min_") else wanted > known
+        if exceeds:
             beyond = f"{quantity} {_shown(name, wanted)} configured"
-            doubts.append(f"{beyond}, {belief.names[name]} allows {_shown(name, known)}")
-    return doubts
+            warnings.append(f"{beyond}, {reported.parameters[name]} allows {_shown(name, known)}")
+    return warnings
 
 
 def _shown(name: str, value: float) -> str:
-    """A limit in the unit that it is told in."""
+    """A limit in the unit that people read: degrees for angles."""
     return f"{math.degrees(value) if name.endswith('_rad') else value:.3g}"
 
 
 def _airspeeds(
-    assumed: Envelope, configured: AircraftLimits, belief: ReportedLimits
+    assumed: Envelope, configured: AircraftLimits, reported: ReportedLimits
 ) -> tuple[_Value, _Value, tuple[str, ...]]:
-    """Slowest and fastest airspeed. Where they contradict each other, the less certain one yields."""
-    slowest = _chosen("min_airspeed_mps", configured.min_airspeed_mps, belief, assumed)
-    fastest = _chosen("max_airspeed_mps", configured.max_airspeed_mps, belief, assumed)
+    """Minimum and maximum airspeed, and warnings; where they cross, the less certain one yields."""
+    slowest = _chosen("min_airspeed_mps", configured.min_airspeed_mps, reported, assumed)
+    fastest = _chosen("max_airspeed_mps", configured.max_airspeed_mps, reported, assumed)
     if slowest.value <= fastest.value:
         return slowest, fastest, ()
     if fastest.source == ASSUMED:
         return slowest, _Value(slowest.value, ASSUMED), ()
     if slowest.source == ASSUMED:
         return _Value(fastest.value, ASSUMED), fastest, ()
-    # A configured speed against one of the aircraft's own.
-    low, high, _ = _airspeeds(assumed, AircraftLimits(), belief)
-    return low, high, ("configured airspeeds not used: outside those of the autopilot",)
+    # A configured airspeed contradicts a reported one.
+    low, high, _ = _airspeeds(assumed, AircraftLimits(), reported)
+    return low, high, ("configured airspeeds outside autopilot limits, not used",)
 
 
-def _taken(quantity: str, value: _Value, unit: str) -> Taken:
-    return Taken(quantity, round(value.value, 2), unit, value.source)
+def _sourced(quantity: str, value: _Value, unit: str) -> SourcedLimit:
+    return SourcedLimit(quantity, round(value.value, 2), unit, value.source)

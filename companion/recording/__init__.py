@@ -1,11 +1,9 @@
-"""The files of a recording: their names, the MCAP file, its reader and its repair, and how much is kept."""
+"""Recordings of flights: the recorder, their MCAP files, and the folder that holds them; state files."""
 
-from companion.recording.mcap_file import McapFile, Note
-from companion.recording.mcap_log import Entry, McapLog, is_mcap, read_mcap
-from companion.recording.names import PartName, free_name, later_parts, parts_in
-from companion.recording.part import Part
-from companion.recording.repair import complete, complete_all
-from companion.recording.retention import remove_oldest
+from companion.recording.folder import PartName, free_name, later_parts, parts_in, remove_oldest
+from companion.recording.mcap_reader import Entry, McapReader, is_mcap, read_mcap
+from companion.recording.mcap_writer import McapMessage, McapWriter
+from companion.recording.repair import repair_all, repair_file
 from companion.recording.schemas import DECISION, STATE, TEXT, Topic
 
 __all__ = [
@@ -13,18 +11,17 @@ __all__ = [
     "STATE",
     "TEXT",
     "Entry",
-    "McapFile",
-    "McapLog",
-    "Note",
-    "Part",
+    "McapMessage",
+    "McapReader",
+    "McapWriter",
     "PartName",
     "Topic",
-    "complete",
-    "complete_all",
     "free_name",
     "is_mcap",
     "later_parts",
     "parts_in",
     "read_mcap",
     "remove_oldest",
+    "repair_all",
+    "repair_file",
 ]

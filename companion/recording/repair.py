@@ -1,4 +1,4 @@
-"""Gives a recording that a crash or a power cut ended the summary by which other programs open it."""
+"""Adds the missing summary to a recording ended by a crash or a power cut, so that other programs open it."""
 
 import contextlib
 import os
@@ -26,58 +26,59 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from companion.mavlink.append_file import is_being_written
-from companion.recording.mcap_log import RawRecord, chunk_of, index_of, parsed, raw_records
-from companion.recording.names import parts_in
+from companion.recording.folder import parts_in
+from companion.recording.mcap_reader import RawRecord, chunk_of, index_of, parse, raw_records
 
 _COPIED_BYTES = 1 << 20
 _CHECKSUM = Struct("<I")
 _TEMPORARY_SUFFIX = ".completing"
 
 
-def complete_all(
-    directory: Path, but: Collection[Path] = (), go_on: Callable[[], bool] = lambda: True
+def repair_all(
+    directory: Path, skip: Collection[Path] = (), go_on: Callable[[], bool] = lambda: True
 ) -> list[Path]:
-    """Complete what is unfinished in a folder and written by nobody; which files were.
+    """Repair the unfinished files in a folder that are not being written; returns the repaired files.
 
-    What cannot be completed, as on a full disk, stays as it is. Asks between any two chunks whether to go on.
+    A file that cannot be repaired, for example on a full disk, is left as it is. `go_on` is called between
+    chunks; when it returns false, the repair is abandoned.
     """
-    done: list[Path] = []
+    repaired: list[Path] = []
     for left in directory.glob(f"companion-*.mcap{_TEMPORARY_SUFFIX}"):
         left.unlink(missing_ok=True)
     for paths in parts_in(directory).values():
         for path in paths:
-            if path.suffix == ".mcap" and path not in but and not is_being_written(path):
+            if path.suffix == ".mcap" and path not in skip and not is_being_written(path):
                 with contextlib.suppress(OSError):
-                    if complete(path, go_on):
-                        done.append(path)
-    return done
+                    if repair_file(path, go_on):
+                        repaired.append(path)
+    return repaired
 
 
-def complete(path: Path, go_on: Callable[[], bool] = lambda: True) -> bool:
-    """Replace a file that was cut off by one with a summary; false when it has one, or nothing to sum up."""
+def repair_file(path: Path, go_on: Callable[[], bool] = lambda: True) -> bool:
+    """Replace a file without summary by one with it; false if it has one already, or has no whole chunk."""
     with path.open("rb") as file:
         if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC or _has_summary(file):
             return False
         summary = _Summary()
         for record in raw_records(file):
-            if not summary.take(record):
+            if not summary.add(record):
                 break
             if not go_on():
                 return False
         if not summary.chunks:
             return False
         status = os.fstat(file.fileno())
-        fresh = path.with_name(f"{path.name}{_TEMPORARY_SUFFIX}")
+        repaired = path.with_name(f"{path.name}{_TEMPORARY_SUFFIX}")
         try:
-            with fresh.open("xb") as copy:
+            with repaired.open("xb") as copy:
                 _copy(file, copy, summary.end)
-                copy.write(summary.text())
+                copy.write(summary.end_of_file())
                 copy.flush()
                 os.fsync(copy.fileno())
-            os.utime(fresh, ns=(status.st_atime_ns, status.st_mtime_ns))
-            fresh.replace(path)
+            os.utime(repaired, ns=(status.st_atime_ns, status.st_mtime_ns))
+            repaired.replace(path)
         except OSError:
-            fresh.unlink(missing_ok=True)
+            repaired.unlink(missing_ok=True)
             raise
     return True
 
@@ -101,7 +102,7 @@ def _copy(file: BinaryIO, copy: BinaryIO, size: int) -> None:
 
 
 class _Summary:
-    """What the end of a file says of all that is before it."""
+    """Collects the indexes and counts of the records of a file, for the summary at its end."""
 
     def __init__(self) -> None:
         self.end = len(MCAP0_MAGIC)
@@ -109,31 +110,31 @@ class _Summary:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
-        self._not_indexed: dict[int, MessageIndex] = {}  # of the newest chunk, by channel
+        self._missing_indexes: dict[int, MessageIndex] = {}  # of the newest chunk, by channel
 
-    def take(self, record: RawRecord) -> bool:
-        """Count a record; false when it is the first that does not belong to the data."""
+    def add(self, record: RawRecord) -> bool:
+        """Add a record; false if it does not belong to the data, which ends there."""
         match record.opcode:
             case Opcode.HEADER:
                 pass
             case Opcode.CHUNK:
-                # Each is opened: the last before a power cut may be of the right length and full of zeros.
-                inside = parsed(record)
+                # Each chunk is read: after a power cut the last one may have the right length but hold zeros.
+                inside = parse(record)
                 if inside is None:
                     return False
-                self._take_chunk(record, inside)
+                self._add_chunk(record, inside)
             case Opcode.MESSAGE_INDEX:
                 index = index_of(record)
-                if index is None or self._not_indexed.pop(index.channel_id, None) is None:
+                if index is None or self._missing_indexes.pop(index.channel_id, None) is None:
                     return False
-                self._note_index(index, record.offset, record.end)
+                self._add_index(index, record.offset, record.end)
             case _:
                 return False
         self.end = record.end
         return True
 
-    def _take_chunk(self, record: RawRecord, inside: list[tuple[int, McapRecord]]) -> None:
-        self._not_indexed = {}
+    def _add_chunk(self, record: RawRecord, inside: list[tuple[int, McapRecord]]) -> None:
+        self._missing_indexes = {}
         for offset, each in inside:
             match each:
                 case Schema():
@@ -142,7 +143,9 @@ class _Summary:
                     self._channels[each.id] = each
                 case Message():
                     self._counts[each.channel_id] += 1
-                    index = self._not_indexed.setdefault(each.channel_id, MessageIndex(each.channel_id, []))
+                    index = self._missing_indexes.setdefault(
+                        each.channel_id, MessageIndex(each.channel_id, [])
+                    )
                     index.records.append((each.log_time, offset))
                 case _:
                     pass
@@ -161,17 +164,17 @@ class _Summary:
             )
         )
 
-    def _note_index(self, index: MessageIndex, offset: int, end: int) -> None:
+    def _add_index(self, index: MessageIndex, offset: int, end: int) -> None:
         self.chunks[-1].message_index_offsets[index.channel_id] = offset
         self.chunks[-1].message_index_length += end - offset
 
-    def text(self) -> bytes:
-        """The end of the file, from the end of the data on."""
+    def end_of_file(self) -> bytes:
+        """The bytes after the data: missing indexes, summary and footer."""
         head = RecordBuilder()
-        for index in self._not_indexed.values():
+        for index in self._missing_indexes.values():
             begin = self.end + head.count
             index.write(head)
-            self._note_index(index, begin, self.end + head.count)
+            self._add_index(index, begin, self.end + head.count)
         DataEnd(0).write(head)
         start = self.end + head.count
         body, offsets = RecordBuilder(), []
@@ -189,7 +192,7 @@ class _Summary:
         offsets_start = start + body.count
         for offset in offsets:
             offset.write(body)
-        # The checksum at the end is of everything from here on.
+        # The checksum covers everything from here on.
         Footer(start, offsets_start, 0).write(body)
         summary = bytes(body.end())[: -_CHECKSUM.size]
         return bytes(head.end()) + summary + _CHECKSUM.pack(zlib.crc32(summary)) + MCAP0_MAGIC

@@ -1,7 +1,7 @@
-"""The topics of a recording, and what their messages look like: JSON schemas that Foxglove can read.
+"""The topics of a recording, and the schemas of their messages: JSON schemas that Foxglove can read.
 
-It knows one type for each property, so that what may be null too is marked `nullable`; it wants the
-properties of every object, and no lists of lists, which the messages have all the same.
+Foxglove allows one type for each property, so that one that may be null is marked `nullable`. It needs the
+properties of every object and allows no lists of lists, so that those in the messages are left out here.
 """
 
 import json
@@ -13,7 +13,7 @@ Schema = dict[str, Any]
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of the MCAP file; its messages are JSON of this schema."""
+    """One topic of the MCAP file, with the schema of its JSON messages."""
 
     name: str
     schema_name: str
@@ -21,7 +21,7 @@ class Topic:
 
     @property
     def schema_text(self) -> bytes:
-        """The schema as it stands in the file."""
+        """The schema as written in the file."""
         return json.dumps(self.schema, separators=(",", ":")).encode()
 
 

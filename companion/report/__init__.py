@@ -1,1 +1,1 @@
-"""The report of a flight: one page for whoever wants to know what happened."""
+"""The flight report: one page about what happened in a flight."""

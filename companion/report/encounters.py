@@ -1,4 +1,4 @@
-"""The encounters of a flight: who came near, how near, and what was done about it."""
+"""The encounters of a flight: which aircraft came near, how near, and what was done about it."""
 
 import math
 from collections.abc import Iterator
@@ -8,17 +8,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.report.flight import LAYERS, Bools, Flight, Floats, Trail
-from companion.separation import (
+from companion.report.flight import LAYERS, Bools, Flight, Floats, TrackHistory
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
 
-# Near is who was in conflict, or within so many times well clear in both directions at once.
+# An aircraft is near in a conflict, or within this multiple of well clear, horizontally and vertically.
 _NEAR = 2.0
-# Not tracked for so long: what comes then is another encounter.
+# After this time without a track, another encounter begins.
 _APART_S = 60.0
 
 Indices = NDArray[np.int64]
@@ -26,19 +26,19 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """One aircraft that came near, once; the closest moment is that of the shortest slant distance.
+    """One encounter with one aircraft; its closest point is that of the shortest slant distance.
 
-    `acted_s` is when it was first avoided in flight, `advised_s` when that was first decided, in seconds
-    before the closest moment. The deviations are the largest while the companion flew because of it:
-    `aside_m` from the mission (from straight on where it is not known), `height_m` from the height at the
-    first action.
+    `acted_s` is when the avoidance was first flown, `advised_s` when it was first decided, both in seconds
+    before the closest point. `aside_m` and `height_m` are the largest deviations while the companion flew
+    because of this aircraft: from the mission (or the straight course if it is unknown), and from the height
+    at the first action.
     """
 
-    trail: Trail
-    at: Indices  # moments of the flight
+    history: TrackHistory
+    at: Indices  # rows of the flight
     horizontal_m: Floats
     vertical_m: Floats
-    closest: int  # index into the three before
+    closest: int  # index into the three above
     layer: str
     well_clear: bool
     nmac: bool
@@ -49,64 +49,69 @@ class Encounter:
 
     @property
     def name(self) -> str:
-        """Who."""
-        return self.trail.name
+        """Callsign and track id."""
+        return self.history.name
 
     @property
     def closest_at(self) -> int:
-        """The closest moment, as an index into the flight's columns."""
+        """The row of the closest point in the flight's columns."""
         return int(self.at[self.closest])
 
     @property
     def closest_horizontal_m(self) -> float:
-        """At the closest moment."""
+        """Horizontal distance at the closest point [m]."""
         return float(self.horizontal_m[self.closest])
 
     @property
     def closest_vertical_m(self) -> float:
-        """At the closest moment; positive above us."""
+        """Vertical distance at the closest point [m]; positive if the other was above us."""
         return float(self.vertical_m[self.closest])
 
     @property
     def closest_slant_m(self) -> float:
-        """At the closest moment."""
+        """Slant distance at the closest point [m]."""
         return math.hypot(self.closest_horizontal_m, self.closest_vertical_m)
 
 
 def encounters_of(flight: Flight) -> list[Encounter]:
-    """All encounters in the order of their closest moments."""
-    found = [one for trail in flight.trails.values() for one in _of_trail(flight, trail)]
+    """All encounters, in the order of their closest points."""
+    found = [one for history in flight.tracks.values() for one in _of_track(flight, history)]
     return sorted(found, key=lambda one: one.closest_at)
 
 
-def _of_trail(flight: Flight, trail: Trail) -> Iterator[Encounter]:
-    at, (north_m, east_m) = trail.at, trail.relative_m
+def _of_track(flight: Flight, history: TrackHistory) -> Iterator[Encounter]:
+    at, (north_m, east_m) = history.at, history.relative_m
     horizontal_m = np.hypot(north_m, east_m)
-    vertical_m = trail.altitude_m - flight.column("altitude_m")[at]
+    vertical_m = history.altitude_m - flight.column("altitude_m")[at]
     breaks = np.flatnonzero(np.diff(flight.time_s[at]) > _APART_S) + 1
     for part in np.split(np.arange(len(at)), breaks):
-        threat = np.isin(at[part], trail.threat_at)
+        threat = np.isin(at[part], history.threat_at)
         near = (horizontal_m[part] < _NEAR * WELL_CLEAR_HORIZONTAL_M) & (
             np.abs(vertical_m[part]) < _NEAR * WELL_CLEAR_VERTICAL_M
         )
         if threat.any() or near.any():
-            yield _encounter(flight, trail, at[part], horizontal_m[part], vertical_m[part], threat)
+            yield _encounter(flight, history, at[part], horizontal_m[part], vertical_m[part], threat)
 
 
 def _encounter(
-    flight: Flight, trail: Trail, at: Indices, horizontal_m: Floats, vertical_m: Floats, threat: Bools
+    flight: Flight,
+    history: TrackHistory,
+    at: Indices,
+    horizontal_m: Floats,
+    vertical_m: Floats,
+    threat: Bools,
 ) -> Encounter:
     closest = int(np.argmin(np.hypot(horizontal_m, vertical_m)))
     guided = np.isfinite(flight.column("commanded_course_deg"))[at] & threat
     advised, acted = at[guided], at[guided & flight.flying[at]]
     closest_s = flight.time_s[at[closest]]
 
-    def before_s(moments: Indices) -> float | None:
-        return float(closest_s - flight.time_s[moments[0]]) if moments.size else None
+    def before_s(rows: Indices) -> float | None:
+        return float(closest_s - flight.time_s[rows[0]]) if rows.size else None
 
     aside_m, height_m = _deviation(flight, int(acted[0])) if acted.size else (None, None)
     return Encounter(
-        trail=trail,
+        history=history,
         at=at,
         horizontal_m=horizontal_m,
         vertical_m=vertical_m,
@@ -126,16 +131,16 @@ def _within(horizontal_m: Floats, vertical_m: Floats, across_m: float, aloft_m: 
 
 
 def _deviation(flight: Flight, first: int) -> tuple[float, float]:
-    """The largest, sideways and in height, from the first action until the aircraft was given back."""
+    """The largest deviations, sideways and in height, from the first action until the release."""
     not_ours = np.flatnonzero(~flight.flying[first:])
     end = first + int(not_ours[0]) if not_ours.size else len(flight)
     north_m, east_m = flight.column("north_m")[first:end], flight.column("east_m")[first:end]
     heights_m = flight.column("altitude_m")[first:end]
     legs_m = flight.legs_m
     if len(legs_m) > 0:
-        # To the first of its places the mission leads from where the aircraft was.
-        begun_m = np.array([[flight.column("north_m")[0], flight.column("east_m")[0]]])
-        legs_m = np.vstack([begun_m, legs_m])
+        # The first leg begins where the flight begins.
+        start_m = np.array([[flight.column("north_m")[0], flight.column("east_m")[0]]])
+        legs_m = np.vstack([start_m, legs_m])
     else:
         course_rad = math.radians(flight.column("course_deg")[first])
         begin = np.array([north_m[0], east_m[0]])
@@ -144,13 +149,13 @@ def _deviation(flight: Flight, first: int) -> tuple[float, float]:
     return float(aside_m.max()), float(np.abs(heights_m - heights_m[0]).max())
 
 
-def _distance_m(places_m: Floats, legs_m: Floats) -> Floats:
-    """The distance of each place from the nearest leg."""
-    nearest_m = np.full(len(places_m), np.inf)
+def _distance_m(positions_m: Floats, legs_m: Floats) -> Floats:
+    """The distance of each position from the nearest leg."""
+    nearest_m = np.full(len(positions_m), np.inf)
     for begin, end in pairwise(legs_m):
         along = end - begin
         squared = float(along @ along)
-        share = np.clip((places_m - begin) @ along / (squared or 1.0), 0.0, 1.0)
-        off_m = places_m - begin - share[:, None] * along
+        share = np.clip((positions_m - begin) @ along / (squared or 1.0), 0.0, 1.0)
+        off_m = positions_m - begin - share[:, None] * along
         nearest_m = np.minimum(nearest_m, np.hypot(off_m[:, 0], off_m[:, 1]))
     return nearest_m

@@ -1,4 +1,4 @@
-"""The figures of a flight report. Time runs in minutes and seconds since the first record."""
+"""The figures of a flight report. Times are in minutes and seconds since the first record."""
 
 import math
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from companion.report.drawing import COLOURS, DASHES, GREY, INK, dress
 from companion.report.encounters import Encounter
 from companion.report.flight import Flight
 from companion.report.link import LinkLog
-from companion.report.pieces import (
+from companion.report.plotting import (
     AROUND_S,
-    MOST_POINTS,
+    MAX_POINTS,
     draw_other,
     draw_path,
     draw_well_clear,
@@ -29,15 +29,15 @@ from companion.report.pieces import (
     thinned,
     without_wraps,
 )
-from companion.separation import WELL_CLEAR_HORIZONTAL_M
+from companion.units import WELL_CLEAR_HORIZONTAL_M
 
 Style = dict[str, Any]
 
-MOST_DRAWN = 8  # aircraft in one figure
+MAX_DRAWN = 8  # aircraft in one figure
 
 
 def from_above(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
-    """The path, coloured and dashed by who flew it, the mission, and the closest moments."""
+    """The path, with colours and dashes by who flew, the mission, and the closest points of encounters."""
     drawing = new_figure(8.0)
     axes = drawing.subplots()
     east_km, north_km = flight.column("east_m") / 1e3, flight.column("north_m") / 1e3
@@ -52,7 +52,7 @@ def from_above(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
         near = (np.abs(legs_km[:, ::-1] - (low + high) / 2).max(axis=1)) < 3.0 * (high - low).max()
         low, high = extent(*np.vstack([legs_km[near][:, ::-1], low, high]).T)
     keys += draw_path(axes, flight, np.arange(len(flight)), 1e3)
-    for number, one in enumerate(encounters[:MOST_DRAWN]):
+    for number, one in enumerate(encounters[:MAX_DRAWN]):
         keys.append(draw_other(axes, flight, one, number, 1e3))
     axes.plot(east_km[0], north_km[0], ">", ms=9, mfc="white", mec=INK, zorder=7)
     axes.plot(east_km[-1], north_km[-1], "s", ms=7, mfc="white", mec=INK, zorder=7)
@@ -68,11 +68,11 @@ def from_above(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
 
 
 def separation(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
-    """How far away everybody was who came near, horizontally and vertically."""
+    """Horizontal and vertical distance of each aircraft that came near, over time."""
     drawing = new_figure(5.6)
     across, aloft = drawing.subplots(2, 1, sharex=True)
     keys: list[Any] = []
-    for number, one in enumerate(encounters[:MOST_DRAWN]):
+    for number, one in enumerate(encounters[:MAX_DRAWN]):
         style = other_style(number)
         at = thinned(np.arange(len(one.at)))
         times_s = flight.time_s[one.at[at]]
@@ -90,20 +90,20 @@ def separation(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
 
 
 def commands(flight: Flight) -> Figure:
-    """Height, airspeed and course: flown, and what the companion decided beside it."""
+    """Height, airspeed and course over time, as flown and as decided by the companion."""
     drawing = new_figure(7.2)
     height, speed, course = drawing.subplots(3, 1, sharex=True)
     at = thinned(np.arange(len(flight)))
     times_s = flight.time_s[at]
     flown: Style = {"color": COLOURS[0], "lw": 1.5}
-    asked: Style = {"color": INK, "lw": 1.4, "ls": DASHES[1]}
+    decided: Style = {"color": INK, "lw": 1.4, "ls": DASHES[1]}
     for axes, name, commanded in (
         (height, "altitude_m", "commanded_altitude_m"),
         (speed, "airspeed_mps", "commanded_airspeed_mps"),
     ):
         axes.plot(times_s, flight.column(name)[at], **flown)
-        axes.plot(times_s, flight.column(commanded)[at], **asked)
-    for name, style in (("course_deg", flown), ("commanded_course_deg", asked)):
+        axes.plot(times_s, flight.column(commanded)[at], **decided)
+    for name, style in (("course_deg", flown), ("commanded_course_deg", decided)):
         course.plot(times_s, without_wraps(flight.column(name)[at]), **style)
     course.set(ylim=(0.0, 360.0), yticks=range(0, 361, 90))
     dress(height, "", "height above sea [m]")
@@ -112,7 +112,7 @@ def commands(flight: Flight) -> Figure:
     over_time(course, 0.0, float(flight.time_s[-1]))
     keys = [
         Line2D([], [], **flown, label="flown"),
-        Line2D([], [], **asked, label="decided"),
+        Line2D([], [], **decided, label="decided"),
         *shade(flight, (height, speed, course)),
     ]
     drawing.legend(handles=keys, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -120,7 +120,7 @@ def commands(flight: Flight) -> Figure:
 
 
 def encounter(flight: Flight, one: Encounter, number: int) -> Figure:
-    """One encounter: from above, heights, distances; some minute to both sides of the closest moment."""
+    """One encounter from above, with heights and distances, a minute before and after its closest point."""
     drawing = new_figure(5.0)
     left, right = drawing.subfigures(1, 2, width_ratios=(1.0, 1.25), squeeze=False)[0]
     above = left.subplots()
@@ -169,7 +169,7 @@ def encounter(flight: Flight, one: Encounter, number: int) -> Figure:
 
 
 def link(log: LinkLog) -> Figure:
-    """Messages per second, of the autopilot and of everybody else."""
+    """Messages per second of each sender, and the times when the autopilot was not heard."""
     drawing = new_figure(3.2)
     axes = drawing.subplots()
     last_s = max((max(s.per_second, default=0) for s in log.senders.values()), default=0)
@@ -179,7 +179,7 @@ def link(log: LinkLog) -> Figure:
         rates = np.zeros(last_s + 1)
         for second, count in sender.per_second.items():
             rates[second] = count
-        width = max(math.ceil(len(rates) / MOST_POINTS), 1)
+        width = max(math.ceil(len(rates) / MAX_POINTS), 1)
         means = rates[: len(rates) // width * width].reshape(-1, width).mean(axis=1)
         style: Style = {"color": COLOURS[number], "ls": DASHES[number], "lw": 1.2}
         axes.step(np.arange(len(means)) * width, means, where="post", **style)

@@ -1,4 +1,4 @@
-"""A flight as its decisions tell it: own path, who was around, what was decided; columns over time."""
+"""A flight from its decision records: own path, traffic and decisions, as columns over time."""
 
 import json
 import math
@@ -19,20 +19,20 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 LAYERS = tuple(Layer)
-# A flight may be without a position for an hour; a stamp that is further off is damage.
+# A flight may have no position for hours; a time stamp further away is damaged.
 _LONGEST_GAP_US = 6 * 3600 * 1_000_000
-# No number in a record is larger but for damage; what is drawn has to fit into a figure.
+# A larger number in a record is damage, and would not fit into a figure.
 _LARGEST = 1e7
-# Guidance that changes by less than this is the same as before.
+# Smaller changes of guidance are not listed.
 _COURSE_DEG, _SPEED_MPS, _HEIGHT_M = 10.0, 1.0, 15.0
-# An autopilot without a fix says 0, 0, where nobody flies.
-_NOWHERE_DEG = 1e-3
+# Without a fix, autopilots send a position at 0, 0.
+_NO_FIX_DEG = 1e-3
 _WATCHING = frozenset({State.STANDBY, State.MONITOR})
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """The first moment of something else: another state, mode or layer, or guidance that differs."""
+    """The start of a different state, mode, layer or guidance."""
 
     time_s: float
     mode: str | None
@@ -43,11 +43,11 @@ class Change:
 
     @property
     def doing(self) -> str:
-        """The state; ready or not to take over, which may change every second, is all watching."""
+        """The state; standby and monitor, which may alternate every second, are both "watching"."""
         return "watching" if self.state in _WATCHING else self.state
 
     def differs(self, other: "Change") -> bool:
-        """Whether it is worth telling after the other."""
+        """Whether it should be listed after the other."""
         if (self.mode, self.doing, self.layer) != (other.mode, other.doing, other.layer):
             return True
         if self.guidance is None or other.guidance is None:
@@ -61,17 +61,17 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """Words, and by whom: the companion or the autopilot."""
+class OperatorText:
+    """A text to the operator, from the companion or the autopilot."""
 
     time_s: float
     severity: int
     text: str
-    by: str = "companion"
+    source: str = "companion"
 
 
-class Trail:
-    """One track: where it was relative to us, and at which of the flight's moments."""
+class TrackHistory:
+    """One track over the flight: its positions relative to us, by rows of the flight's columns."""
 
     def __init__(self, track_id: str) -> None:
         self.track_id = track_id
@@ -84,40 +84,40 @@ class Trail:
 
     @property
     def name(self) -> str:
-        """As people call it."""
+        """Callsign and track id."""
         return f"{self.callsign} ({self.track_id})" if self.callsign else self.track_id
 
     @property
     def at(self) -> NDArray[np.int64]:
-        """The moments at which it was tracked, as indices into the flight's columns."""
+        """The rows at which it was tracked, as indices into the flight's columns."""
         return np.array(self._at, dtype=np.int64)
 
     @property
     def threat_at(self) -> NDArray[np.int64]:
-        """Those at which it was part of a conflict."""
+        """The rows at which it was part of a conflict."""
         return np.array(self._threat_at, dtype=np.int64)
 
     @property
     def relative_m(self) -> tuple[Floats, Floats]:
-        """North and east of us [m]."""
+        """Position relative to us, north and east [m]."""
         return np.array(self._north), np.array(self._east)
 
     @property
     def altitude_m(self) -> Floats:
-        """Above mean sea level."""
+        """Altitude above mean sea level [m]."""
         return np.array(self._altitude)
 
-    def append(self, at: int, place: tuple[float, float, float]) -> None:
-        """North and east of us, and height."""
+    def append(self, at: int, position_m: tuple[float, float, float]) -> None:
+        """Add its position at a row: north and east of us, and altitude [m]."""
         if self._at and self._at[-1] == at:
             return
         self._at.append(at)
-        self._north.append(place[0])
-        self._east.append(place[1])
-        self._altitude.append(place[2])
+        self._north.append(position_m[0])
+        self._east.append(position_m[1])
+        self._altitude.append(position_m[2])
 
-    def threatens(self, at: int) -> None:
-        """It is part of a conflict at that moment."""
+    def add_threat(self, at: int) -> None:
+        """Mark it as part of a conflict at a row."""
         self._threat_at.append(at)
 
 
@@ -129,7 +129,7 @@ _COLUMNS = (
 
 @dataclass
 class Flight:
-    """All that is known of a flight. `notes` say what is wrong with the log, or must be known about it."""
+    """Everything read about a flight. `notes` are problems of the log and remarks about it."""
 
     name: str
     notes: list[str] = field(default_factory=list)
@@ -137,8 +137,8 @@ class Flight:
     start_us: int | None = None
     frame: LocalFrame | None = None
     changes: list[Change] = field(default_factory=list)
-    told: list[Told] = field(default_factory=list)
-    trails: dict[str, Trail] = field(default_factory=dict)
+    texts: list[OperatorText] = field(default_factory=list)
+    tracks: dict[str, TrackHistory] = field(default_factory=dict)
     mission: list[tuple[float, float]] = field(default_factory=list)  # latitude and longitude [deg]
     unusable: int = 0
     without_fix: int = 0
@@ -153,11 +153,11 @@ class Flight:
 
     @property
     def jumps(self) -> int:
-        """How often the time of the records stepped so far that it was not believed."""
+        """How often the time of the records stepped so far that the step was ignored."""
         return self._clock.jumps
 
     def column(self, name: str) -> Floats:
-        """One of the columns; what was not commanded is NaN, `layer` an index into `LAYERS`."""
+        """A column by name; NaN where nothing was commanded; `layer` is an index into `LAYERS`."""
         if len(self._cache.get(name, ())) != len(self):
             self._cache[name] = np.array(self._columns[name])
         return self._cache[name]
@@ -169,35 +169,35 @@ class Flight:
 
     @property
     def flying(self) -> Bools:
-        """When the companion flew."""
+        """The rows at which the companion flew."""
         return self.column("flying") > 0.0
 
     @property
     def legs_m(self) -> Floats:
-        """The mission, a north and east [m] in each row; empty when it is not known."""
+        """The positions of the mission, north and east [m]; empty if unknown."""
         if self.frame is None or not self.mission:
             return np.empty((0, 2))
         return np.array([self.frame.to_north_east_m(*place) for place in self.mission])
 
     def seconds_at(self, time_us: int) -> float:
-        """A stamp as seconds since the first record."""
+        """A time stamp as seconds since the first record."""
         if self.start_us is None:
             self.start_us = time_us
         return (self._clock.at(time_us) - self.start_us) / 1e6
 
-    def take(self, line: bytes | str) -> None:
-        """Add a decision; one that makes no sense is counted and left out."""
+    def add_decision(self, line: bytes | str) -> None:
+        """Add a decision record; an invalid one is counted and left out."""
         try:
-            self._take(json.loads(line, parse_constant=_refuse))
+            self._add(json.loads(line, parse_constant=_refuse))
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
             self.unusable += 1
 
-    def _take(self, record: Mapping[str, Any]) -> None:
+    def _add(self, record: Mapping[str, Any]) -> None:
         own = record["own"]
         lat, lon = _number(own, "lat_deg"), _number(own, "lon_deg")
         if abs(lat) > 90.0 or abs(lon) > 180.0:
-            raise ValueError("no place on earth")
-        if math.hypot(lat, lon) < _NOWHERE_DEG:
+            raise ValueError("no position on earth")
+        if math.hypot(lat, lon) < _NO_FIX_DEG:
             self.without_fix += 1
             return
         columns = {
@@ -205,11 +205,13 @@ class Flight:
             for name in ("altitude_m", "course_deg", "ground_speed_mps", "airspeed_mps")
         }
         layer, guidance = Layer(record["layer"]), record["guidance"]
-        asked = None
+        commanded = None
         if guidance is not None:
-            asked = tuple(_number(guidance, name) for name in ("course_deg", "airspeed_mps", "altitude_m"))
-        course, speed, height = asked or (math.nan, math.nan, math.nan)
-        seen = [(str(one["track"]), one, _place(one)) for one in record["traffic"]]
+            commanded = tuple(
+                _number(guidance, name) for name in ("course_deg", "airspeed_mps", "altitude_m")
+            )
+        course, speed, height = commanded or (math.nan, math.nan, math.nan)
+        seen = [(str(one["track"]), one, _position_m(one)) for one in record["traffic"]]
         threats = {str(one["track"]) for one in record["threats"]}
         time_us = record["time_us"]
         if not isinstance(time_us, int) or isinstance(time_us, bool):
@@ -232,28 +234,28 @@ class Flight:
         }
         for name, value in columns.items():
             self._columns[name].append(value)
-        for track_id, one, place in seen:
-            self._trail(track_id, one).append(at, place)
-        for track_id in threats & self.trails.keys():
-            self.trails[track_id].threatens(at)
+        for track_id, one, position_m in seen:
+            self._history(track_id, one).append(at, position_m)
+        for track_id in threats & self.tracks.keys():
+            self.tracks[track_id].add_threat(at)
         mode = None if mode is None else str(mode)
-        commanded = None if asked is None else (course, speed, height)
-        change = Change(time_s, mode, state, layer, commanded, because)
+        guided = None if commanded is None else (course, speed, height)
+        change = Change(time_s, mode, state, layer, guided, because)
         if not self.changes or change.differs(self.changes[-1]):
             self.changes.append(change)
 
-    def _trail(self, track_id: str, one: Mapping[str, Any]) -> Trail:
-        trail = self.trails.get(track_id)
-        if trail is None:
-            trail = self.trails[track_id] = Trail(track_id)
+    def _history(self, track_id: str, one: Mapping[str, Any]) -> TrackHistory:
+        history = self.tracks.get(track_id)
+        if history is None:
+            history = self.tracks[track_id] = TrackHistory(track_id)
         callsign, icao = one.get("callsign"), one.get("icao")
-        trail.callsign = str(callsign).strip() if callsign else trail.callsign
-        trail.icao = str(icao) if icao else trail.icao
-        trail.kind = str(one.get("kind", trail.kind))
-        return trail
+        history.callsign = str(callsign).strip() if callsign else history.callsign
+        history.icao = str(icao) if icao else history.icao
+        history.kind = str(one.get("kind", history.kind))
+        return history
 
 
-def _place(one: Mapping[str, Any]) -> tuple[float, float, float]:
+def _position_m(one: Mapping[str, Any]) -> tuple[float, float, float]:
     return _number(one, "north_m"), _number(one, "east_m"), _number(one, "altitude_m")
 
 

@@ -1,4 +1,4 @@
-"""Pages that open offline: one HTML file without scripts, its figures drawn into it."""
+"""Pages that open offline: one HTML file without scripts, with its figures embedded."""
 
 import base64
 import html
@@ -30,18 +30,18 @@ def page(title: str, parts: Iterable[str], more_style: str = "") -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:
-    """Cells are HTML; `kind` is the class of the table."""
+    """An HTML table; cells are HTML, `kind` is the class of the table."""
     begin = f"<table class={kind}>" if kind else "<table>"
     lines = [f"{begin}<tr>" + "".join(f"<th>{cell}</th>" for cell in head) + "</tr>"]
     lines += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]
     return "\n".join(lines) + "</table>"
 
 
-def image(figure: Figure, words: str) -> str:
-    """A figure as part of the page; `words` say what it shows to those who cannot see it."""
+def image(figure: Figure, alt: str) -> str:
+    """A figure as an embedded image with an alternative text."""
     buffer = io.BytesIO()
-    # Neither date nor chance inside: the same figures give the same page.
+    # No date and no random ids, so that the same flight gives the same page.
     with mpl.rc_context({"svg.hashsalt": "companion"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     drawn = base64.b64encode(buffer.getvalue()).decode("ascii")
-    return f"<img alt='{html.escape(words)}' src='data:image/svg+xml;base64,{drawn}'>"
+    return f"<img alt='{html.escape(alt)}' src='data:image/svg+xml;base64,{drawn}'>"

@@ -1,4 +1,4 @@
-"""What came over the link, as a tlog has it: messages per second, gaps, and how many were lost on the way."""
+"""The link, from a tlog: messages per second, gaps, lost messages, texts of the autopilot, its mission."""
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -7,18 +7,18 @@ from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Heartbeat, MissionItem
 from companion.mavlink.framing import Frame, LossMeter, decode
 from companion.mavlink.translate import frame_to_fact
-from companion.report.flight import Told
+from companion.report.flight import OperatorText
 
-# The autopilot's heartbeat comes once a second, and all else more often.
+# The slowest message of an autopilot is its heartbeat, once a second.
 GAP_S = 1.5
-_LAST_NAVIGATION = mavlink.MAV_CMD_NAV_LAST
+_LAST_NAV_COMMAND = mavlink.MAV_CMD_NAV_LAST
 _LONGEST_TEXT = 1000
 _LONGEST_S = 7 * 24 * 3600
 
 
 @dataclass
 class Sender:
-    """Who sent, and how much of it arrived."""
+    """A sender of messages, and how many of them arrived."""
 
     address: tuple[int, int]
     messages: int = 0
@@ -30,21 +30,21 @@ class Sender:
 
     @property
     def lost_share(self) -> float:
-        """Of all that it sent."""
+        """The share of its messages that were lost."""
         return self.lost / (self.messages + self.lost) if self.messages else 0.0
 
 
 class LinkLog:
-    """Counts the frames of a log, in its order; times are seconds since its first record."""
+    """Statistics of the frames of a log, added in file order; times are seconds since its first record."""
 
     def __init__(self) -> None:
         self.senders: dict[tuple[int, int], Sender] = {}
-        self._texts: dict[tuple[int, int], list[Told]] = {}
-        self._places: dict[int, tuple[float, float]] = {}  # of the mission, by its items
+        self._texts: dict[tuple[int, int], list[OperatorText]] = {}
+        self._mission: dict[int, tuple[float, float]] = {}  # positions by sequence number
         self._losses = LossMeter()
 
-    def observe(self, time_s: float, frame: Frame) -> None:
-        """A frame, of whatever message."""
+    def add(self, time_s: float, frame: Frame) -> None:
+        """Add a frame."""
         address = frame.system_id, frame.component_id
         sender = self.senders.get(address)
         if sender is None:
@@ -58,41 +58,41 @@ class LinkLog:
         sender.last_s = time_s
         match frame.message_id:
             case mavlink.MAVLINK_MSG_ID_HEARTBEAT | mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT:
-                self._note(sender, frame, time_s)
+                self._add_fact(sender, frame, time_s)
             case mavlink.MAVLINK_MSG_ID_STATUSTEXT:
-                self._hear(sender, frame, time_s)
+                self._add_text(sender, frame, time_s)
             case _:
                 pass
 
     @property
     def autopilot(self) -> Sender | None:
-        """The one of which most was heard."""
+        """The autopilot with the most messages."""
         found = [sender for sender in self.senders.values() if sender.autopilot]
         return max(found, key=lambda sender: sender.messages, default=None)
 
     @property
-    def texts(self) -> list[Told]:
-        """What the autopilot told the operator."""
+    def texts(self) -> list[OperatorText]:
+        """The texts of the autopilot to the operator."""
         autopilot = self.autopilot
         return [] if autopilot is None else self._texts.get(autopilot.address, [])
 
     @property
     def mission(self) -> list[tuple[float, float]]:
-        """The places of its mission, latitude and longitude [deg]."""
-        return [self._places[sequence] for sequence in sorted(self._places)]
+        """The positions of the mission, latitude and longitude [deg]."""
+        return [self._mission[sequence] for sequence in sorted(self._mission)]
 
-    def _note(self, sender: Sender, frame: Frame, time_s: float) -> None:
+    def _add_fact(self, sender: Sender, frame: Frame, time_s: float) -> None:
         fact = frame_to_fact(frame, time_s)
         if isinstance(fact, Heartbeat):
             sender.autopilot |= fact.autopilot != mavlink.MAV_AUTOPILOT_INVALID
         elif isinstance(fact, MissionItem) and fact.mission_type == mavlink.MAV_MISSION_TYPE_MISSION:
-            if fact.lat_deg is not None and fact.lon_deg is not None and fact.command <= _LAST_NAVIGATION:
-                self._places[fact.sequence] = fact.lat_deg, fact.lon_deg
+            if fact.lat_deg is not None and fact.lon_deg is not None and fact.command <= _LAST_NAV_COMMAND:
+                self._mission[fact.sequence] = fact.lat_deg, fact.lon_deg
             else:
-                self._places.pop(fact.sequence, None)
+                self._mission.pop(fact.sequence, None)
 
-    def _hear(self, sender: Sender, frame: Frame, time_s: float) -> None:
-        """A text, put together from its chunks."""
+    def _add_text(self, sender: Sender, frame: Frame, time_s: float) -> None:
+        """Add a text, or a further chunk of the last one."""
         message = decode(frame)
         if message is None:
             return
@@ -101,4 +101,4 @@ class LinkLog:
         if getattr(message, "id", 0) and getattr(message, "chunk_seq", 0) and texts:
             texts[-1] = replace(texts[-1], text=(texts[-1].text + text)[:_LONGEST_TEXT])
         else:
-            texts.append(Told(time_s, message.severity, text, "autopilot"))
+            texts.append(OperatorText(time_s, message.severity, text, "autopilot"))

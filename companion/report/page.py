@@ -13,11 +13,11 @@ from companion.report.encounters import Encounter, encounters_of
 from companion.report.flight import Change, Flight
 from companion.report.html import image, page, table
 from companion.report.link import GAP_S, LinkLog
-from companion.report.pieces import clock
+from companion.report.plotting import clock
 from companion.report.reading import Log
 
 _SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
-_MOST_ROWS, _MOST_DETAILS, _MOST_GAPS = 300, 12, 30
+_MAX_ROWS, _MAX_DETAILS, _MAX_GAPS = 300, 12, 30
 _STYLE = """
 body { max-width: 72rem; } td, th { font-variant-numeric: tabular-nums; }
 table.words td, table.words th { text-align: left; vertical-align: top; } td.bad, b.bad { color: #b3261e;
@@ -29,7 +29,7 @@ img, tr { break-inside: avoid; } }
 
 
 def page_of(log: Log) -> str:
-    """The whole page."""
+    """The page of a flight as HTML."""
     flight, encounters = log.flight, encounters_of(log.flight)
     title = f"Flight report, {flight.name}"
     return page(title, _parts(log, flight, encounters), _STYLE)
@@ -42,17 +42,17 @@ def _parts(log: Log, flight: Flight, encounters: Sequence[Encounter]) -> Iterato
         yield "<ul class=notes>" + "".join(f"<li>{html.escape(note)}</li>" for note in flight.notes) + "</ul>"
     if flight:
         yield "<h2>The flight from above</h2>"
-        nearest = _nearest(encounters, figures.MOST_DRAWN)
-        yield image(figures.from_above(flight, nearest), "the path, east and north in kilometres")
+        nearest = _nearest(encounters, figures.MAX_DRAWN)
+        yield image(figures.from_above(flight, nearest), "the path from above, east and north in kilometres")
     yield "<h2>Encounters</h2>"
     yield from _encounters(flight, encounters)
     if flight:
-        yield "<h2>Commanded and flown</h2>"
+        yield "<h2>Decided and flown</h2>"
         yield image(figures.commands(flight), "height, airspeed and course over time, decided and flown")
-        yield "<h2>What was decided, and why</h2>"
+        yield "<h2>Decisions and their reasons</h2>"
         yield from _changes(flight)
-    yield "<h2>What the operator was told</h2>"
-    yield from _told(log)
+    yield "<h2>Texts to the operator</h2>"
+    yield from _texts(log)
     if log.link is not None:
         yield "<h2>The link</h2>"
         yield from _link(log.link)
@@ -66,7 +66,7 @@ def _summary(log: Log, encounters: Sequence[Encounter]) -> str:
         along_m = np.hypot(np.diff(flight.column("north_m")), np.diff(flight.column("east_m"))).sum()
         flown_s = float(np.diff(flight.time_s)[flight.flying[:-1]].sum())
         begun = flight.flying & ~np.roll(flight.flying, 1)
-        takings = int(begun[1:].sum()) + int(flight.flying[0])
+        takeovers = int(begun[1:].sum()) + int(flight.flying[0])
         lost = sum(not one.well_clear for one in encounters)
         nmacs = sum(one.nmac for one in encounters)
         heights = flight.column("altitude_m")
@@ -75,11 +75,11 @@ def _summary(log: Log, encounters: Sequence[Encounter]) -> str:
             ("height above sea", f"{heights.min():.0f} to {heights.max():.0f} m"),
             (
                 "flown by the companion",
-                f"{clock(flown_s)}, taken over {_times(takings)}" if takings else "never",
+                f"{clock(flown_s)}, taken over {_times(takeovers)}" if takeovers else "never",
             ),
             (
-                "others tracked",
-                f"{len(flight.trails)}, of which {len({e.trail.track_id for e in encounters})} came near",
+                "aircraft tracked",
+                f"{len(flight.tracks)}, of which {len({e.history.track_id for e in encounters})} came near",
             ),
             ("well clear lost", _bad(_times(lost)) if lost else "never"),
             ("near mid-air collision", _bad(_times(nmacs)) if nmacs else "none"),
@@ -91,13 +91,13 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _bad(words: str) -> str:
-    return f"<b class=bad>{words}</b>"
+def _bad(text: str) -> str:
+    return f"<b class=bad>{text}</b>"
 
 
 def _date(time_us: int | None) -> str:
     if time_us is None or not 0 < time_us < 4_102_444_800_000_000:  # the year 2100
-        return "at a time that is not known"
+        return "at an unknown time"
     return f"{datetime.fromtimestamp(time_us // 1_000_000, UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
@@ -106,34 +106,34 @@ def _date(time_us: int | None) -> str:
 
 def _encounters(flight: Flight, encounters: Sequence[Encounter]) -> Iterator[str]:
     if not encounters:
-        yield "<p>Nobody came near.</p>"
+        yield "<p>No aircraft came near.</p>"
         return
     head = (
-        "who", "closest at", "slant", "horizontal", "vertical", "well clear kept", "NMAC", "layer",
+        "aircraft", "closest at", "slant", "horizontal", "vertical", "well clear kept", "NMAC", "layer",
         "first action before", "aside", "height",
     )  # fmt: skip
-    yield table(head, (_row(flight, one) for one in encounters[:_MOST_ROWS]))
-    if len(encounters) > _MOST_ROWS:
-        yield f"<p>And {len(encounters) - _MOST_ROWS} more.</p>"
+    yield table(head, (_row(flight, one) for one in encounters[:_MAX_ROWS]))
+    if len(encounters) > _MAX_ROWS:
+        yield f"<p>And {len(encounters) - _MAX_ROWS} more.</p>"
     yield _why(
-        "Distances at the moment of the shortest slant distance, by the tracks that the companion had; "
-        "vertical is positive when the other was above. First action: how long before that moment it was "
-        "first avoided. Aside and height: the largest deviation from the mission, or from straight on where "
-        "it is not known, and from the height at the first action, until the aircraft was given back."
+        "Distances at the closest point, by slant distance, from the tracks that the companion had; vertical "
+        "is positive if the other aircraft was above. First action: time from the first avoidance to the "
+        "closest point. Aside and height: the largest deviations until the aircraft was given back, from the "
+        "mission (from the straight course if it is unknown) and from the height at the first action."
     )
-    nearest = _nearest(encounters, figures.MOST_DRAWN)
+    nearest = _nearest(encounters, figures.MAX_DRAWN)
     yield image(figures.separation(flight, nearest), "horizontal and vertical distance over time")
-    for number, one in enumerate(_nearest(encounters, _MOST_DETAILS)):
+    for number, one in enumerate(_nearest(encounters, _MAX_DETAILS)):
         yield f"<h3>{html.escape(one.name)}, closest at {clock(float(flight.time_s[one.closest_at]))}</h3>"
         yield image(figures.encounter(flight, one, number), f"the encounter with {one.name}")
         yield _why(
-            "Left from above, with times; right heights and distances. The line is the closest moment, the "
-            "dotted line the first action."
+            "Left: from above, with times. Right: heights and distances. The line marks the closest point, "
+            "the dotted line the first action."
         )
 
 
 def _nearest(encounters: Sequence[Encounter], count: int) -> list[Encounter]:
-    """So many at most, the nearest of them, in the order of time."""
+    """The nearest `count` encounters, in the order of time."""
     nearest = sorted(encounters, key=lambda one: one.closest_slant_m)[:count]
     return sorted(nearest, key=lambda one: one.closest_at)
 
@@ -141,7 +141,7 @@ def _nearest(encounters: Sequence[Encounter], count: int) -> list[Encounter]:
 def _row(flight: Flight, one: Encounter) -> list[str]:
     acted = "–"
     if one.acted_s is not None:
-        acted = f"{one.acted_s:.0f} s" if one.acted_s >= 0.0 else f"{-one.acted_s:.0f} s after it"
+        acted = f"{one.acted_s:.0f} s" if one.acted_s >= 0.0 else f"{-one.acted_s:.0f} s after"
     elif one.advised_s is not None:
         acted = f"decided {one.advised_s:.0f} s, not flown"
     return [
@@ -156,18 +156,18 @@ def _metres(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else f"{value:.0f} m"
 
 
-# --- decisions and words
+# --- decisions and texts
 
 
 def _changes(flight: Flight) -> Iterator[str]:
     head = ("time", "mode", "state", "layer", "guidance", "because")
-    shown = flight.changes[:_MOST_ROWS]
+    shown = flight.changes[:_MAX_ROWS]
     yield table(head, (_change_row(change) for change in shown), "words")
     if len(flight.changes) > len(shown):
         yield f"<p>And {len(flight.changes) - len(shown)} more.</p>"
     yield _why(
-        "Whenever mode, state or layer changed, or the guidance by more than 10 degrees, 1 m/s or 15 m. "
-        "Guidance is what should be flown; it was commanded in the states outer, inner and returning."
+        "One row for each change of mode, state or layer, or of guidance by more than 10 degrees, 1 m/s or "
+        "15 m. Guidance is commanded only in the states outer, inner and returning; otherwise it is advice."
     )
 
 
@@ -176,69 +176,68 @@ def _change_row(change: Change) -> list[str]:
     if change.guidance is not None:
         course, speed, height = change.guidance
         guidance = f"course {round(course) % 360:03d}, {speed:.1f} m/s, {height:.0f} m"
-    words = (change.mode or "–", change.doing, str(change.layer), guidance, change.because)
-    return [clock(change.time_s), *map(html.escape, words)]
+    texts = (change.mode or "–", change.doing, str(change.layer), guidance, change.because)
+    return [clock(change.time_s), *map(html.escape, texts)]
 
 
-def _told(log: Log) -> Iterator[str]:
-    told = [*log.flight.told, *(log.link.texts if log.link is not None else ())]
-    told.sort(key=lambda one: one.time_s)
-    if not told:
-        yield "<p>Nothing.</p>"
+def _texts(log: Log) -> Iterator[str]:
+    texts = [*log.flight.texts, *(log.link.texts if log.link is not None else ())]
+    texts.sort(key=lambda one: one.time_s)
+    if not texts:
+        yield "<p>None.</p>"
         return
     rows = (
         [
-            clock(one.time_s), one.by,
+            clock(one.time_s), one.source,
             _SEVERITIES[one.severity] if 0 <= one.severity < len(_SEVERITIES) else str(one.severity),
             html.escape(one.text),
         ]
-        for one in told[:_MOST_ROWS]
+        for one in texts[:_MAX_ROWS]
     )  # fmt: skip
-    yield table(("time", "by", "severity", "words"), rows, "words")
-    if len(told) > _MOST_ROWS:
-        yield f"<p>And {len(told) - _MOST_ROWS} more.</p>"
+    yield table(("time", "from", "severity", "text"), rows, "words")
+    if len(texts) > _MAX_ROWS:
+        yield f"<p>And {len(texts) - _MAX_ROWS} more.</p>"
 
 
 # --- the link
 
 
 def _link(link: LinkLog) -> Iterator[str]:
-    yield image(figures.link(link), "messages a second")
+    yield image(figures.link(link), "messages per second")
     senders = sorted(link.senders.values(), key=lambda sender: -sender.messages)
     rows = []
     for sender in senders[:40]:
         system, component = sender.address
-        who = "autopilot" if sender is link.autopilot else "companion" if component == 196 else ""
+        role = "autopilot" if sender is link.autopilot else "companion" if component == 196 else ""
         longest_s = max((end - begin for begin, end in sender.gaps), default=0.0)
         rows.append(
             [
-                f"{system}:{component} {who}", f"{sender.messages:,}", f"{sender.lost:,}",
+                f"{system}:{component} {role}", f"{sender.messages:,}", f"{sender.lost:,}",
                 f"{100.0 * sender.lost_share:.1f} %", str(len(sender.gaps)),
                 f"{longest_s:.1f} s" if longest_s else "–",
             ]
         )  # fmt: skip
-    head = ("system:component", "messages", "lost", "share", f"gaps over {GAP_S:g} s", "longest")
+    head = ("system:component", "messages", "lost", "share lost", f"gaps over {GAP_S:g} s", "longest gap")
     yield table(head, rows)
     gaps = [] if link.autopilot is None else link.autopilot.gaps
     if gaps:
-        words = ", ".join(f"{clock(begin)} to {clock(end)}" for begin, end in gaps[:_MOST_GAPS])
-        yield f"<p>The autopilot was not heard: {words}{' …' if len(gaps) > _MOST_GAPS else ''}.</p>"
-    yield _why("Lost: missing in the sequence numbers of the sender, as they were recorded.")
+        times = ", ".join(f"{clock(begin)} to {clock(end)}" for begin, end in gaps[:_MAX_GAPS])
+        yield f"<p>The autopilot was not heard: {times}{' …' if len(gaps) > _MAX_GAPS else ''}.</p>"
+    yield _why("Lost: missing in the sequence numbers of the sender.")
 
 
 def _fine_print(flight: Flight) -> str:
     how = (
-        "Made by driving the companion's engine by the log: what it decides now, with the configuration "
-        "given. That is what was decided in flight where this is a recording of the companion's own, of the "
-        "same version and configuration."
+        "The decisions are those of a replay of the log with this version and the given configuration. They "
+        "are the decisions of the flight only if it was flown with the same version and configuration."
         if flight.replayed
-        else "Made from the decisions as they were recorded in flight."
+        else "The decisions are those recorded in flight."
     )
     return _why(
-        f"{how} Other aircraft are where the companion believed them to be. Times count from the first "
+        f"{how} Positions of other aircraft are those of the companion's tracks. Times are since the first "
         f"record. Companion {html.escape(__version__)}."
     )
 
 
-def _why(words: str) -> str:
-    return f"<p class=why>{words}</p>"
+def _why(text: str) -> str:
+    return f"<p class=why>{text}</p>"

@@ -1,9 +1,10 @@
-"""Heights of different references made comparable: barometer with barometer, satellites with satellites.
+"""Altitudes of different references made comparable with ours.
 
-Traffic reports its height in the standard atmosphere, above the ellipsoid, or above mean sea level; our own
-is known in all three as far as our autopilot tells. A track keeps the height that was reported, compared with
-ours at the moment of asking, with the offsets that hold where we are then: two barometers in the same air err
-alike, so at our height the comparison is right, whatever our offset was further down.
+Traffic reports its altitude in the standard atmosphere, above the ellipsoid, or above mean sea level; our own
+altitude is known in each of them as far as our autopilot reports it. A target keeps its altitude as reported.
+It is converted only when it is compared with ours, with the offsets at our present position and altitude: two
+barometers in the same air have the same error, so at our altitude the comparison is exact, even if our own
+offset was different further down.
 """
 
 import math
@@ -15,12 +16,13 @@ from annotated_types import Ge, Gt
 
 from companion.model import AltitudeReference
 
-# How fast an old height becomes wrong, and in what steps that counts: so that two references heard in turn,
-# once a second each, do not take turns as the better one.
+# Error that an old altitude gains, and the steps in which age and error count. The steps keep the selection
+# constant when two references are received alternately, once a second each.
 _AGEING_MPS = 3.0
 _AGE_STEP_S, _UNCERTAINTY_STEP_M = 5.0, 5.0
-# Of equally certain ones: as our autopilot gives its own; then barometers, as transponders state satellite
-# heights to 45 m or worse (DO-260B, geometric vertical accuracy).
+# Order among equally certain references: first the one in which our autopilot states our own altitude, then
+# barometers, because transponders state satellite altitudes to 45 m or worse (DO-260B, geometric vertical
+# accuracy).
 _PREFERENCE = {
     AltitudeReference.SEA_LEVEL: 0,
     AltitudeReference.BAROMETRIC: 1,
@@ -30,117 +32,122 @@ _PREFERENCE = {
 
 @dataclass(frozen=True, slots=True)
 class HeightParams:
-    """How wrong a height may be when what it should be compared with is not known; each about one sigma."""
+    """Error of an altitude (one sigma) whose offset from mean sea level is unknown or old."""
 
-    # Without our own pressure, a pressure altitude is taken as height above the sea. A sea-level pressure
-    # 8 hPa off the standard's 1013.25 is common weather, and 1 hPa is 8.3 m at low heights.
+    # While our own pressure altitude is unknown, a pressure altitude is taken as height above the sea. The
+    # pressure at sea level is often 8 hPa off the standard's 1013.25, and 1 hPa is 8.3 m at low altitude.
     pressure_unknown_m: Annotated[float, Ge(0)] = 60.0
-    # Our own pressure counts as present for so long, at 1 Hz with losses; then its offset is worth less every
-    # second, by what a front brings at worst (3 hPa an hour: 0.007 m/s) and more, as silence means a fault.
+    # Our own pressure altitude counts as current for this time: 1 Hz with losses. After that its error grows,
+    # faster than a front changes it (3 hPa an hour: 0.007 m/s), because silence indicates a fault.
     pressure_fresh_s: Annotated[float, Gt(0)] = 5.0
     pressure_stale_mps: Annotated[float, Ge(0)] = 0.5
-    # Air 20 K warmer or colder than standard stretches heights by 7 %: what a stale offset is off by for each
-    # metre that we have climbed or sunk since.
+    # Air 20 K warmer or colder than standard stretches altitudes by 7 %: the error of an old offset for each
+    # metre that we have climbed or descended since.
     pressure_stretch: Annotated[float, Ge(0)] = 0.07
     # The geoid lies between 106 m below and 85 m above the ellipsoid; within 50 m of it over most land.
     geoid_unknown_m: Annotated[float, Ge(0)] = 50.0
 
 
-class Datum(NamedTuple):
-    """What to add to heights of one reference to have them above mean sea level; how wrong that may be."""
+class DatumOffset(NamedTuple):
+    """Offset to add to altitudes of one reference for altitudes above mean sea level, and its error [m]."""
 
     offset_m: float = 0.0
     uncertainty_m: float = 0.0
 
 
-Datums = Mapping[AltitudeReference, Datum]
-_SAME = Datum()
-AS_REPORTED: Datums = dict.fromkeys(AltitudeReference, _SAME)
+DatumOffsets = Mapping[AltitudeReference, DatumOffset]
+_NO_OFFSET = DatumOffset()
+AS_REPORTED: DatumOffsets = dict.fromkeys(AltitudeReference, _NO_OFFSET)
 
 
-class Height(NamedTuple):
-    """A height as estimated at `at_s` in its own reference, worth something until `until_s`.
+class ReportedAltitude(NamedTuple):
+    """An altitude in its own reference, estimated for `time_s`, not used after `valid_until_s`.
 
-    `climb_mps` is positive up; `sigma_m` is what its sender states of its accuracy, 0 if nothing.
+    `climb_mps` is positive up; `sigma_m` is the accuracy stated by the sender, 0 if none.
     """
 
     reference: AltitudeReference
     altitude_m: float
-    at_s: float
+    time_s: float
     climb_mps: float
-    until_s: float
+    valid_until_s: float
     sigma_m: float
 
 
-class Compared(NamedTuple):
-    """A height above mean sea level (as we have it) now [m], climb positive up, and how wrong it may be."""
+class SeaLevelAltitude(NamedTuple):
+    """An altitude above mean sea level [m] with its climb (positive up) and its error relative to ours."""
 
     altitude_m: float
     climb_mps: float
     uncertainty_m: float
 
 
-class OwnHeights:
-    """Our own height in all references, and what follows for those of others."""
+class OwnshipAltitudes:
+    """Our own altitude in each reference, and the offsets between the references that follow from it."""
 
     def __init__(self, params: HeightParams | None = None) -> None:
         self._params = params or HeightParams()
         self._altitude_m: float | None = None
-        self._pressure: Datum | None = None
+        self._pressure: DatumOffset | None = None
         self._pressure_s = -math.inf
         self._pressure_at_m = 0.0
-        self._geoid = Datum(0.0, self._params.geoid_unknown_m)
+        self._geoid = DatumOffset(0.0, self._params.geoid_unknown_m)
 
-    def learn_altitude(self, altitude_m: float) -> None:
-        """Our height above mean sea level."""
+    def observe_altitude(self, altitude_m: float) -> None:
+        """Take our altitude above mean sea level."""
         self._altitude_m = altitude_m
 
-    def learn_pressure(self, pressure_altitude_m: float, now_s: float) -> None:
-        """Our height in the standard atmosphere; it means something beside a height above the sea."""
+    def observe_pressure_altitude(self, pressure_altitude_m: float, now_s: float) -> None:
+        """Take our altitude in the standard atmosphere; ignored until our altitude above the sea is known."""
         if self._altitude_m is not None:
-            self._pressure = Datum(self._altitude_m - pressure_altitude_m, 0.0)
+            self._pressure = DatumOffset(self._altitude_m - pressure_altitude_m, 0.0)
             self._pressure_s, self._pressure_at_m = now_s, self._altitude_m
 
-    def learn_separation(self, separation_m: float) -> None:
-        """How far the geoid lies above the ellipsoid here; it changes by a metre in ten kilometres or so."""
-        self._geoid = Datum(-separation_m, 0.0)
+    def observe_geoid_separation(self, separation_m: float) -> None:
+        """Take the height of the geoid above the ellipsoid here; it varies by about a metre in 10 km."""
+        self._geoid = DatumOffset(-separation_m, 0.0)
 
-    def datums(self, now_s: float) -> Datums:
-        """How to compare heights of each reference with ours."""
+    def offsets(self, now_s: float) -> DatumOffsets:
+        """The offset of each reference from mean sea level."""
         return {
             AltitudeReference.BAROMETRIC: self._barometric(now_s),
             AltitudeReference.GEOMETRIC: self._geoid,
-            AltitudeReference.SEA_LEVEL: _SAME,
+            AltitudeReference.SEA_LEVEL: _NO_OFFSET,
         }
 
-    def _barometric(self, now_s: float) -> Datum:
+    def _barometric(self, now_s: float) -> DatumOffset:
         params = self._params
         if self._pressure is None or self._altitude_m is None:
-            return Datum(0.0, params.pressure_unknown_m)
-        silent_s = now_s - self._pressure_s - params.pressure_fresh_s
-        if silent_s <= 0.0:
+            return DatumOffset(0.0, params.pressure_unknown_m)
+        stale_s = now_s - self._pressure_s - params.pressure_fresh_s
+        if stale_s <= 0.0:
             return self._pressure
-        moved_m = abs(self._altitude_m - self._pressure_at_m)
-        grown_m = silent_s * params.pressure_stale_mps + moved_m * params.pressure_stretch
-        return Datum(self._pressure.offset_m, min(grown_m, params.pressure_unknown_m))
+        climbed_m = abs(self._altitude_m - self._pressure_at_m)
+        error_m = stale_s * params.pressure_stale_mps + climbed_m * params.pressure_stretch
+        return DatumOffset(self._pressure.offset_m, min(error_m, params.pressure_unknown_m))
 
 
-def compare(heights: Sequence[Height], datums: Datums, now_s: float) -> Compared | None:
-    """The height that compares best, flown on to `now_s`; `None` when there is none worth anything."""
-    best = heights[0] if len(heights) == 1 else _best(heights, datums, now_s)
-    if best is None or now_s > best.until_s:
+def to_sea_level(
+    altitudes: Sequence[ReportedAltitude], offsets: DatumOffsets, now_s: float
+) -> SeaLevelAltitude | None:
+    """The most certain of the altitudes, extrapolated to `now_s`; `None` if none is valid any more."""
+    best = altitudes[0] if len(altitudes) == 1 else _most_certain(altitudes, offsets, now_s)
+    if best is None or now_s > best.valid_until_s:
         return None
-    reference, altitude_m, at_s, climb_mps, _, sigma_m = best
-    offset_m, uncertainty_m = datums[reference]
+    reference, altitude_m, time_s, climb_mps, _, sigma_m = best
+    offset_m, uncertainty_m = offsets[reference]
     if sigma_m:
         uncertainty_m = math.hypot(uncertainty_m, sigma_m)
-    return Compared(altitude_m + climb_mps * (now_s - at_s) + offset_m, climb_mps, uncertainty_m)
+    return SeaLevelAltitude(altitude_m + climb_mps * (now_s - time_s) + offset_m, climb_mps, uncertainty_m)
 
 
-def _best(heights: Iterable[Height], datums: Datums, now_s: float) -> Height | None:
-    def badness(height: Height) -> tuple[float, int]:
-        off_m = math.hypot(datums[height.reference].uncertainty_m, height.sigma_m)
-        aged_m = _AGEING_MPS * _AGE_STEP_S * ((now_s - height.at_s) // _AGE_STEP_S)
-        return (off_m + aged_m) // _UNCERTAINTY_STEP_M, _PREFERENCE[height.reference]
+def _most_certain(
+    altitudes: Iterable[ReportedAltitude], offsets: DatumOffsets, now_s: float
+) -> ReportedAltitude | None:
+    def uncertainty(altitude: ReportedAltitude) -> tuple[float, int]:
+        error_m = math.hypot(offsets[altitude.reference].uncertainty_m, altitude.sigma_m)
+        aged_m = _AGEING_MPS * _AGE_STEP_S * ((now_s - altitude.time_s) // _AGE_STEP_S)
+        return (error_m + aged_m) // _UNCERTAINTY_STEP_M, _PREFERENCE[altitude.reference]
 
-    return min((height for height in heights if now_s <= height.until_s), key=badness, default=None)
+    valid = (altitude for altitude in altitudes if now_s <= altitude.valid_until_s)
+    return min(valid, key=uncertainty, default=None)

@@ -1,8 +1,8 @@
-"""Which of those that are heard are one and the same aircraft, heard in several ways.
+"""Which targets are the same aircraft, received from several sources.
 
-Two of the same source are never one: each source knows its own apart. Two of different sources are, once they
-have been at the same place with the same motion over several reports; they are two again once they have been
-clearly apart over several. In between nothing changes.
+Two targets of the same source are always two aircraft, because a source identifies its own. Two targets of
+different sources become one track after several reports at the same place with the same motion, and two again
+after several reports clearly apart. In between nothing changes.
 """
 
 import math
@@ -11,26 +11,29 @@ from collections.abc import Set as AbstractSet
 
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficSource
-from companion.traffic.altitude_datums import Datums, compare
-from companion.traffic.gates import AssociationParams
+from companion.traffic.altitude_datums import DatumOffsets, to_sea_level
+from companion.traffic.params import AssociationParams
 from companion.traffic.target import Motion, Target
 
-# A report sets off the comparison with those whose source ranks before its own.
+# A report is compared with targets whose source has a lower rank than its own, so each pair is judged once.
 _RANK = {TrafficSource.ADSB: 0, TrafficSource.UTM: 1, TrafficSource.SYSTEM: 2}
-_BEFORE = {source: {other for other in _RANK if _RANK[other] < _RANK[source]} for source in _RANK}
-# Nobody further away than this in latitude, and as far in longitude, is compared: 2 km, beyond every gate.
+_LOWER_RANKED = {source: {other for other in _RANK if _RANK[other] < _RANK[source]} for source in _RANK}
+# Targets further away in latitude or longitude are not compared: 2 km, beyond every gate.
 _NEAR_DEG = 0.02
-# Positions older than this are flown on too far to compare.
+# Older positions would have to be extrapolated too far for a comparison.
 _FRESH_S = 3.0
 _FLYING = frozenset({TrafficKind.AIRCRAFT, TrafficKind.UAV})
-# Standard deviations where the sender states none: transponders of small aircraft, networks, autopilots.
+# Standard deviations if the sender states none: transponders of small aircraft, networks, autopilots.
 _TYPICAL_SIGMA_M = {TrafficSource.ADSB: 30.0, TrafficSource.UTM: 20.0, TrafficSource.SYSTEM: 5.0}
-# In such steps age and accuracy count, so that the leader does not change with every report.
+# Steps in which age and accuracy count, so that the leading target does not change with every report.
 _AGE_STEP_S, _SIGMA_STEP_M = 3.0, 10.0
 
 
 class _Pair:
-    """Two that may be one: since when they are alike, or, once merged, since when they are apart."""
+    """Two targets that may be one aircraft, and the reports in a row that speak for a change.
+
+    Before a merge the reports count that are similar, after it those that are apart.
+    """
 
     __slots__ = ("merged", "reports", "since_s")
 
@@ -39,94 +42,99 @@ class _Pair:
         self.reports = 0
         self.since_s = math.inf
 
-    def counts(self, now_s: float) -> int:
-        """One more report of the same opinion."""
+    def count_report(self, now_s: float) -> int:
+        """Count one more report; returns how many there were in a row."""
         if not self.reports:
             self.since_s = now_s
         self.reports += 1
         return self.reports
 
-    def starts_over(self) -> None:
-        """The opposite was seen."""
+    def reset(self) -> None:
+        """Start again, after a report that speaks against a change."""
         self.reports = 0
 
 
 class Association:
-    """Pairs that are watched, and the groups that follow: for each member the keys of all.
+    """Watches pairs of targets; `groups` has the keys of all members for each key of a group.
 
-    The first of a group names its track.
+    The first key of a group identifies its track.
     """
 
     def __init__(self, params: AssociationParams) -> None:
         self._params = params
-        # By whose reports a pair is judged, then by whom it is compared with.
+        # By the key of the target whose reports judge the pair, then by the key of the other.
         self._pairs: dict[str, dict[str, _Pair]] = {}
         self.groups: dict[str, tuple[str, ...]] = {}
 
     def group_of(self, key: str) -> tuple[str, ...]:
-        """The keys of all that are one with this one."""
+        """The keys of all targets that are the same aircraft as this one, its own included."""
         return self.groups.get(key, (key,))
 
-    def heard(self, target: Target, targets: Mapping[str, Target], datums: Datums) -> None:
-        """A new measurement of `target`: compare it with all whose source ranks before its own."""
+    def update(self, target: Target, targets: Mapping[str, Target], offsets: DatumOffsets) -> None:
+        """Compare a target that has a new measurement with all targets of lower-ranked sources."""
         if target.kind not in _FLYING:
-            self.forget(target.key)
+            self.remove(target.key)
             return
-        before = _BEFORE[target.source]
-        if not before:
+        lower_ranked = _LOWER_RANKED[target.source]
+        if not lower_ranked:
             return
         pairs = self._pairs.setdefault(target.key, {})
-        self._judge_merged(pairs, target, targets, datums)
-        taken = {targets[key].source for key, pair in pairs.items() if pair.merged}
-        alike = self._nearest_alike(target, targets, before - taken, datums)
+        self._split_distant(pairs, target, targets, offsets)
+        merged_sources = {targets[key].source for key, pair in pairs.items() if pair.merged}
+        candidates = self._nearest_similar(target, targets, lower_ranked - merged_sources, offsets)
         for key, pair in list(pairs.items()):
-            if not pair.merged and (key not in targets or alike.get(targets[key].source) != key):
+            if not pair.merged and (key not in targets or candidates.get(targets[key].source) != key):
                 del pairs[key]
-        for key in alike.values():
-            self._count_alike(target, key, targets)
+        for key in candidates.values():
+            self._count_similar(target, key, targets)
 
-    def forget(self, key: str) -> None:
-        """This one is not heard any more."""
+    def remove(self, key: str) -> None:
+        """Forget a target that is not received any more."""
         self._pairs.pop(key, None)
         if key in self.groups:
             for pairs in self._pairs.values():
                 pairs.pop(key, None)
             self._regroup()
 
-    def _judge_merged(
-        self, pairs: dict[str, _Pair], target: Target, targets: Mapping[str, Target], datums: Datums
+    def _split_distant(
+        self,
+        pairs: dict[str, _Pair],
+        target: Target,
+        targets: Mapping[str, Target],
+        offsets: DatumOffsets,
     ) -> None:
+        """Split merged pairs that were apart for long enough."""
         params = self._params
-        parted = []
+        split = []
         for key, pair in pairs.items():
             other = targets.get(key)
             if not pair.merged or other is None or target.measured_s - other.measured_s > _FRESH_S:
                 continue
-            apart = gap(target, other, params, datums)
-            if apart is None:
+            distance = gate_distance(target, other, params, offsets)
+            if distance is None:
                 continue
-            if apart <= params.split_factor:
-                pair.starts_over()
+            if distance <= params.split_factor:
+                pair.reset()
             elif (
-                pair.counts(target.measured_s) >= params.split_reports
+                pair.count_report(target.measured_s) >= params.split_reports
                 and target.measured_s - pair.since_s >= params.split_after_s
             ):
-                parted.append(key)
-        for key in parted:
+                split.append(key)
+        for key in split:
             del pairs[key]
-        if parted:
+        if split:
             self._regroup()
 
-    def _nearest_alike(
+    def _nearest_similar(
         self,
         target: Target,
         targets: Mapping[str, Target],
         sources: AbstractSet[TrafficSource],
-        datums: Datums,
+        offsets: DatumOffsets,
     ) -> dict[TrafficSource, str]:
-        """Of each of the sources, the one most like the target, where one is within the gate.
+        """For each source, the key of the most similar target within the gate, if there is one.
 
-        Who is one with another of the target's source already is not looked at: the nearest that is left.
+        Targets that are already merged with another target of the same source are left out.
         """
         if target.motion is None or not sources:
             return {}
@@ -141,88 +149,98 @@ class Association:
                 continue
             if measured_s - other.measured_s > _FRESH_S or other.kind not in _FLYING:
                 continue
-            apart = gap(target, other, self._params, datums)
-            closest = nearest.get(other.source, (1.0, ""))[0]
-            if apart is not None and apart <= closest and not self._is_one_with(other.key, target, targets):
-                nearest[other.source] = apart, other.key
+            distance = gate_distance(target, other, self._params, offsets)
+            shortest = nearest.get(other.source, (1.0, ""))[0]
+            if (
+                distance is not None
+                and distance <= shortest
+                and not self._is_taken(other.key, target, targets)
+            ):
+                nearest[other.source] = distance, other.key
         return {source: key for source, (_, key) in nearest.items()}
 
-    def _count_alike(self, target: Target, key: str, targets: Mapping[str, Target]) -> None:
+    def _count_similar(self, target: Target, key: str, targets: Mapping[str, Target]) -> None:
+        """Count a similar report; merge the pair after enough of them, unless both have the same source."""
         params = self._params
         pair = self._pairs[target.key].setdefault(key, _Pair())
         if (
-            pair.counts(target.measured_s) < params.merge_reports
+            pair.count_report(target.measured_s) < params.merge_reports
             or target.measured_s - pair.since_s < params.merge_after_s
         ):
             return
-        ours = {targets[k].source for k in self.group_of(target.key)}
-        theirs = {targets[k].source for k in self.group_of(key)}
-        if ours.isdisjoint(theirs):
+        sources = {targets[member].source for member in self.group_of(target.key)}
+        other_sources = {targets[member].source for member in self.group_of(key)}
+        if sources.isdisjoint(other_sources):
             pair.merged = True
-            pair.starts_over()
+            pair.reset()
             self._regroup()
 
-    def _is_one_with(self, key: str, target: Target, targets: Mapping[str, Target]) -> bool:
-        """Whether a group has somebody of the target's source already, other than the target itself."""
+    def _is_taken(self, key: str, target: Target, targets: Mapping[str, Target]) -> bool:
+        """Whether the group of `key` has another target of the given target's source."""
         group = self.groups.get(key, ())
-        return any(targets[k].source is target.source and k != target.key for k in group)
+        return any(targets[member].source is target.source and member != target.key for member in group)
 
     def _regroup(self) -> None:
-        """The groups are what the merged pairs connect."""
-        together: dict[str, set[str]] = {}
+        """Form the groups of all targets that are connected by merged pairs."""
+        connected: dict[str, set[str]] = {}
         for key, pairs in self._pairs.items():
             for other, pair in pairs.items():
                 if pair.merged:
-                    both = together.get(key, {key}) | together.get(other, {other})
-                    together.update(dict.fromkeys(both, both))
-        self.groups = {key: tuple(sorted(members, key=_naming)) for key, members in together.items()}
+                    both = connected.get(key, {key}) | connected.get(other, {other})
+                    connected.update(dict.fromkeys(both, both))
+        self.groups = {key: tuple(sorted(members, key=_precedence)) for key, members in connected.items()}
 
 
-def _naming(key: str) -> tuple[bool, str]:
-    """Keys with a prefix give way to addresses of transponders, which others know too."""
+def _precedence(key: str) -> tuple[bool, str]:
+    """Addresses of transponders come before keys with a prefix, because others know them too."""
     return "-" in key, key
 
 
-def gap(one: Target, other: Target, params: AssociationParams, datums: Datums) -> float | None:
-    """How unlike two are, in parts of the gate: 1 on its edge; `None` where it cannot be said."""
+def gate_distance(
+    one: Target, other: Target, params: AssociationParams, offsets: DatumOffsets
+) -> float | None:
+    """Dissimilarity of two targets in units of the gate, 1 on its edge; `None` if not comparable."""
     a, b = one.motion, other.motion
     if a is None or b is None:
         return None
-    now_s = max(a.place_s, b.place_s)
-    height_a, height_b = compare(a.heights, datums, now_s), compare(b.heights, datums, now_s)
-    if height_a is None or height_b is None:
+    now_s = max(a.position_s, b.position_s)
+    altitude_a, altitude_b = (
+        to_sea_level(a.altitudes, offsets, now_s),
+        to_sea_level(b.altitudes, offsets, now_s),
+    )
+    if altitude_a is None or altitude_b is None:
         return None
-    open_m = height_a.uncertainty_m + height_b.uncertainty_m
+    uncertainty_m = altitude_a.uncertainty_m + altitude_b.uncertainty_m
     return max(
-        _horizontal_gap(a, b, params, now_s),
+        _horizontal_gate_distance(a, b, params, now_s),
         math.hypot(a.north_mps - b.north_mps, a.east_mps - b.east_mps) / params.velocity_mps,
-        abs(height_a.altitude_m - height_b.altitude_m) / (params.vertical_m + open_m),
-        abs(height_a.climb_mps - height_b.climb_mps) / params.climb_mps,
+        abs(altitude_a.altitude_m - altitude_b.altitude_m) / (params.vertical_m + uncertainty_m),
+        abs(altitude_a.climb_mps - altitude_b.climb_mps) / params.climb_mps,
     )
 
 
-def _horizontal_gap(a: Motion, b: Motion, params: AssociationParams, now_s: float) -> float:
+def _horizontal_gate_distance(a: Motion, b: Motion, params: AssociationParams, now_s: float) -> float:
     frame = LocalFrame(a.lat_deg, a.lon_deg)
     north_m, east_m = frame.to_north_east_m(b.lat_deg, b.lon_deg)
-    north_m += b.north_mps * (now_s - b.place_s) - a.north_mps * (now_s - a.place_s)
-    east_m += b.east_mps * (now_s - b.place_s) - a.east_mps * (now_s - a.place_s)
+    north_m += b.north_mps * (now_s - b.position_s) - a.north_mps * (now_s - a.position_s)
+    east_m += b.east_mps * (now_s - b.position_s) - a.east_mps * (now_s - a.position_s)
     speed_mps = math.hypot(a.north_mps, a.east_mps)
     if speed_mps < 1.0:
         return math.hypot(north_m, east_m) / params.horizontal_m
     north, east = a.north_mps / speed_mps, a.east_mps / speed_mps
-    along_m, aside_m = north_m * north + east_m * east, east_m * north - north_m * east
-    reach_m = params.horizontal_m + params.delay_s * speed_mps
-    return math.hypot(along_m / reach_m, aside_m / params.horizontal_m)
+    along_m, across_m = north_m * north + east_m * east, east_m * north - north_m * east
+    along_gate_m = params.horizontal_m + params.delay_s * speed_mps
+    return math.hypot(along_m / along_gate_m, across_m / params.horizontal_m)
 
 
-def leader(members: Sequence[Target], now_s: float) -> Target:
-    """The one to believe: the fresher, then the more accurate."""
+def leading_target(members: Sequence[Target], now_s: float) -> Target:
+    """The target that gives a group's position: the fresher one, then the more accurate one."""
 
-    def badness(target: Target) -> tuple[float, float, int]:
+    def priority(target: Target) -> tuple[float, float, int]:
         motion = target.motion
         sigma_m = None if motion is None else motion.sigma_m
         sigma_m = _TYPICAL_SIGMA_M[target.source] if sigma_m is None else sigma_m
         age_s = max(now_s - target.measured_s, 0.0)
         return age_s // _AGE_STEP_S, sigma_m // _SIGMA_STEP_M, _RANK[target.source]
 
-    return min(members, key=badness)
+    return min(members, key=priority)

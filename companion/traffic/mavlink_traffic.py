@@ -1,4 +1,4 @@
-"""Other MAVLink systems as traffic: what they say of themselves, with what their heartbeats say they are."""
+"""Other MAVLink systems as traffic: their own positions, with the vehicle type from their heartbeats."""
 
 import math
 
@@ -7,7 +7,7 @@ from companion.mavlink.facts import Fact, Heartbeat, OwnPosition
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
 from companion.units import wrap_two_pi
 
-# Lower above its own home, and slower, nothing flies: it is parked, or carried to its start.
+# A system that is lower above its home and slower is not flying: it is parked, or carried to its start.
 _GROUND_HEIGHT_M, _GROUND_SPEED_MPS = 2.0, 3.0
 _GROUND_STATIONS = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ANTENNA_TRACKER})
 _SURFACE_VEHICLES = frozenset(
@@ -16,18 +16,18 @@ _SURFACE_VEHICLES = frozenset(
 
 
 class MavlinkTraffic:
-    """Every system but our own, by system id."""
+    """All MAVLink systems except our own, by system id."""
 
     def __init__(self) -> None:
         self._types: dict[int, int] = {}
 
     def observe(self, fact: Fact, now_s: float) -> TrafficReport | None:
-        """Take in a fact of another system; a report when it says where that system is."""
+        """Process a fact of another system; returns a report if the fact is its position."""
         match fact:
             case Heartbeat(autopilot=autopilot) if autopilot != mavlink.MAV_AUTOPILOT_INVALID:
                 self._types[fact.sender.system_id] = fact.vehicle_type
             case Heartbeat():
-                # What is no autopilot (a gimbal, a station) speaks for its system only where none is there.
+                # The type of a component (a gimbal, a station) is used only until an autopilot is received.
                 self._types.setdefault(fact.sender.system_id, fact.vehicle_type)
             case OwnPosition():
                 return self._report(fact, now_s)
@@ -39,10 +39,10 @@ class MavlinkTraffic:
         north_mps, east_mps, down_mps = fact.velocity_mps
         speed_mps = math.hypot(north_mps, east_mps)
         system_id = fact.sender.system_id
-        low = fact.height_above_home_m < _GROUND_HEIGHT_M
+        is_low = fact.height_above_home_m < _GROUND_HEIGHT_M
         vehicle_type = self._types.get(system_id)
-        # A station carried by car is as low as one that stands.
-        on_surface = vehicle_type in _SURFACE_VEHICLES or (low and vehicle_type in _GROUND_STATIONS)
+        # A ground station in a moving car is as low as one that stands.
+        on_surface = vehicle_type in _SURFACE_VEHICLES or (is_low and vehicle_type in _GROUND_STATIONS)
         return TrafficReport(
             source=TrafficSource.SYSTEM,
             key=f"SYS-{system_id}",
@@ -56,5 +56,5 @@ class MavlinkTraffic:
             climb_mps=-down_mps,
             callsign=f"system {system_id}",
             kind=TrafficKind.SURFACE_VEHICLE if on_surface else TrafficKind.UAV,
-            airborne=not (low and speed_mps < _GROUND_SPEED_MPS),
+            airborne=not (is_low and speed_mps < _GROUND_SPEED_MPS),
         )

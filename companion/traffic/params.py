@@ -8,32 +8,69 @@ from annotated_types import Ge, Gt, Le
 
 from companion.model import TrafficKind
 from companion.traffic.altitude_datums import HeightParams
-from companion.traffic.gates import AssociationParams, EchoParams
 from companion.traffic.track_filter import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]
 
 
 @dataclass(frozen=True, slots=True)
-class TrafficParams:
-    """When traffic is believed, kept and forgotten."""
+class AssociationParams:
+    """When reports of two sources are taken as one aircraft: how similar they must be, and for how long."""
 
-    # A track is dropped when nothing new was measured for this long.
+    # Errors of two satellite receivers, and the lag of the estimates in a turn.
+    horizontal_m: Annotated[float, Gt(0)] = 60.0
+    # Difference between the delays of two sources; the gate is longer by the path flown in this time.
+    delay_s: Annotated[float, Ge(0)] = 1.0
+    # In addition to the uncertainty between the references of the two altitudes.
+    vertical_m: Annotated[float, Gt(0)] = 40.0
+    velocity_mps: Annotated[float, Gt(0)] = 6.0
+    climb_mps: Annotated[float, Gt(0)] = 3.0
+    merge_reports: Annotated[int, Ge(1)] = 4
+    merge_after_s: Annotated[float, Ge(0)] = 4.0
+    # Two merged targets are apart when they are outside a gate this many times as large.
+    split_factor: Annotated[float, Gt(1)] = 2.5
+    split_reports: Annotated[int, Ge(1)] = 3
+    split_after_s: Annotated[float, Ge(0)] = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class EchoParams:
+    """When a report is an echo of our own aircraft: how similar to our own motion, and for how long."""
+
+    radius_m: Annotated[float, Gt(0)] = 30.0
+    vertical_m: Annotated[float, Gt(0)] = 40.0
+    # Velocities discriminate better than positions: satellites give them to a few decimetres per second.
+    velocity_mps: Annotated[float, Gt(0)] = 2.5
+    climb_mps: Annotated[float, Gt(0)] = 2.0
+    # Largest delay of a report: networks take seconds.
+    delay_s: Annotated[float, Ge(0)] = 3.0
+    reports: Annotated[int, Ge(1)] = 5
+    after_s: Annotated[float, Ge(0)] = 5.0
+    # An echo becomes traffic after this many reports outside a gate this many times as large.
+    split_factor: Annotated[float, Gt(1)] = 2.0
+    split_reports: Annotated[int, Ge(1)] = 2
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficParams:
+    """When traffic reports are accepted, and when tracks are dropped."""
+
+    # A track is dropped after this time without a new measurement.
     stale_s: Annotated[float, Gt(0)] = 20.0
-    # The same for point obstacles, which stay where they are.
+    # The same for point obstacles, which do not move.
     obstacle_stale_s: Annotated[float, Gt(0)] = 300.0
-    # A height this old, coasted with its last climb, still places a track; an older one does not.
+    # An altitude is extrapolated with its last climb for this time; after that the track has no altitude.
     altitude_hold_s: Annotated[float, Gt(0)] = 20.0
-    # An identical report within this time is the old one again: ArduPilot re-sends for 5 s, plus latency.
+    # An identical report within this time is a repetition: ArduPilot re-sends for 5 s, plus latency.
     repeat_window_s: Annotated[float, Ge(0)] = 7.0
-    # Up to this speed an aircraft may truly report the same place again after the window; a transponder's
-    # position is coarser (5 m) than the way a hovering helicopter drifts meanwhile.
+    # Up to this speed an aircraft may truly report the same position again after the window: a transponder's
+    # resolution of 5 m is coarser than the drift of a hovering helicopter in that time.
     hovering_mps: Annotated[float, Ge(0)] = 2.0
-    # When there are more, the one not heard for longest gives way.
+    # When there are more, the track with the longest silence is dropped.
     max_tracks: Annotated[int, Ge(1)] = 2000
-    # Our own transponder's addresses, which come back as traffic. More are learnt from the autopilot.
+    # Addresses of our own transponder, which are received as traffic too. The autopilot's address is added.
     own_icao: frozenset[Icao] = frozenset()
-    # The same for unmanned traffic management: the id in hexadecimal, as UTM_GLOBAL_POSITION carries it.
+    # The same for unmanned traffic management: our id in hexadecimal, as in UTM_GLOBAL_POSITION.
     own_uas_id: str | None = None
     estimate: EstimateParams = field(default_factory=EstimateParams)
     heights: HeightParams = field(default_factory=HeightParams)
@@ -41,7 +78,7 @@ class TrafficParams:
     own_echo: EchoParams = field(default_factory=EchoParams)
 
     def stale_after_s(self, kind: TrafficKind) -> float:
-        """For how long a track of this kind lives without a new measurement [s]."""
+        """Time without a new measurement after which a track of this kind is dropped [s]."""
         return self.obstacle_stale_s if kind is TrafficKind.OBSTACLE else self.stale_s
 
     def __post_init__(self) -> None:

@@ -1,6 +1,5 @@
-"""What is around us: traffic from every source, its heights made comparable with ours, and obstacles."""
+"""The traffic around us: facts from every source in, tracks in the local frame out."""
 
-from companion.airspace.obstacles import Obstacle, ObstacleMap, ObstacleParams
 from companion.geodesy import LocalFrame
 from companion.mavlink.facts import (
     OWN_ICAO_PARAMETER,
@@ -13,53 +12,54 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import Track
-from companion.traffic import OwnHeights, OwnMotion, Tracker, TrafficParams
+from companion.traffic.altitude_datums import OwnshipAltitudes
 from companion.traffic.mavlink_traffic import MavlinkTraffic
+from companion.traffic.ownship_echo import OwnshipFix
+from companion.traffic.params import TrafficParams
+from companion.traffic.tracker import Tracker
 
 
 class TrafficPicture:
-    """Facts in, tracks out. Its clock is the engine's."""
+    """Turns facts into tracks. Times are those of the engine's clock."""
 
-    def __init__(
-        self, traffic: TrafficParams, obstacles: tuple[Obstacle, ...], obstacle_params: ObstacleParams
-    ) -> None:
-        self.tracker = Tracker(traffic)
-        self._heights = OwnHeights(traffic.heights)
-        self._neighbours = MavlinkTraffic()
-        self._obstacles = ObstacleMap(obstacles, obstacle_params)
+    def __init__(self, params: TrafficParams) -> None:
+        self.tracker = Tracker(params)
+        self._own_altitudes = OwnshipAltitudes(params.heights)
+        self._mavlink_traffic = MavlinkTraffic()
 
-    def observe_own(self, fact: Fact, now_s: float) -> None:
-        """What our own autopilot says of itself, as far as it helps with others."""
+    def observe_ownship(self, fact: Fact, now_s: float) -> None:
+        """Process a fact of our own autopilot: position, altitude references and transponder address."""
         match fact:
             case OwnPosition():
                 self._observe_position(fact, now_s)
             case PressureAltitude():
-                self._heights.learn_pressure(fact.altitude_m, now_s)
+                self._own_altitudes.observe_pressure_altitude(fact.altitude_m, now_s)
             case GeoidSeparation():
-                self._heights.learn_separation(fact.separation_m)
+                self._own_altitudes.observe_geoid_separation(fact.separation_m)
             case Parameter() if fact.name == OWN_ICAO_PARAMETER and fact.value >= 1.0:
-                self.tracker.learn_own(int(fact.value))
+                self.tracker.add_own_address(int(fact.value))
             case OwnTransponder():
-                self.tracker.learn_own(fact.icao)
+                self.tracker.add_own_address(fact.icao)
             case _:
                 pass
 
-    def hear(self, fact: Fact, now_s: float) -> str | None:
-        """What somebody reports, of others or of himself; the id of the track that is renewed by it."""
-        report = fact.report if isinstance(fact, Traffic) else self._neighbours.observe(fact, now_s)
+    def receive(self, fact: Fact, now_s: float) -> str | None:
+        """Process a traffic report, or a fact of another MAVLink system.
+
+        Returns the id of the track that it updates, `None` if there is none.
+        """
+        report = fact.report if isinstance(fact, Traffic) else self._mavlink_traffic.observe(fact, now_s)
         if report is None:
             return None
-        self.tracker.datums = self._heights.datums(now_s)
-        return self.tracker.receive(report, now_s)
+        return self.tracker.receive(report, now_s, self._own_altitudes.offsets(now_s))
 
-    def tracks(self, now_s: float, frame: LocalFrame, home_altitude_m: float | None) -> tuple[Track, ...]:
-        """Everything to keep clear of, in the local frame, as of now."""
-        self.tracker.datums = self._heights.datums(now_s)
-        return self.tracker.tracks(now_s, frame) + self._obstacles.tracks(now_s, frame, home_altitude_m)
+    def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
+        """All tracks in the local frame, extrapolated to `now_s`, ordered by `track_id`."""
+        return self.tracker.tracks(now_s, frame, self._own_altitudes.offsets(now_s))
 
     def _observe_position(self, fact: OwnPosition, now_s: float) -> None:
-        self._heights.learn_altitude(fact.altitude_m)
+        self._own_altitudes.observe_altitude(fact.altitude_m)
         north_mps, east_mps, down_mps = fact.velocity_mps
-        self.tracker.note_own(
-            OwnMotion(now_s, fact.lat_deg, fact.lon_deg, fact.altitude_m, north_mps, east_mps, -down_mps)
+        self.tracker.observe_ownship(
+            OwnshipFix(now_s, fact.lat_deg, fact.lon_deg, fact.altitude_m, north_mps, east_mps, -down_mps)
         )

@@ -1,4 +1,4 @@
-"""One aircraft (or vehicle, or obstacle) that was heard: what its reports add up to."""
+"""One source's view of one aircraft, vehicle or obstacle: its reports filtered to a motion."""
 
 import math
 from collections import Counter
@@ -6,15 +6,24 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
-from companion.traffic.altitude_datums import Height
-from companion.traffic.outlier_gate import OutlierGate
+from companion.traffic.altitude_datums import ReportedAltitude
 from companion.traffic.params import TrafficParams
-from companion.traffic.repeats import RepeatMemory, content_of
-from companion.traffic.track_filter import HorizontalEstimate, HorizontalFix, VerticalEstimate, VerticalFix
-from companion.traffic.turning import TurnEstimate
+from companion.traffic.track_filter import (
+    HorizontalFilter,
+    HorizontalFix,
+    OutlierGate,
+    TurnFilter,
+    VerticalFilter,
+    VerticalFix,
+)
+
+# More distinct reports of one aircraft within the window mean a rate of 9 Hz: the oldest is forgotten.
+_MAX_REMEMBERED = 64
+
+_Content = tuple[float | None, ...]
 
 
-class Dropped(StrEnum):
+class DropReason(StrEnum):
     """Why a report, or a part of it, was not used."""
 
     NO_ADDRESS = "no address"
@@ -26,34 +35,71 @@ class Dropped(StrEnum):
     REPEATED = "repeated"
     REORDERED = "reordered"
     JUMPED = "jumped"
-    # The rest of the report is used, but it gives no height, or one that is not believed.
+    # The report is used except for its altitude, which is missing or an outlier.
     NO_ALTITUDE = "no altitude"
     ALTITUDE_JUMPED = "altitude jumped"
 
 
 class Motion(NamedTuple):
-    """All that flying a target on to now needs: velocities [m/s], and its height in each reference it gave.
+    """Estimated motion, from which the present position follows: velocities in m/s, times in s.
 
-    `turn_radps` is positive to the right; `sigma_m` is what the sender states of its position's accuracy.
+    `turn_radps` is positive to the right; `sigma_m` is the accuracy of the position as stated by the sender.
+    There is one altitude for each reference that the target reports.
     """
 
     lat_deg: float
     lon_deg: float
-    place_s: float
+    position_s: float
     north_mps: float
     east_mps: float
     turn_radps: float
     sigma_m: float | None
-    heights: tuple[Height, ...]
+    altitudes: tuple[ReportedAltitude, ...]
+
+
+class RepeatFilter:
+    """Recognizes reports of one aircraft that were sent again.
+
+    ArduPilot re-sends a report for up to 5 s without changing its age, and a second link delivers it late,
+    after newer ones; therefore several past reports are remembered. An aircraft that stands still sends
+    identical reports: after the window, counted from the first of them, the next one is a new measurement.
+    """
+
+    __slots__ = ("_first_received_s", "_window_s")
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._first_received_s: dict[_Content, float] = {}
+
+    def is_repeat(self, content: _Content, time_s: float, *, may_stand_still: bool) -> bool:
+        """Whether this content, valid at `time_s`, was received before; new content is remembered."""
+        first_received_s = self._first_received_s.get(content)
+        if first_received_s is None:
+            self._forget_before(time_s - self._window_s)
+            self._first_received_s[content] = time_s
+            return False
+        if not may_stand_still or time_s - first_received_s <= self._window_s:
+            return True
+        self._first_received_s[content] = time_s
+        return False
+
+    def _forget_before(self, oldest_s: float) -> None:
+        if len(self._first_received_s) >= _MAX_REMEMBERED:
+            del self._first_received_s[next(iter(self._first_received_s))]
+        self._first_received_s = {
+            content: received_s
+            for content, received_s in self._first_received_s.items()
+            if received_s >= oldest_s
+        }
 
 
 class _Vertical(NamedTuple):
-    estimate: OutlierGate[VerticalEstimate, VerticalFix]
+    gate: OutlierGate[VerticalFilter, VerticalFix]
     sigma_m: float
 
 
 class Target:
-    """The state of one key. Times are those of the tracker's clock, which never runs backwards."""
+    """The state of one key. Its times are those of the tracker's monotonic clock."""
 
     __slots__ = (
         "_dropped",
@@ -63,7 +109,7 @@ class Target:
         "_turn",
         "_verticals",
         "callsign",
-        "forget_s",
+        "expires_s",
         "icao",
         "key",
         "kind",
@@ -72,51 +118,51 @@ class Target:
         "source",
     )
 
-    def __init__(self, report: TrafficReport, params: TrafficParams, dropped: Counter[Dropped]) -> None:
+    def __init__(self, report: TrafficReport, params: TrafficParams, dropped: Counter[DropReason]) -> None:
         self.source = report.source
         self.key = report.key
         self.icao = report.icao
         self.callsign: str | None = None
         self.kind = TrafficKind.AIRCRAFT
         self.measured_s = -math.inf
-        self.forget_s = math.inf
+        self.expires_s = math.inf
         self.motion: Motion | None = None
         self._params = params
         self._dropped = dropped
-        self._repeats = RepeatMemory(params.repeat_window_s)
-        self._horizontal: OutlierGate[HorizontalEstimate, HorizontalFix] | None = None
-        self._turn = TurnEstimate(params.estimate)
-        # References are not mixed: two zeros would look like climbs.
+        self._repeats = RepeatFilter(params.repeat_window_s)
+        self._horizontal: OutlierGate[HorizontalFilter, HorizontalFix] | None = None
+        self._turn = TurnFilter(params.estimate)
+        # Each reference has its own filter: the difference between two references would look like a climb.
         self._verticals: dict[AltitudeReference, _Vertical] = {}
 
     def receive(self, report: TrafficReport, lat_deg: float, lon_deg: float, time_s: float) -> bool:
-        """Take in a report of the given place, valid at `time_s`; True when it was a new measurement."""
+        """Process a report of the given position, valid at `time_s`; True if it is a new measurement."""
         self.callsign = report.callsign or self.callsign
-        if self._repeats.is_repeat(content_of(report), time_s, may_stand_still=self._may_stand_still(report)):
-            self._dropped[Dropped.REPEATED] += 1
+        if self._repeats.is_repeat(_content(report), time_s, may_stand_still=self._may_stand_still(report)):
+            self._dropped[DropReason.REPEATED] += 1
             return False
         if time_s < self.measured_s:
-            self._dropped[Dropped.REORDERED] += 1
+            self._dropped[DropReason.REORDERED] += 1
             return False
         if report.kind is not self.kind:
-            # What stood still may fly from now on, or the reverse: nothing known so far applies.
+            # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
             self.kind, self._horizontal, self._verticals = report.kind, None, {}
         fix = HorizontalFix(time_s, lat_deg, lon_deg, self._velocity_mps(report))
         if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
-            self._horizontal = OutlierGate(HorizontalEstimate(fix, self._params.estimate))
+            self._horizontal = OutlierGate(HorizontalFilter(fix, self._params.estimate))
         elif not self._horizontal.receive(fix):
-            self._dropped[Dropped.JUMPED] += 1
+            self._dropped[DropReason.JUMPED] += 1
             return False
         self._turn.receive(time_s, fix.velocity_mps)
-        self._receive_height(report, time_s)
+        self._receive_altitude(report, time_s)
         self.measured_s = time_s
-        self.forget_s = time_s + self._params.stale_after_s(self.kind)
+        self.expires_s = time_s + self._params.stale_after_s(self.kind)
         self.motion = self._motion(self._horizontal.estimate, report.position_sigma_m)
         return True
 
-    def _motion(self, here: HorizontalEstimate, sigma_m: float | None) -> Motion:
-        heights = tuple(
-            self._height(reference, vertical.estimate.estimate, vertical.sigma_m)
+    def _motion(self, here: HorizontalFilter, sigma_m: float | None) -> Motion:
+        altitudes = tuple(
+            self._altitude(reference, vertical.gate.estimate, vertical.sigma_m)
             for reference, vertical in self._verticals.items()
         )
         return Motion(
@@ -127,36 +173,41 @@ class Target:
             here.east_mps,
             self._turn.rate_radps,
             sigma_m,
-            heights,
+            altitudes,
         )
 
-    def _height(self, reference: AltitudeReference, here: VerticalEstimate, sigma_m: float) -> Height:
-        until_s = (
+    def _altitude(
+        self, reference: AltitudeReference, here: VerticalFilter, sigma_m: float
+    ) -> ReportedAltitude:
+        valid_until_s = (
             math.inf if self.kind is TrafficKind.OBSTACLE else here.time_s + self._params.altitude_hold_s
         )
-        return Height(reference, here.altitude_m, here.time_s, here.climb_mps, until_s, sigma_m)
+        return ReportedAltitude(
+            reference, here.altitude_m, here.time_s, here.climb_mps, valid_until_s, sigma_m
+        )
 
-    def _receive_height(self, report: TrafficReport, time_s: float) -> None:
-        for height in () if self.motion is None else self.motion.heights:
-            if time_s > height.until_s:
-                self._verticals.pop(height.reference, None)
+    def _receive_altitude(self, report: TrafficReport, time_s: float) -> None:
+        for altitude in () if self.motion is None else self.motion.altitudes:
+            if time_s > altitude.valid_until_s:
+                self._verticals.pop(altitude.reference, None)
         if report.altitude_m is None:
-            self._dropped[Dropped.NO_ALTITUDE] += not self._verticals
+            self._dropped[DropReason.NO_ALTITUDE] += not self._verticals
             return
         fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report))
         sigma_m = report.altitude_sigma_m or 0.0
         known = self._verticals.get(report.altitude_reference)
         if known is None or self.kind is TrafficKind.OBSTACLE:
-            estimate: OutlierGate[VerticalEstimate, VerticalFix]
-            estimate = OutlierGate(VerticalEstimate(fix, self._params.estimate))
-        elif known.estimate.receive(fix):
-            estimate = known.estimate
+            gate: OutlierGate[VerticalFilter, VerticalFix]
+            gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
+        elif known.gate.receive(fix):
+            gate = known.gate
         else:
-            self._dropped[Dropped.ALTITUDE_JUMPED] += 1
+            self._dropped[DropReason.ALTITUDE_JUMPED] += 1
             return
-        self._verticals[report.altitude_reference] = _Vertical(estimate, sigma_m)
+        self._verticals[report.altitude_reference] = _Vertical(gate, sigma_m)
 
     def _velocity_mps(self, report: TrafficReport) -> Vec2 | None:
+        """The reported velocity (north, east), `None` if it is missing or impossible."""
         if self.kind is TrafficKind.OBSTACLE or report.ground_speed_mps == 0.0:
             return 0.0, 0.0
         speed_mps, course_rad = report.ground_speed_mps, report.course_rad
@@ -167,6 +218,7 @@ class Target:
         return speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
 
     def _climb_mps(self, report: TrafficReport) -> float | None:
+        """The reported climb, `None` if it is missing or impossible."""
         if self.kind is TrafficKind.OBSTACLE:
             return 0.0
         if report.climb_mps is None or abs(report.climb_mps) > self._params.estimate.max_climb_mps:
@@ -179,3 +231,15 @@ class Target:
             or report.ground_speed_mps is None
             or report.ground_speed_mps <= self._params.hovering_mps
         )
+
+
+def _content(report: TrafficReport) -> _Content:
+    """The measured values of a report: position, altitude and motion, without the time."""
+    return (
+        report.lat_deg,
+        report.lon_deg,
+        report.altitude_m,
+        report.course_rad,
+        report.ground_speed_mps,
+        report.climb_mps,
+    )

@@ -1,4 +1,4 @@
-"""The live display in a browser, the state for programs, and metrics; in a process of its own."""
+"""The live display in a browser, the state as JSON, and metrics, served by a process of their own."""
 
 from companion.web.display import Display
 from companion.web.observers import Observers

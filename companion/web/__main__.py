@@ -1,4 +1,4 @@
-"""The display's own process: moments come in by the standard input, and it ends with it."""
+"""The display's own process: serves the snapshots that arrive on standard input, and ends when it closes."""
 
 import asyncio
 import contextlib
@@ -9,61 +9,60 @@ from typing import Any
 
 from companion.errors import CompanionError
 from companion.web.app import build
+from companion.web.display import unpack
 from companion.web.live_snapshot import LiveSnapshot
-from companion.web.pipe import unpacked
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
-from companion.web.source import Live
+from companion.web.source import LiveSource
 
 _PIPE_BYTES = 1 << 20
 
 
-def say(**what: Any) -> None:
-    """A line to the flying process; if that is gone, we end anyway."""
+def report(**message: Any) -> None:
+    """Write a line to the flying process. If that has ended, so do we, by the end of standard input."""
     with contextlib.suppress(OSError):
-        sys.stdout.write(json.dumps(what) + "\n")
+        sys.stdout.write(json.dumps(message) + "\n")
         sys.stdout.flush()
 
 
 async def main() -> None:
-    """Serve what comes in."""
+    """Serve until standard input closes."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(limit=_PIPE_BYTES)
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    settings = await unpacked(reader)
+    settings = await unpack(reader)
     assert isinstance(settings, Settings)
-    source = Live()
-    opened = listen(settings)
-    app = build(source, settings, lambda role: say(role=role))
-    serving = asyncio.create_task(serve(app, opened), name="serving")
-    say(serving=settings.url)
-    taking_in = asyncio.create_task(_take_in(reader, source), name="moments")
-    done, _ = await asyncio.wait({serving, taking_in}, return_when=asyncio.FIRST_COMPLETED)
+    source = LiveSource()
+    listening = listen(settings)
+    app = build(source, settings, lambda role: report(role=role))
+    serving = asyncio.create_task(serve(app, listening), name="serving")
+    report(serving=settings.url)
+    receiving = asyncio.create_task(_receive(reader, source), name="snapshots")
+    done, _ = await asyncio.wait({serving, receiving}, return_when=asyncio.FIRST_COMPLETED)
     for task in done:
         task.result()
 
 
-async def _take_in(reader: asyncio.StreamReader, source: Live) -> None:
-    """Show what comes, until nothing comes any more."""
+async def _receive(reader: asyncio.StreamReader, source: LiveSource) -> None:
     with contextlib.suppress(EOFError):
         while True:
-            moment = await unpacked(reader)
-            if isinstance(moment, LiveSnapshot):
-                source.show(moment)
+            snapshot = await unpack(reader)
+            if isinstance(snapshot, LiveSnapshot):
+                source.show(snapshot)
 
 
-async def _main_and_away() -> None:
-    """What a viewer left hanging is not waited for."""
+async def _main_then_exit() -> None:
+    """Exit at once at the end, without waiting for open connections."""
     code = 1
     try:
         await main()
         code = 0
     except (CompanionError, EOFError) as error:
-        say(problem=str(error) or "it was told nothing")
-    except Exception as error:  # noqa: BLE001 - there is nobody else to tell
-        say(problem=f"internal error: {error!r}")
+        report(problem=str(error) or "no settings received")
+    except Exception as error:  # noqa: BLE001 - reported to the flying process, which restarts us
+        report(problem=f"internal error: {error!r}")
     os._exit(code)
 
 
 if __name__ == "__main__":
-    asyncio.run(_main_and_away())
+    asyncio.run(_main_then_exit())

@@ -1,8 +1,8 @@
-"""Who may ask: the host that he meant, the page that he comes from, and whether he has the token.
+"""Access control: checks the host name, the origin and the token of requests.
 
-A page of somebody else can make a browser ask us for anything. It cannot read the answers, but could give
-orders, and by a name that it points at us (DNS rebinding) it could read as well. So the name must be one of
-ours, and who gives orders or opens a WebSocket must come from our own page.
+A page of another server can make a browser send us any request. It cannot read the answers, but it could
+give commands; with a host name of its own that points at us (DNS rebinding) it could read as well. Therefore
+the host name must be one of ours, and commands and WebSockets must come from our own page.
 """
 
 import hmac
@@ -19,7 +19,7 @@ from companion.web.settings import Settings
 
 _SAFE_METHODS = frozenset({"GET", "HEAD"})
 _LONGEST_QUERY = 1024
-_PROTECTION = (
+_SECURITY_HEADERS = (
     (b"content-security-policy", b"default-src 'self'; frame-ancestors 'none'; base-uri 'none'"),
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -30,7 +30,7 @@ _PROTECTION = (
 
 
 class AccessControl:
-    """Stands before the application: refuses, and says on every answer what browsers must not do with it."""
+    """ASGI middleware: refuses requests of other sites, and adds security headers to every answer."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
@@ -42,7 +42,7 @@ class AccessControl:
         self._names = frozenset(names)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what may pass."""
+        """Refuse a request, or pass it on."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -52,20 +52,20 @@ class AccessControl:
         if refused is not None and scope["type"] == "websocket":
             await WebSocketClose(code=1008, reason=refused)(scope, receive, send)
         elif refused is not None:
-            await JSONResponse({"error": refused}, status_code=status)(scope, receive, _protected(send))
+            await JSONResponse({"error": refused}, status_code=status)(scope, receive, _with_headers(send))
         else:
-            await self._app(scope, receive, _protected(send) if scope["type"] == "http" else send)
+            await self._app(scope, receive, _with_headers(send) if scope["type"] == "http" else send)
 
     def _refusal(self, scope: Scope, headers: Headers) -> str | None:
         host, origin = headers.get("host", ""), headers.get("origin")
-        if not self._is_ours(host):
-            return "this is not the name of this server"
-        gives_orders = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
-        if gives_orders and origin is not None and not self._is_our_page(origin, host):
-            return "not from a page of another server"
+        if not self._is_our_name(host):
+            return "unknown host name: name it in web.origins"
+        is_command = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
+        if is_command and origin is not None and not self._is_our_page(origin, host):
+            return "refused: the page comes from another server"
         return None
 
-    def _is_ours(self, host: str) -> bool:
+    def _is_our_name(self, host: str) -> bool:
         try:
             name = (urlsplit(f"//{host}").hostname or "") if _is_plain(host) else ""
         except ValueError:
@@ -81,7 +81,7 @@ class AccessControl:
 
 
 def has_token(authorization: str | None, settings: Settings) -> bool:
-    """Whether the header `Authorization: Bearer TOKEN` has the token; compared in constant time."""
+    """True when the header `Authorization: Bearer TOKEN` has the token; compared in constant time."""
     if settings.token is None or authorization is None:
         return False
     kind, _, token = authorization.partition(" ")
@@ -92,10 +92,10 @@ def _is_plain(host: str) -> bool:
     return host.isascii() and host.isprintable() and not set(host) & set("/?#@\\ ")
 
 
-def _protected(send: Send) -> Send:
-    async def send_protected(message: Message) -> None:
+def _with_headers(send: Send) -> Send:
+    async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
-            message = {**message, "headers": [*message.get("headers", ()), *_PROTECTION]}
+            message = {**message, "headers": [*message.get("headers", ()), *_SECURITY_HEADERS]}
         await send(message)
 
-    return send_protected
+    return send_with_headers

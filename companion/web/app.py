@@ -1,15 +1,15 @@
-"""The application: the page, the state, health and metrics; and the one order that can be given.
+"""The web application: page, state, health and metrics, and the one command: a change of role.
 
 | address | what |
 |---|---|
-| `GET /` | the display |
-| `GET /api/state` | one state, see `state.md`; 503 while there is none |
-| `WS /ws` | states as they come, ten a second; who is slow misses some |
+| `GET /` | the page |
+| `GET /api/state` | the newest state, see `state.md`; 503 while there is none |
+| `WS /ws` | all states, ten a second; a slow viewer misses some |
 | `GET /api/info` | `kind` (live, replay), `title`, `duration_s`, `height_unit`, `may_command` |
-| `GET /api/timeline` | of a replay, when the layer changed, to which, and why |
+| `GET /api/timeline` | of a replay: each change of layer, with time and reason |
 | `POST /api/role` | `{"role": "off"|"advise"|"fly"}` with `Authorization: Bearer TOKEN` |
-| `GET /healthz` | 200 while the flying loop tells what it does, else 503 |
-| `GET /metrics` | for Prometheus |
+| `GET /healthz` | 200 while the flying loop sends snapshots, else 503 |
+| `GET /metrics` | metrics for Prometheus |
 """
 
 import asyncio
@@ -31,29 +31,28 @@ from companion.model import Role
 from companion.web.access_control import AccessControl, has_token
 from companion.web.metrics import Metrics
 from companion.web.settings import Settings
-from companion.web.source import Live, Source, View
+from companion.web.source import LiveSource, Source, View
 
 STATIC = Path(__file__).parent / "static"
 MOST_VIEWERS = 64
 _MOST_BODY_BYTES = 1024
-# So long a role that was asked for may take to be in effect.
-_ROLE_PATIENCE_S = 2.0
-_LONGEST_WISH = 256
+_ROLE_PATIENCE_S = 2.0  # for a requested role to take effect
+_LONGEST_MESSAGE = 256
 _TOO_MANY = 1013
 
 
 def build(source: Source, settings: Settings, ask_role: Callable[[str], None] = lambda _: None) -> Starlette:
-    """The application over a source of states; `ask_role` passes an order on."""
-    return _Pages(source, settings, ask_role).app()
+    """The application for a source of states; calls `ask_role` with each requested role."""
+    return _Handlers(source, settings, ask_role).app()
 
 
-class _Pages:
+class _Handlers:
     def __init__(self, source: Source, settings: Settings, ask_role: Callable[[str], None]) -> None:
         self._source = source
         self._settings = settings
         self._ask_role = ask_role
         self._viewers = 0
-        self._metrics = Metrics(source, lambda: self._viewers) if isinstance(source, Live) else None
+        self._metrics = Metrics(source, lambda: self._viewers) if isinstance(source, LiveSource) else None
 
     def app(self) -> Starlette:
         return Starlette(
@@ -69,7 +68,7 @@ class _Pages:
                 Mount("/static", StaticFiles(directory=STATIC)),
             ],
             middleware=[Middleware(AccessControl, settings=self._settings)],
-            exception_handlers={404: _not_found, 405: _not_so},
+            exception_handlers={404: _not_found, 405: _method_not_allowed},
         )
 
     async def _index(self, _: Request) -> Response:
@@ -78,7 +77,7 @@ class _Pages:
     async def _state(self, _: Request) -> Response:
         text = self._source.newest()
         if text is None:
-            return _error(503, "nothing is known yet")
+            return _error(503, "no state yet")
         return Response(text, media_type="application/json")
 
     async def _info(self, _: Request) -> Response:
@@ -96,13 +95,13 @@ class _Pages:
         return JSONResponse({"layers": self._source.layers()})
 
     async def _health(self, _: Request) -> Response:
-        if not isinstance(self._source, Live):
+        if not isinstance(self._source, LiveSource):
             return JSONResponse({"status": "ok", "kind": self._source.kind})
         if not self._source.is_fresh:
             return JSONResponse({"status": "the flying loop is silent"}, status_code=503)
-        moment = self._source.moment
-        heard = moment is not None and moment.autopilot is not None
-        return JSONResponse({"status": "ok", "kind": "live", "autopilot_known": heard})
+        snapshot = self._source.snapshot
+        known = snapshot is not None and snapshot.autopilot is not None
+        return JSONResponse({"status": "ok", "kind": "live", "autopilot_known": known})
 
     async def _prometheus(self, _: Request) -> Response:
         if self._metrics is None:
@@ -110,29 +109,31 @@ class _Pages:
         return Response(self._metrics.text(), media_type="text/plain; version=1.0.0; charset=utf-8")
 
     async def _role(self, request: Request) -> Response:
-        if not isinstance(self._source, Live) or self._settings.token is None:
+        if not isinstance(self._source, LiveSource) or self._settings.token is None:
             return _error(403, "this display is read-only: no token is configured")
         if not has_token(request.headers.get("authorization"), self._settings):
             return _error(401, "the token is missing or wrong", {"WWW-Authenticate": "Bearer"})
-        wish = await _small_json(request)
-        role = None if wish is None else wish.get("role")
+        body = await _small_json(request)
+        role = None if body is None else body.get("role")
         if not isinstance(role, str) or role.upper() not in Role.__members__:
             return _error(400, f"role must be one of {', '.join(r.name.lower() for r in Role)}")
         role = role.lower()
         if not self._source.is_fresh:
             return _error(503, "the flying loop is silent")
         self._ask_role(role)
-        if await self._comes_into_effect(self._source, role):
+        if await self._takes_effect(self._source, role):
             return JSONResponse({"role": role})
-        return _error(409, f"{role} did not come into effect")
+        return _error(409, f"the role did not change to {role}")
 
     @staticmethod
-    async def _comes_into_effect(source: Live, role: str) -> bool:
-        """What was on its way when it was asked shows nothing yet: the one after the next counts."""
+    async def _takes_effect(source: LiveSource, role: str) -> bool:
+        """True when a snapshot shows the role: not the next one, which may be older than the request."""
         asked_at = source.sequence
         try:
             async with asyncio.timeout(_ROLE_PATIENCE_S):
-                while source.sequence < asked_at + 2 or source.moment is None or source.moment.role != role:
+                while (
+                    source.sequence < asked_at + 2 or source.snapshot is None or source.snapshot.role != role
+                ):
                     await source.changed.wait()
         except TimeoutError:
             return False
@@ -146,37 +147,37 @@ class _Pages:
         try:
             await socket.accept()
             view = self._source.view()
-            hearing = asyncio.create_task(_hear(socket, view), name="viewer's wishes")
-            showing = asyncio.create_task(_show(socket, view), name="viewer's states")
-            await asyncio.wait({hearing, showing}, return_when=asyncio.FIRST_COMPLETED)
-            for task in (hearing, showing):
+            receiving = asyncio.create_task(_receive(socket, view), name="viewer's messages")
+            sending = asyncio.create_task(_send(socket, view), name="viewer's states")
+            await asyncio.wait({receiving, sending}, return_when=asyncio.FIRST_COMPLETED)
+            for task in (receiving, sending):
                 task.cancel()
-            await asyncio.gather(hearing, showing, return_exceptions=True)
+            await asyncio.gather(receiving, sending, return_exceptions=True)
         finally:
             self._viewers -= 1
 
 
-async def _show(socket: WebSocket, view: View) -> None:
+async def _send(socket: WebSocket, view: View) -> None:
     async for text in view.states():
         await socket.send_text(text)
 
 
-async def _hear(socket: WebSocket, view: View) -> None:
-    """Wishes until the viewer is gone; what is none is passed over, and too long is the end."""
+async def _receive(socket: WebSocket, view: View) -> None:
+    """Handle messages until the viewer is gone. Malformed ones are ignored; a long one ends the stream."""
     while True:
         try:
             text = await socket.receive_text()
         except (WebSocketDisconnect, KeyError):  # KeyError: a frame of bytes
             return
-        if len(text) > _LONGEST_WISH:
+        if len(text) > _LONGEST_MESSAGE:
             await socket.close(1009)
             return
         try:
-            wish = json.loads(text)
+            message = json.loads(text)
         except (ValueError, RecursionError):
             continue
-        if isinstance(wish, dict):
-            view.ask(wish)
+        if isinstance(message, dict):
+            view.control(message)
 
 
 async def _small_json(request: Request) -> Mapping[str, Any] | None:
@@ -186,20 +187,20 @@ async def _small_json(request: Request) -> Mapping[str, Any] | None:
         if len(body) > _MOST_BODY_BYTES:
             return None
     try:
-        wish = json.loads(body)
+        content = json.loads(body)
     except (ValueError, RecursionError):
         return None
-    return wish if isinstance(wish, dict) else None
+    return content if isinstance(content, dict) else None
 
 
-def _error(status: int, words: str, headers: Mapping[str, str] | None = None) -> Response:
-    return JSONResponse({"error": words}, status_code=status, headers=headers)
+def _error(status: int, text: str, headers: Mapping[str, str] | None = None) -> Response:
+    return JSONResponse({"error": text}, status_code=status, headers=headers)
 
 
 async def _not_found(_: Request, __: Exception) -> Response:
-    return _error(404, "there is nothing here")
+    return _error(404, "not found")
 
 
-async def _not_so(_: Request, refused: Exception) -> Response:
-    allowed = refused.headers if isinstance(refused, HTTPException) else None
-    return _error(405, "not by this method", allowed)
+async def _method_not_allowed(_: Request, error: Exception) -> Response:
+    allowed = error.headers if isinstance(error, HTTPException) else None
+    return _error(405, "method not allowed", allowed)

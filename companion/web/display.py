@@ -1,7 +1,11 @@
-"""The flying process' end of the display: starts it, feeds it, and never waits for it.
+"""The flying process's side of the display: starts the display's process and sends it snapshots.
 
-The display is a process of its own: however many browsers ask, and whatever goes wrong there, the flying loop
-shares neither its interpreter nor its file descriptors. A moment that finds the pipe still full is left out.
+The display is a process of its own. Many browsers, or a failure there, cannot disturb the flying loop, which
+shares neither interpreter nor file descriptors with it, and never waits for it: while the pipe is full,
+snapshots are left out.
+
+Objects go down the pipe as a length in four bytes and a pickle; only the parent can write to it. Lines of
+JSON come back.
 """
 
 import asyncio
@@ -9,41 +13,61 @@ import contextlib
 import json
 import logging
 import os
+import pickle
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from companion.links.backoff import Backoff
 from companion.web.live_snapshot import LiveSnapshot
-from companion.web.pipe import packed
 from companion.web.settings import Settings
 
 _log = logging.getLogger("companion")
 
-_SHORTEST_INTERVAL_S = 0.08  # a clock that runs faster than the wall's makes more ticks than anybody can see
+_LENGTH_BYTES = 4
+_LONGEST_OBJECT_BYTES = 16_000_000
 _LONGEST_LINE_BYTES = 4096
-_PRIORITY = 10  # of nice(1): after everybody else
-_FIRST_TO_GO = "500"
-# A port that is taken stays so, most likely, and every start costs a second of a small computer.
+_SHORTEST_INTERVAL_S = 0.08  # a simulation faster than real time makes more ticks than the eye can see
+_NICENESS = 10  # after all other processes
+_OOM_SCORE = "500"  # the kernel ends the display first when memory is short
+# A port in use most likely stays in use, and each start costs a small computer a second of CPU.
 _LONGEST_WAIT_S = 60.0
 _PATIENCE_AT_END_S = 1.0
 
 
+def pack(item: Any) -> bytes:
+    """Bytes that carry an object through the pipe."""
+    body = pickle.dumps(item, protocol=pickle.HIGHEST_PROTOCOL)
+    return len(body).to_bytes(_LENGTH_BYTES, "big") + body
+
+
+async def unpack(reader: asyncio.StreamReader) -> Any:
+    """The next object from the pipe; `EOFError` when the other end is closed."""
+    try:
+        length = int.from_bytes(await reader.readexactly(_LENGTH_BYTES), "big")
+        if length > _LONGEST_OBJECT_BYTES:
+            raise EOFError
+        return pickle.loads(await reader.readexactly(length))
+    except asyncio.IncompleteReadError as end:
+        raise EOFError from end
+
+
 class Display:
-    """Shows what it is given; `on_role` hears the role that a browser with the token asks for."""
+    """Shows snapshots in browsers. Calls `on_role` with each role that an authorised browser asks for."""
 
     def __init__(self, settings: Settings, on_role: Callable[[str], None] = lambda _: None) -> None:
         self.settings = settings
         self.on_role = on_role
-        self.dropped = 0  # moments that found the pipe full
+        self.dropped = 0  # snapshots left out because the pipe was full
         self.process_id: int | None = None  # while it runs
         self._pipe: asyncio.StreamWriter | None = None
         self._shown_s = -1.0
         self._backoff = Backoff(_LONGEST_WAIT_S)
 
     def is_ready(self) -> bool:
-        """Whether there is room for a moment now, and the last is long enough ago to see a difference."""
+        """True when a snapshot is due and the pipe is empty. Starts the next interval; counts a full pipe."""
         pipe, wall_s = self._pipe, time.monotonic()
         if pipe is None or wall_s - self._shown_s < _SHORTEST_INTERVAL_S:
             return False
@@ -52,62 +76,62 @@ class Display:
         self.dropped += full
         return not full
 
-    def show(self, moment: LiveSnapshot) -> None:
-        """Hand a moment over; to be asked first whether it `is_ready`."""
+    def show(self, snapshot: LiveSnapshot) -> None:
+        """Send a snapshot; call only when `is_ready`."""
         if self._pipe is not None:
-            self._pipe.write(packed(moment))
+            self._pipe.write(pack(snapshot))
 
     async def run(self) -> None:
-        """Keep the display's process alive until cancelled; a failure is told once, and tried again."""
+        """Run the display's process, and restart it whenever it ends, until cancelled."""
         while True:
             self._backoff.opening()
-            self._backoff.opened(time.monotonic())
             try:
                 problem = await self._run_once()
             except (OSError, RuntimeError, ValueError) as error:
-                problem = f"cannot be started: {error}"  # no memory, no descriptors, no interpreter any more
+                problem = f"cannot be started: {error}"  # no memory, descriptors or interpreter
             level = self._backoff.failed(time.monotonic())
             _log.log(level, "display: %s; flying on without it, trying again", problem)
             await asyncio.sleep(self._backoff.wait_s(time.monotonic()))
 
     async def _run_once(self) -> str:
-        """Until it ends; why it did."""
+        """Run the process until it ends; returns the reason."""
         process = await asyncio.create_subprocess_exec(
             sys.executable,
-            "-P",  # what it imports is what we import, wherever we were started
+            "-P",  # import the same packages as we do, whatever the working directory
             "-m",
             "companion.web",
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.DEVNULL,
             limit=_LONGEST_LINE_BYTES,
-            start_new_session=True,  # a Ctrl-C is for us: it ends when we do
+            start_new_session=True,  # Ctrl-C reaches only us; the display ends when we do
         )
         assert process.stdin is not None
         assert process.stdout is not None
         self.process_id, problem = process.pid, "it ended"
         try:
-            _make_way(process.pid)
-            process.stdin.write(packed(self.settings))
+            _lower_priority(process.pid)
+            process.stdin.write(pack(self.settings))
             self._pipe = process.stdin
             while line := await process.stdout.readline():
-                problem = self._hear(line) or problem
+                problem = self._take_line(line) or problem
         except (OSError, ValueError) as error:
             problem = str(error)
         finally:
             self._pipe = self.process_id = None
             process.stdin.close()
-            await _ended(process)
+            await _end(process)
         return problem
 
-    def _hear(self, line: bytes) -> str | None:
-        """Do what a line from the display says; its problem, if it is one."""
+    def _take_line(self, line: bytes) -> str | None:
+        """Handle a line from the display; returns the problem if it reports one."""
         try:
-            said = json.loads(line)
+            message = json.loads(line)
         except (ValueError, RecursionError):
             return None
-        match said:
+        match message:
             case {"serving": str(url)}:
+                self._backoff.opened(time.monotonic())
                 _log.info("display: %s", url)
             case {"role": str(role)}:
                 self.on_role(role)
@@ -118,15 +142,15 @@ class Display:
         return None
 
 
-def _make_way(process_id: int) -> None:
-    """When processor or memory are short, the flying loop keeps them."""
+def _lower_priority(process_id: int) -> None:
+    """When CPU or memory is short, the flying loop keeps it."""
     with contextlib.suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, process_id, _PRIORITY)
-        Path(f"/proc/{process_id}/oom_score_adj").write_text(_FIRST_TO_GO, encoding="ascii")
+        os.setpriority(os.PRIO_PROCESS, process_id, _NICENESS)
+        Path(f"/proc/{process_id}/oom_score_adj").write_text(_OOM_SCORE, encoding="ascii")
 
 
-async def _ended(process: asyncio.subprocess.Process) -> None:
-    """Its pipe is closed, so it ends by itself; else it is ended."""
+async def _end(process: asyncio.subprocess.Process) -> None:
+    """Wait for a process whose pipe is closed, and kill it if it does not end by itself."""
     try:
         async with asyncio.timeout(_PATIENCE_AT_END_S):
             await process.wait()

@@ -1,83 +1,18 @@
-"""What the flying process hands to the display, ten times a second: references to what it has anyway.
+"""The snapshot that the flying process sends to the display, ten times a second.
 
-What costs time, and every mistake in drawing conclusions from it, is left to the other process. Only for the
-record the same is done here too, every ten seconds.
+It holds references to objects that exist anyway. The display's process computes everything derived from them,
+so that neither the computing time nor a bug in it reaches the flying loop.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.avoidance import AvoidanceParams, Envelope
 from companion.engine import Engine
 from companion.geodesy import LocalFrame
-from companion.links import Link
 from companion.model import Snapshot
 from companion.ownship.mission import Mission
-from companion.web.loop_times import LoopTimes
-
-
-@dataclass(frozen=True, slots=True)
-class LinkCount:
-    """What one link carried since the start."""
-
-    address: str
-    frames: int
-    lost: int
-    bad_bytes: int
-    sent_frames: int
-    send_errors: int
-
-
-@dataclass(frozen=True, slots=True)
-class Health:
-    """How the service itself does; counts since the start."""
-
-    uptime_s: float
-    tick_s: float  # how long the last tick took
-    ticks_below: tuple[int, ...]  # how many took no longer than each of `LoopTimes.BOUNDS_S`, and all of them
-    ticks_total_s: float
-    skipped_ticks: int
-    links: tuple[LinkCount, ...]
-    unusable: int
-    setpoints_sent: int
-    recording_problem: str | None
-
-    @classmethod
-    def of(
-        cls,
-        uptime_s: float,
-        times: LoopTimes,
-        links: Sequence[Link],
-        *,
-        skipped_ticks: int = 0,
-        unusable: int = 0,
-        setpoints_sent: int = 0,
-        recording_problem: str | None = None,
-    ) -> "Health":
-        """The counts of the moment."""
-        counts = tuple(
-            LinkCount(
-                link.address,
-                (heard := link.counters).frames,
-                heard.lost,
-                heard.bad_bytes,
-                heard.sent_frames,
-                heard.send_errors,
-            )
-            for link in links
-        )
-        return cls(
-            uptime_s,
-            times.last_s,
-            times.below,
-            times.total_s,
-            skipped_ticks,
-            counts,
-            unusable,
-            setpoints_sent,
-            recording_problem,
-        )
+from companion.web.health import Health
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +39,7 @@ class LiveSnapshot:
 
 
 def live_snapshot_of(engine: Engine, now_s: float, health: Health) -> LiveSnapshot:
-    """What there is to be seen at `now_s`, by the engine's clock."""
+    """The snapshot at `now_s` by the engine's clock."""
     aircraft, adapter = engine.aircraft, engine.aircraft.adapter
     return LiveSnapshot(
         snapshot=engine.snapshot(now_s),

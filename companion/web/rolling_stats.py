@@ -1,17 +1,17 @@
-"""What only several moments together tell: rates, silences, the slowest ticks."""
+"""Statistics over the last seconds: frame rates, silence of links, the slowest ticks."""
 
 import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from companion.web.live_snapshot import Health
+from companion.web.health import Health, LinkCount
 
 _TICKS = 600  # a minute of ticks
 
 
 class RollingStats:
-    """Is shown the health of every moment, and says what it comes to. Rates are over the last `over_s`."""
+    """Statistics of the healths added so far. Rates are over the last `over_s` seconds."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic, over_s: float = 5.0) -> None:
         self._clock_s = clock_s
@@ -20,8 +20,8 @@ class RollingStats:
         self._ticks_s: deque[float] = deque(maxlen=_TICKS)
         self._heard_s: dict[str, float] = {}
 
-    def show(self, health: Health) -> None:
-        """Take note of the next moment."""
+    def add(self, health: Health) -> None:
+        """Add the health of the next snapshot."""
         now_s = self._clock_s()
         before = {} if not self._health else {link.address: link for link in self._health[-1][1].links}
         for link in health.links:
@@ -34,31 +34,29 @@ class RollingStats:
         self._ticks_s.append(health.tick_s)
 
     def tick_ms_p99(self) -> float | None:
-        """How long ticks took, 99 % of them, in the last minute [ms]."""
+        """99th percentile of the tick times in the last minute [ms]."""
         if not self._ticks_s:
             return None
         ordered = sorted(self._ticks_s)
         return round(1e3 * ordered[int(0.99 * (len(ordered) - 1))], 2)
 
     def links(self) -> list[dict[str, Any]]:
-        """How each link does."""
+        """State of each link, with the keys of `links` in `state.md`."""
         if not self._health:
             return []
         (first_s, first), (last_s, last) = self._health[0], self._health[-1]
         before = {link.address: link for link in first.links}
-        span_s, told = max(last_s - first_s, 0.1), []
-        for link in last.links:
-            old = before.get(link.address, link)
-            frames, lost = link.frames - old.frames, link.lost - old.lost
-            heard_s = self._heard_s.get(link.address)
-            silent_s = None if heard_s is None else max(last_s - heard_s, 0.0)
-            told.append(
-                {
-                    "address": link.address,
-                    "connected": silent_s is not None and silent_s < self._over_s,
-                    "frames_per_s": round(frames / span_s, 1),
-                    "lost_share": round(lost / (frames + lost), 4) if frames + lost > 0 else 0.0,
-                    "silent_s": None if silent_s is None else round(silent_s, 1),
-                }
-            )
-        return told
+        span_s = max(last_s - first_s, 0.1)
+        return [self._link(link, before.get(link.address, link), span_s, last_s) for link in last.links]
+
+    def _link(self, link: LinkCount, before: LinkCount, span_s: float, now_s: float) -> dict[str, Any]:
+        frames, lost = link.frames - before.frames, link.lost - before.lost
+        heard_s = self._heard_s.get(link.address)
+        silent_s = None if heard_s is None else max(now_s - heard_s, 0.0)
+        return {
+            "address": link.address,
+            "connected": silent_s is not None and silent_s < self._over_s,
+            "frames_per_s": round(frames / span_s, 1),
+            "lost_share": round(lost / (frames + lost), 4) if frames + lost > 0 else 0.0,
+            "silent_s": None if silent_s is None else round(silent_s, 1),
+        }

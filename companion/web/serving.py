@@ -1,4 +1,4 @@
-"""Serving the application within bounds: so many connections, so much per message, so long in silence."""
+"""The web server, with bounds on connections, message sizes and silence."""
 
 import asyncio
 import contextlib
@@ -14,69 +14,59 @@ from companion.errors import CompanionError
 from companion.web.settings import Settings
 
 MOST_CONNECTIONS = 128
-# Who connects and says nothing is shown out.
-_NEXT_WORD_S = 10.0
+_REQUEST_TIMEOUT_S = 10.0  # from connection or last answer to the next complete request
 _MOST_HEADER_BYTES = 16_384
 _MOST_MESSAGE_BYTES = 4_096
 _PING_S = 10.0
 _BACKLOG = 64
 
 
-class _Bounded(H11Protocol):
-    """As uvicorn's, but one too many is closed at once, and a silent one before long."""
+class _BoundedProtocol(H11Protocol):
+    """Uvicorn's protocol that closes a connection too many at once, and a silent one after a timeout."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self._word_awaited = self.loop.call_soon(_nothing)
+        self._timeout = self.loop.call_later(_REQUEST_TIMEOUT_S, self._close_if_idle)
         if len(self.connections) > MOST_CONNECTIONS:
             transport.abort()
-            return
-        self._await_word()
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
-        self._await_word()
+        self._timeout.cancel()
+        self._timeout = self.loop.call_later(_REQUEST_TIMEOUT_S, self._close_if_idle)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._word_awaited.cancel()
+        self._timeout.cancel()
         super().connection_lost(exc)
 
-    def _await_word(self) -> None:
-        """The next whole request, or out."""
-        self._word_awaited.cancel()
-        self._word_awaited = self.loop.call_later(_NEXT_WORD_S, self._show_out)
-
-    def _show_out(self) -> None:
+    def _close_if_idle(self) -> None:
+        """Close the connection unless an answer is being sent or it has become a WebSocket."""
         cycle, transport = cast("RequestResponseCycle | None", self.cycle), self.transport
         answered = cycle is None or cycle.response_complete
         if answered and not transport.is_closing() and transport.get_protocol() is self:
             transport.abort()
 
 
-def _nothing() -> None:
-    """Nobody is waited for yet."""
-
-
 def listen(settings: Settings) -> socket.socket:
-    """The socket to serve on; `CompanionError` in one line when there is none to be had."""
+    """The listening socket; `CompanionError` when the address cannot be used."""
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    opened = socket.socket(family, socket.SOCK_STREAM)
+    listening = socket.socket(family, socket.SOCK_STREAM)
     try:
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        opened.bind((settings.host, settings.port))
-        opened.listen(_BACKLOG)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((settings.host, settings.port))
+        listening.listen(_BACKLOG)
     except OSError as error:
-        opened.close()
+        listening.close()
         where = f"{settings.host}:{settings.port}"
         raise CompanionError(f"cannot listen on {where}: {error.strerror or error}") from error
-    return opened
+    return listening
 
 
-async def serve(app: Starlette, opened: socket.socket) -> None:
+async def serve(app: Starlette, listening: socket.socket) -> None:
     """Serve until cancelled."""
     config = uvicorn.Config(
         app,
-        http=_Bounded,
+        http=_BoundedProtocol,
         ws="websockets-sansio",
         ws_max_size=_MOST_MESSAGE_BYTES,
         ws_ping_interval=_PING_S,
@@ -92,7 +82,7 @@ async def serve(app: Starlette, opened: socket.socket) -> None:
         server_header=False,
     )
     server = _Server(config)
-    serving = asyncio.create_task(server.serve(sockets=[opened]), name="server")
+    serving = asyncio.create_task(server.serve(sockets=[listening]), name="server")
     try:
         await asyncio.shield(serving)
     except asyncio.CancelledError:
@@ -100,13 +90,13 @@ async def serve(app: Starlette, opened: socket.socket) -> None:
         await serving
         raise
     finally:
-        opened.close()
+        listening.close()
 
 
 class _Server(uvicorn.Server):
-    """Leaves the signals to whoever runs it."""
+    """A server without signal handlers: the caller handles signals."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """None are."""
+        """Capture none."""
         yield

@@ -1,4 +1,4 @@
-"""What the display's own process must know; and where it listens, in words."""
+"""Settings of the display."""
 
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -8,24 +8,28 @@ SHORTEST_TOKEN = 12
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """`token`: who has it may change the role; `None`: nobody may. `origins`: pages of others, as URLs."""
+    """Where the display listens, and who may use it.
+
+    `token` allows changes of the role; without one the display is read-only. `origins` are URLs of other
+    servers whose pages may open the stream.
+    """
 
     host: str = "127.0.0.1"
     port: int = 8080
     token: str | None = None
     origins: tuple[str, ...] = ()
     title: str = "Companion"
-    feet: bool = False  # heights, until somebody chooses otherwise on the page
+    feet: bool = False  # unit of heights, until the user chooses one on the page
 
     @property
     def url(self) -> str:
-        """What to type into a browser on this machine."""
+        """The URL of the page on this computer."""
         host = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
     def is_local(self) -> bool:
-        """Whether nobody but this machine can connect."""
+        """True when only this computer can connect."""
         try:
             return ip_address(self.host).is_loopback
         except ValueError:

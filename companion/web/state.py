@@ -1,6 +1,6 @@
-"""A moment as JSON for pages and programs: units in the names, degrees, numbers rounded to their worth.
+"""A snapshot as JSON for the page and other programs: units in the names, angles in degrees, numbers rounded.
 
-Every key is explained in `state.md` beside this file.
+`state.md` beside this file explains every key.
 """
 
 import json
@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from companion.airspace.fence_zones import FenceZone
-from companion.avoidance.assess import mission_of, own_state
+from companion.airspace.fences import FenceZone
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
-from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead
+from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead, mission_guidance, own_state
 from companion.geodesy import LocalFrame
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.output.decision_record import guidance_of, threat_text
@@ -23,56 +22,56 @@ from companion.web.rolling_stats import RollingStats
 
 VERSION = 1
 _PREDICTED_S = np.arange(0.0, 61.0, 5.0)
-# TCAS shows traffic within 6 NM and 1200 ft filled; among small aircraft this is as near.
+# TCAS shows traffic within 6 NM and 1200 ft as proximate. Small aircraft are slower: two outer radii instead.
 _NEAR_LAYERS, _NEAR_HEIGHT_M = 2.0, 366.0
 _CIRCLE_CORNERS = 48
 
 
-def state_of(moment: LiveSnapshot, sequence: int, trends: RollingStats) -> dict[str, Any]:
-    """The state at one moment; `trends` must have been shown the moments before."""
-    shot = moment.snapshot
+def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str, Any]:
+    """The state as a dictionary; `stats` must contain the health of this snapshot and those before."""
+    snapshot = live.snapshot
     return {
         "version": VERSION,
         "sequence": sequence,
-        "time_unix_s": round(shot.time_s, 3),
+        "time_unix_s": round(snapshot.time_s, 3),
         "aircraft": {
-            "autopilot": moment.autopilot,
-            "firmware": moment.firmware,
-            "system_id": moment.system_id,
-            "mode": shot.mode,
-            "armed": shot.armed,
+            "autopilot": live.autopilot,
+            "firmware": live.firmware,
+            "system_id": live.system_id,
+            "mode": snapshot.mode,
+            "armed": snapshot.armed,
         },
         "companion": {
-            "role": moment.role,
-            "state": shot.state,
-            "flying": moment.flying,
-            "last_text": shot.last_text,
+            "role": live.role,
+            "state": snapshot.state,
+            "flying": live.flying,
+            "last_text": snapshot.last_text,
         },
-        "own": _own(shot.ownship, moment),
-        "goal": _goal(shot),
+        "own": _own(snapshot.ownship, live),
+        "goal": _goal(snapshot),
         "decision": {
-            "layer": str(shot.decision.layer),
-            "because": shot.decision.because,
-            "guidance": guidance_of(shot.decision.guidance),
-            "threats": [json.loads(threat_text(threat)) for threat in shot.decision.threats],
+            "layer": str(snapshot.decision.layer),
+            "because": snapshot.decision.because,
+            "guidance": guidance_of(snapshot.decision.guidance),
+            "threats": [json.loads(threat_text(threat)) for threat in snapshot.decision.threats],
         },
-        "predicted": _predicted(moment),
+        "predicted": _predicted(live),
         "volumes": {
-            "outer_m": round(moment.avoidance.outer_radius_m),
-            "inner_m": round(moment.avoidance.inner_radius_m),
-            "well_clear_horizontal_m": round(moment.avoidance.well_clear_horizontal_m, 1),
-            "well_clear_vertical_m": round(moment.avoidance.well_clear_vertical_m, 1),
+            "outer_m": round(live.avoidance.outer_radius_m),
+            "inner_m": round(live.avoidance.inner_radius_m),
+            "well_clear_horizontal_m": round(live.avoidance.well_clear_horizontal_m, 1),
+            "well_clear_vertical_m": round(live.avoidance.well_clear_vertical_m, 1),
         },
-        "cones": _cones(moment),
-        "tracks": [_track(track, shot, moment) for track in shot.tracks],
-        "mission": _mission(moment),
-        "fences": [_fence(zone) for zone in moment.zones],
-        "links": trends.links(),
+        "cones": _cones(live),
+        "tracks": [_track(track, live) for track in snapshot.tracks],
+        "mission": _mission(live),
+        "fences": [_fence(zone) for zone in live.zones],
+        "links": stats.links(),
         "service": {
-            "uptime_s": round(moment.health.uptime_s, 1),
-            "tick_ms_p99": trends.tick_ms_p99(),
-            "position_age_s": _or_none(moment.position_age_s, 2),
-            "recording_problem": moment.health.recording_problem,
+            "uptime_s": round(live.health.uptime_s, 1),
+            "tick_ms_p99": stats.tick_ms_p99(),
+            "position_age_s": _or_none(live.position_age_s, 2),
+            "recording_problem": live.health.recording_problem,
         },
     }
 
@@ -86,12 +85,12 @@ def _or_none(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
 
 
-def _own(own: Ownship | None, moment: LiveSnapshot) -> dict[str, Any] | None:
-    if own is None or moment.frame is None:
+def _own(own: Ownship | None, live: LiveSnapshot) -> dict[str, Any] | None:
+    if own is None or live.frame is None:
         return None
-    place = moment.frame.to_geo(*own.position_m)
+    place = live.frame.to_geo(*own.position_m)
     north_mps, east_mps, down_mps = own.velocity_mps
-    home_m, wind_mps = moment.home_altitude_m, own.wind_mps
+    home_m, wind_mps = live.home_altitude_m, own.wind_mps
     return {
         "lat_deg": round(place.lat_deg, 7),
         "lon_deg": round(place.lon_deg, 7),
@@ -109,44 +108,44 @@ def _own(own: Ownship | None, moment: LiveSnapshot) -> dict[str, Any] | None:
     }
 
 
-def _goal(shot: Snapshot) -> dict[str, Any] | None:
-    """The mission as course, speed and height from here, and the place that it leads to if there is one."""
-    goal, own = shot.goal, shot.ownship
+def _goal(snapshot: Snapshot) -> dict[str, Any] | None:
+    """Course, airspeed and altitude of the mission from here, and its next position if it has one."""
+    goal, own = snapshot.goal, snapshot.ownship
     if goal is None or own is None:
         return None
-    wanted, place_m = mission_of(own_state(shot.time_s, own), own, goal), goal.position_m
+    mission, position_m = mission_guidance(own_state(snapshot.time_s, own), own, goal), goal.position_m
     return {
-        "course_deg": _deg(wanted.course_rad),
-        "airspeed_mps": round(wanted.airspeed_mps, 1),
-        "altitude_m": round(wanted.altitude_m, 1),
-        "north_m": None if place_m is None else round(place_m[0], 1),
-        "east_m": None if place_m is None else round(place_m[1], 1),
+        "course_deg": _deg(mission.course_rad),
+        "airspeed_mps": round(mission.airspeed_mps, 1),
+        "altitude_m": round(mission.altitude_m, 1),
+        "north_m": None if position_m is None else round(position_m[0], 1),
+        "east_m": None if position_m is None else round(position_m[1], 1),
     }
 
 
-def _predicted(moment: LiveSnapshot) -> list[list[float]]:
-    """Where what is commanded leads, else the mission."""
-    own, goal, guidance = moment.snapshot.ownship, moment.snapshot.goal, moment.snapshot.decision.guidance
+def _predicted(live: LiveSnapshot) -> list[list[float]]:
+    """The path of the guidance, else of the mission: [north_m, east_m, altitude_m] in steps of 5 s."""
+    own, goal, guidance = live.snapshot.ownship, live.snapshot.goal, live.snapshot.decision.guidance
     if own is None or goal is None:
         return []
-    state = own_state(moment.snapshot.time_s, own)
-    flown = guidance or mission_of(state, own, goal)
-    path_m = fly_ahead(state, Commands.of([flown]), moment.envelope).row_m(0)
+    state = own_state(live.snapshot.time_s, own)
+    flown = guidance or mission_guidance(state, own, goal)
+    path_m = fly_ahead(state, Commands.of([flown]), live.envelope).row_m(0)
     north_m, east_m, down_m = (np.interp(_PREDICTED_S, TIMES_S, path_m[:, axis]) for axis in range(3))
     return [[round(float(x), 1) for x in place] for place in zip(north_m, east_m, -down_m, strict=True)]
 
 
-def _cones(moment: LiveSnapshot) -> list[dict[str, Any]]:
-    shot = moment.snapshot
-    own, by_id = shot.ownship, {track.track_id: track for track in shot.tracks}
-    threats = [threat for threat in shot.decision.threats if threat.track_id in by_id]
+def _cones(live: LiveSnapshot) -> list[dict[str, Any]]:
+    snapshot = live.snapshot
+    own, by_id = snapshot.ownship, {track.track_id: track for track in snapshot.tracks}
+    threats = [threat for threat in snapshot.decision.threats if threat.track_id in by_id]
     if own is None or not threats:
         return []
-    return [_cone(threat, by_id[threat.track_id], own, moment) for threat in threats]
+    return [_cone(threat, by_id[threat.track_id], own, live) for threat in threats]
 
 
-def _cone(threat: Threat, track: Track, own: Ownship, moment: LiveSnapshot) -> dict[str, Any]:
-    params = moment.avoidance
+def _cone(threat: Threat, track: Track, own: Ownship, live: LiveSnapshot) -> dict[str, Any]:
+    params = live.avoidance
     radius_m = track.protected_horizontal_m or params.well_clear_horizontal_m
     radius_m *= 1.0 + params.horizontal_margin
     rel_m = np.subtract(track.position_m, own.position_m)[None, :2]
@@ -163,9 +162,9 @@ def _cone(threat: Threat, track: Track, own: Ownship, moment: LiveSnapshot) -> d
     }
 
 
-def _track(track: Track, shot: Snapshot, moment: LiveSnapshot) -> dict[str, Any]:
+def _track(track: Track, live: LiveSnapshot) -> dict[str, Any]:
     north_mps, east_mps, down_mps = track.velocity_mps
-    own = shot.ownship
+    own = live.snapshot.ownship
     off_m = (0.0, 0.0, 0.0) if own is None else tuple(np.subtract(track.position_m, own.position_m).tolist())
     distance_m, above_m = math.hypot(off_m[0], off_m[1]), -off_m[2]
     speed_mps = math.hypot(north_mps, east_mps)
@@ -184,28 +183,28 @@ def _track(track: Track, shot: Snapshot, moment: LiveSnapshot) -> dict[str, Any]
         "turn_dps": round(math.degrees(track.turn_radps), 2),
         "age_s": round(track.age_s, 1),
         "distance_m": round(distance_m),
-        "level": _level(track.track_id, distance_m, above_m, moment),
+        "level": _level(track.track_id, distance_m, above_m, live),
     }
 
 
-def _level(track_id: str, distance_m: float, above_m: float, moment: LiveSnapshot) -> str:
-    """How a TCAS would show it: red what the inner layer is about, amber what the outer one is."""
-    layers = {threat.track_id: threat.layer for threat in moment.snapshot.decision.threats}
+def _level(track_id: str, distance_m: float, above_m: float, live: LiveSnapshot) -> str:
+    """The level as on a TCAS: warning for threats of the inner layer, caution for those of the outer one."""
+    layers = {threat.track_id: threat.layer for threat in live.snapshot.decision.threats}
     layer = layers.get(track_id, Layer.CLEAR)
     if layer is Layer.INNER:
         return "warning"
     if layer is Layer.OUTER:
         return "caution"
-    near = distance_m < _NEAR_LAYERS * moment.avoidance.outer_radius_m and abs(above_m) < _NEAR_HEIGHT_M
+    near = distance_m < _NEAR_LAYERS * live.avoidance.outer_radius_m and abs(above_m) < _NEAR_HEIGHT_M
     return "proximate" if near else "other"
 
 
-def _mission(moment: LiveSnapshot) -> dict[str, Any] | None:
-    if moment.mission is None:
+def _mission(live: LiveSnapshot) -> dict[str, Any] | None:
+    if live.mission is None:
         return None
-    places = moment.mission.places(moment.home_altitude_m)
+    places = live.mission.places(live.home_altitude_m)
     return {
-        "current": moment.mission_sequence,
+        "current": live.mission_sequence,
         "items": [
             {
                 "sequence": sequence,

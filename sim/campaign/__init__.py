@@ -1,1 +1,1 @@
-"""Encounters by the thousand through the engine that flies: how safe it is, and at what price."""
+"""Campaigns: thousands of encounters through the product's engine, and the remaining risk."""

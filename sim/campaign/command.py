@@ -1,4 +1,4 @@
-"""`companion-sim campaign` and `companion-sim encounter`: from options to a table, a report and a page."""
+"""`companion-sim campaign` and `companion-sim encounter`: options to table, report and page."""
 
 import contextlib
 import json
@@ -15,15 +15,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from companion.errors import CompanionError, ConfigError, require
-from sim.campaign.cluster import place_of, run_on
-from sim.campaign.flight import Flown, fly, undisturbed
-from sim.campaign.plan import NONE, Plan
-from sim.campaign.results import Key, Result, Results, key_of, read_results
+from sim.campaign.avoiders import NONE
+from sim.campaign.cluster import parse_scheduler_address, run_on
+from sim.campaign.flight import EncounterResult, fly, unmitigated
+from sim.campaign.plan import Plan
+from sim.campaign.results import Key, ResultLine, Results, key_of, read_results
 from sim.campaign.runner import run_here
 from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, gather, summary_of
 from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
-# Flown by the processes of this machine.
+# The scheduler of this machine's own processes.
 LOCAL = "local"
 _DRAWN = 6
 
@@ -31,27 +32,29 @@ _DRAWN = 6
 def run(
     plan: Plan, out: Path, console: Console, *, workers: int | None = None, scheduler: str = LOCAL
 ) -> dict[str, Any]:
-    """Fly what is left of a campaign, with a progress bar on a terminal; the figures by avoider.
+    """Fly the remaining encounters of a campaign, with a progress bar on a terminal; the figures by avoider.
 
-    `scheduler`: `LOCAL`, in so many `workers` processes of this machine, or the address of one of dask's.
+    `scheduler`: `LOCAL` for `workers` processes of this machine, or the address of a dask scheduler.
     """
     if scheduler != LOCAL:
         if workers is not None:
-            raise ConfigError("--workers: of this machine; how many a scheduler has is said where they start")
-        place_of(scheduler)
+            raise ConfigError("--workers: only for this machine; a scheduler's workers are started elsewhere")
+        parse_scheduler_address(scheduler)
         require("distributed", "companion-sim campaign --scheduler", "sim")
     plan.check()
     results = Results.open(out, plan.identity())
     before, begun = len(results.done), time.perf_counter()
     try:
-        with _progress(console, plan, results) as tell:
+        with _progress(console, plan, results) as on_flown:
             if scheduler == LOCAL:
-                run_here(plan, results, workers=workers, tell=tell)
+                run_here(plan, results, workers=workers, on_flown=on_flown)
             else:
-                say = partial(console.print, markup=False, soft_wrap=True)
-                run_on(scheduler, plan, results, tell=tell, say=say)
+                on_notice = partial(console.print, markup=False, soft_wrap=True)
+                run_on(scheduler, plan, results, on_flown=on_flown, on_notice=on_notice)
     except KeyboardInterrupt:
-        kept = f"campaign: interrupted; {len(results.done)} results are kept in {out}, start again to go on"
+        kept = (
+            f"campaign: interrupted; {len(results.done)} results are kept in {out}, start again to continue"
+        )
         raise CompanionError(kept) from None
     finally:
         results.close()
@@ -61,13 +64,13 @@ def run(
 
 
 def _report(plan: Plan, out: Path, rate: float | None) -> dict[str, Any]:
-    """The figures by avoider; where traffic was known in several ways, by these too."""
+    """The figures by avoider; with several surveillance presets, by these too."""
     report = {name: summary_of(figures, rate) for name, figures in gather(_wanted(plan, out)).items()}
     if len(plan.surveillance) > 1:
         for name in report:
-            by_known = gather(_wanted(plan, out, name), "surveillance")
+            by_preset = gather(_wanted(plan, out, name), "surveillance")
             report[name]["by_surveillance"] = {
-                known: summary_of(by_known[known]) for known in plan.surveillance if known in by_known
+                preset: summary_of(by_preset[preset]) for preset in plan.surveillance if preset in by_preset
             }
     return {name: report[name] for name in plan.avoiders if name in report}
 
@@ -84,30 +87,30 @@ def _progress(console: Console, plan: Plan, results: Results) -> Iterator[Callab
         done_before, begun, flown = len(results.done), time.perf_counter(), 0
         task = progress.add_task("", total=total, completed=done_before, rate="0.0")
 
-        def tell(more: int) -> None:
+        def on_flown(more: int) -> None:
             nonlocal flown
             flown += more
             rate_hz = flown / max(time.perf_counter() - begun, 1e-9)
             progress.update(task, advance=more, rate=f"{rate_hz:.1f}")
 
-        yield tell
+        yield on_flown
 
 
 def print_figures(console: Console, report: dict[str, Any]) -> None:
-    """The table that a reader wants first: what remains, and at what price."""
+    """Print the main table: remaining risk, and its cost in deviation and nuisance."""
     table = Table(box=box.SIMPLE, padding=(0, 1))  # within eighty columns
     headings = ("avoider", "risk ratio", "well clear", "aside\nheight", "nuisance", "not\nback")
     for heading in headings:
         side: Literal["left", "right"] = "left" if heading == "avoider" else "right"
         table.add_column(heading, justify=side, no_wrap=True)
     rows = [
-        (name, known, figures)
+        (name, preset, figures)
         for name, whole in report["avoiders"].items()
-        for known, figures in whole.get("by_surveillance", {"": whole}).items()
+        for preset, figures in whole.get("by_surveillance", {"": whole}).items()
     ]
-    for name, known, figures in rows:
+    for name, preset, figures in rows:
         table.add_row(
-            f"{name}\n{known or format(figures['encounters'], ',') + ' flown'}",
+            f"{name}\n{preset or format(figures['encounters'], ',') + ' flown'}",
             _with_interval(figures, "risk_ratio"),
             _with_interval(figures, "lowc_ratio"),
             f"{_metres(figures['median_max_deviation_m'])}\n{_metres(figures['median_max_height_m'])}",
@@ -116,9 +119,9 @@ def print_figures(console: Console, report: dict[str, Any]) -> None:
         )
     console.print(table)
     console.print(
-        f"Ratios against nobody avoiding, with 95 % intervals; the pass lines are\n"
+        f"Ratios to flights without avoidance, with 95 % intervals; the pass lines are\n"
         f"{RISK_RATIO_LINE} and {LOWC_RATIO_LINE}. Aside and height are medians over conflicts.\n"
-        "Not back: on the mission line, half an hour after the encounter."
+        "Not back: not on the mission line half an hour after the encounter."
     )
 
 
@@ -134,12 +137,12 @@ def _metres(value: float | None) -> str:
 
 
 def write_report(path: Path, report: dict[str, Any]) -> None:
-    """The figures as JSON."""
+    """Write the figures as JSON."""
     path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
 
 def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
-    """The page of a campaign that is flown; its worst encounters are flown again to be drawn."""
+    """The page of a flown campaign; its worst encounters are flown again for the drawings."""
     from sim.campaign.page import page  # matplotlib takes long to import, and is optional
 
     source, figures = plan.source(), gather(_wanted(plan, out))
@@ -151,31 +154,31 @@ def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
     return page(plan, report, figures, worst)
 
 
-def _wanted(plan: Plan, out: Path, avoider: str | None = None) -> Iterator[Result]:
+def _wanted(plan: Plan, out: Path, avoider: str | None = None) -> Iterator[ResultLine]:
     """A plan's results, of all its avoiders or of one, read one at a time."""
     return (
         result for result in read_results(out) if plan.wants(result) and avoider in (None, result["avoider"])
     )
 
 
-def _worst(lines: Iterator[Result]) -> list[Result]:
-    """The flights that came nearest, of those that lost well clear."""
+def _worst(lines: Iterator[ResultLine]) -> list[ResultLine]:
+    """The closest approaches among the flights that lost well clear."""
     lost = (line for line in lines if line["flown"]["lowc"])
     return nsmallest(_DRAWN, lost, key=lambda line: (line["flown"]["severity"], line["number"]))
 
 
-def _fly_again(plan: Plan, source: Callable[[int], Encounter], key: Key) -> tuple[Encounter, Flown]:
-    avoider, known, number = key
-    encounter, surveillance = source(number), SURVEILLANCE_PRESETS[known]
+def _fly_again(plan: Plan, source: Callable[[int], Encounter], key: Key) -> tuple[Encounter, EncounterResult]:
+    avoider, preset, number = key
+    encounter, surveillance = source(number), SURVEILLANCE_PRESETS[preset]
     flown = fly(encounter, plan.engine_for(avoider), surveillance, plan.limits, seed=plan.seed + number)
     return encounter, flown
 
 
 def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) -> None:
-    """One encounter in words, and drawn where `out` says."""
+    """Print one encounter, and draw it to `out`."""
     key = plan.avoiders[0], plan.surveillance[0], number
     encounter, flown = _fly_again(plan, plan.source(), key)
-    for name, near in (("undisturbed", undisturbed(encounter)), ("flown", flown.closeness)):
+    for name, near in (("unmitigated", unmitigated(encounter)), ("flown", flown.closest)):
         outcome = "near mid-air collision" if near.nmac else "well clear lost" if near.lowc else "well clear"
         console.print(
             f"{name}: nearest {near.horizontal_m:.0f} m aside, {near.vertical_m:.0f} m in height: {outcome}"

@@ -1,4 +1,4 @@
-"""What results depend on besides the plan: a campaign is flown only where it is the same."""
+"""The software versions that results depend on; all workers of a campaign must have the same."""
 
 import platform
 from collections.abc import Iterator, Sequence
@@ -10,17 +10,17 @@ from pathlib import Path
 import companion
 import sim
 
-# By name, in the words a reader is shown.
+# Versions by name, as shown to the user.
 Environment = dict[str, str]
 
-# Those that have a part in a flight. Another version of the others cannot change a result.
+# Packages that take part in a flight; versions of others cannot change a result.
 _PACKAGES = ("numpy", "pymavlink")
-# What one avoider needs besides.
+# Additional packages of an avoider.
 _PACKAGES_OF = {"orca": ("pyrvo",)}
 
 
 def environment(avoiders: Sequence[str]) -> Environment:
-    """What is installed here of what these avoiders' results depend on."""
+    """The installed versions that these avoiders' results depend on."""
     packages = (*_PACKAGES, *(name for avoider in avoiders for name in _PACKAGES_OF.get(avoider, ())))
     return {
         "companion": f"{companion.__version__} ({_digest()})",
@@ -30,7 +30,7 @@ def environment(avoiders: Sequence[str]) -> Environment:
 
 
 def difference(here: Environment, there: Environment) -> str | None:
-    """What differs first, in words; `None` when all is the same."""
+    """The first difference in words; `None` if there is none."""
     for name, wanted in here.items():
         if (found := there.get(name, "none")) != wanted:
             return f"{name} {found}, here {wanted}"
@@ -46,7 +46,7 @@ def _version(package: str) -> str:
 
 @cache
 def _digest() -> str:
-    """Of the source text: the version number stays the same while somebody changes the avoidance."""
+    """A digest of the source text, since changes of the code do not change the version number."""
     whole = sha256()
     for name, path in sorted(_sources()):
         whole.update(name.encode() + b"\0" + path.read_bytes() + b"\0")

@@ -1,4 +1,4 @@
-"""One encounter flown: engine, plane and traffic in lockstep, decisions once a second, dynamics ten times."""
+"""Flies one encounter: engine, plane and traffic in lockstep, one decision and ten steps a second."""
 
 import math
 import time
@@ -13,7 +13,7 @@ from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import PressureAltitude, Traffic
 from companion.model import AltitudeReference, TrafficReport, TrafficSource, adsb_key
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
@@ -25,24 +25,24 @@ from sim.encounters import Encounter, Heard, Observer, Surveillance
 Array = NDArray[np.floating]
 
 _STEP_S = 0.1
-_FACTS_EVERY = 5  # steps: an autopilot that is not heard for a second counts as silent
+_FACTS_EVERY = 5  # steps: an autopilot counts as silent after a second without messages
 _STEPS_PER_DECISION = 2 * _FACTS_EVERY
 _START_S = 1_700_000_000.0
-# Wind, airspeed and where the mission leads.
+# Wind, airspeed and the mission's next waypoint.
 _RARE_FACTS_S = 2
-# Back on the mission line: as near to it as autopilots keep to one.
+# Back on the mission line: within the tracking error of autopilots.
 _ON_LINE_M, _AT_HEIGHT_M = 25.0, 8.0
-# For the way back, after the encounter itself: somebody may fly on along the mission line, at our speed.
+# For the way back after the encounter; an intruder may stay on the mission line, at our speed.
 _LONGEST_RETURN_S = 1800.0
 _FIRST_ICAO = 0xA00001
 
 
 @dataclass(frozen=True, slots=True)
-class Closeness:
-    """How near the nearest intruder came: the smallest distances, and whether the volumes were entered.
+class ClosestApproach:
+    """The closest approach of the nearest intruder, and whether the standards' volumes were entered.
 
-    `severity` is the smallest over time of max(horizontal / 609.6 m, vertical / 76.2 m): below 1 well clear
-    is lost.
+    `severity` is the minimum over time of max(horizontal / 609.6 m, vertical / 76.2 m): below 1, well clear
+    is lost. The distances are those at that moment.
     """
 
     horizontal_m: float
@@ -53,10 +53,10 @@ class Closeness:
 
 
 @dataclass
-class Flown:
-    """What became of one encounter, and what is drawn of it: `own_m` (n, 3) north-east-down every 0.1 s."""
+class EncounterResult:
+    """The result of one encounter; `own_m` is our path, (n, 3) north-east-down every 0.1 s."""
 
-    closeness: Closeness
+    closest: ClosestApproach
     deviation_m: float = 0.0
     height_m: float = 0.0
     avoided: bool = False
@@ -68,8 +68,8 @@ class Flown:
     reasons: list[tuple[float, str]] = field(default_factory=list)
 
 
-def closeness(own_m: Array, encounter: Encounter, dt_s: float = _STEP_S) -> Closeness:
-    """How near they came within the encounter, own positions (n, 3) at 0, dt, 2 dt and so on."""
+def closest_approach(own_m: Array, encounter: Encounter, dt_s: float = _STEP_S) -> ClosestApproach:
+    """The closest approach within the encounter; own positions (n, 3) every `dt_s` from 0."""
     count = min(len(own_m), round(encounter.duration_s / dt_s) + 1)
     times_s = np.arange(count) * dt_s
     horizontal, vertical, severity = [], [], []
@@ -85,15 +85,15 @@ def closeness(own_m: Array, encounter: Encounter, dt_s: float = _STEP_S) -> Clos
         nmac |= bool(((across_m < NMAC_HORIZONTAL_M) & (above_m < NMAC_VERTICAL_M)).any())
         lowc |= bool((ratio < 1.0).any())
     first = int(np.argmin(severity))
-    return Closeness(horizontal[first], vertical[first], severity[first], nmac, lowc)
+    return ClosestApproach(horizontal[first], vertical[first], severity[first], nmac, lowc)
 
 
-def undisturbed(encounter: Encounter) -> Closeness:
-    """How near they come when nobody avoids: the mission is a straight line."""
+def unmitigated(encounter: Encounter) -> ClosestApproach:
+    """The closest approach without avoidance: the mission is a straight line."""
     times_s = np.arange(round(encounter.duration_s / _STEP_S) + 1) * _STEP_S
     course, speed = encounter.own_course_rad, encounter.own_airspeed_mps
     velocity = np.array([speed * math.cos(course), speed * math.sin(course), 0.0])
-    return closeness(np.array(encounter.own_position_m) + times_s[:, None] * velocity, encounter)
+    return closest_approach(np.array(encounter.own_position_m) + times_s[:, None] * velocity, encounter)
 
 
 def fly(
@@ -103,7 +103,7 @@ def fly(
     limits: Limits,
     *,
     seed: int = 0,
-) -> Flown:
+) -> EncounterResult:
     """Fly an encounter, and on until the aircraft is back on its mission line."""
     return _Flight(encounter, make_engine(encounter), surveillance, limits, seed).run()
 
@@ -117,16 +117,16 @@ class _Flight:
             encounter.own_position_m, encounter.own_course_rad, encounter.own_airspeed_mps, limits
         )
         self._observer = Observer(encounter, surveillance, seed)
-        self._noted: object = None
+        self._noted: object = None  # state and guidance of the last entry in `reasons`
         self._own_m: list[Array] = [np.array([self._plane.position_m])]
-        self._flown = Flown(Closeness(math.inf, math.inf, math.inf, nmac=False, lowc=False))
+        self._flown = EncounterResult(ClosestApproach(math.inf, math.inf, math.inf, nmac=False, lowc=False))
 
-    def run(self) -> Flown:
+    def run(self) -> EncounterResult:
         steps = round(self._encounter.duration_s / _STEP_S)
         longest = steps + round(_LONGEST_RETURN_S / _STEP_S)
         step = 0
         while True:
-            self._tell(step)
+            self._send_facts(step)
             if step % _STEPS_PER_DECISION == 0:
                 self._decide(step * _STEP_S)
                 if step >= steps and (self._is_back(step) or step >= longest):
@@ -135,7 +135,7 @@ class _Flight:
             step += _FACTS_EVERY
         flown, plane = self._flown, self._plane
         flown.own_m = np.concatenate(self._own_m)
-        flown.closeness = closeness(flown.own_m, self._encounter)
+        flown.closest = closest_approach(flown.own_m, self._encounter)
         flown.engagements = plane.entered_guided
         flown.avoided = plane.entered_guided > 0
         off_m = np.abs(self._off_line_m(flown.own_m))
@@ -155,7 +155,7 @@ class _Flight:
             self._flown.back_s = step * _STEP_S
         return back
 
-    def _tell(self, step: int) -> None:
+    def _send_facts(self, step: int) -> None:
         now_s = _START_S + step * _STEP_S
         engine, plane = self._engine, self._plane
         facts = plane.facts(now_s)
@@ -175,17 +175,17 @@ class _Flight:
         begun = time.perf_counter()
         effects = engine.tick(now_s)
         flown.decision_ms.append((time.perf_counter() - begun) * 1e3)
-        if self._plane.hear(_messages(effects)):
-            # The real one is heard five times a second, and whoever changes the mode hears of it that soon.
+        if self._plane.execute(_messages(effects)):
+            # The autopilot's heartbeat comes five times a second and reports a new mode that soon.
             for fact in (self._plane.heartbeat(), *self._plane.facts(now_s)):
                 engine.receive(fact, now_s)
-            self._plane.hear(_messages(engine.tick(now_s)))
+            self._plane.execute(_messages(engine.tick(now_s)))
         if engine.supervisor.state in (State.OUTER, State.INNER) and flown.first_action_s is None:
             flown.first_action_s = time_s
         self._note(time_s)
 
     def _note(self, time_s: float) -> None:
-        """What is flown and why, whenever what is flown changes."""
+        """Record state and reason whenever state or guidance changes."""
         engine, decision = self._engine, self._engine.decision
         guidance = decision.guidance if engine.supervisor.flying else None
         wanted = None
@@ -206,14 +206,14 @@ def _messages(effects: Sequence[object]) -> list[Message]:
 
 
 def _as_report(heard: Heard, now_s: float) -> TrafficReport:
-    """As a transponder's report arrives: heights of the standard atmosphere, as old as the receiver knows."""
-    index, _, position_m, velocity_mps, told_age_s = heard
+    """The report of a transponder: pressure altitude, and the age that the receiver reports."""
+    index, _, position_m, velocity_mps, reported_age_s = heard
     lat_deg, lon_deg, altitude_m = FRAME.to_geo(*position_m)
     icao = _FIRST_ICAO + index
     return TrafficReport(
         TrafficSource.ADSB,
         adsb_key(icao),
-        now_s - told_age_s,
+        now_s - reported_age_s,
         lat_deg=lat_deg,
         lon_deg=lon_deg,
         altitude_m=altitude_m,

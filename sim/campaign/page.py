@@ -1,4 +1,4 @@
-"""The page of a campaign: one HTML file that opens offline, its figures drawn into it."""
+"""The page of a campaign: one HTML file with its figures, readable offline."""
 
 import html
 from collections.abc import Callable, Mapping, Sequence
@@ -14,13 +14,13 @@ from companion.model import Layer
 from companion.report.drawing import BANDS
 from companion.report.html import image, table
 from companion.report.html import page as html_page
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
-from sim.campaign.flight import Flown
+from sim.campaign.flight import EncounterResult
 from sim.campaign.plan import Plan
 from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, Figures, ratio_of
 from sim.encounters import Encounter
@@ -29,22 +29,22 @@ _OWN, _COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#000000")
 _DASHES = ("--", "-.", ":", (0, (5, 1)))
 _LOST, _NEAR = BANDS[Layer.OUTER], BANDS[Layer.INNER]
 _CLOSING_EDGES_MPS = (0.0, 30.0, 60.0, 90.0, np.inf)
-Flight = tuple[Encounter, Flown]
+Flight = tuple[Encounter, EncounterResult]
 
 
 def page(
     plan: Plan, report: dict[str, Any], figures: dict[str, Figures], worst: Mapping[str, Sequence[Flight]]
 ) -> str:
-    """The whole page. `worst` are the encounters to be drawn, by avoider."""
+    """The whole page as HTML. `worst` are the encounters to draw, by avoider."""
     parts = [
-        "<h1>How safe it is</h1>",
+        "<h1>Remaining risk</h1>",
         f"<p>{html.escape(_in_words(plan))}</p>",
         _summary_table(report),
-        f"<p class=why>Ratios against nobody avoiding, with 95 % intervals (bootstrap over encounters, "
-        f"weights honoured). Pass lines for cooperative traffic: risk {RISK_RATIO_LINE}, well clear "
+        f"<p class=why>Ratios to flights without avoidance, with 95 % intervals (bootstrap over weighted "
+        f"encounters). Pass lines for cooperative traffic: risk {RISK_RATIO_LINE}, well clear "
         f"{LOWC_RATIO_LINE}. Aside and height: the largest deviation, median over the encounters that lose "
-        f"well clear undisturbed. Nuisance: avoidance flown in an encounter that stays well clear by "
-        f"itself.</p>",
+        f"well clear without avoidance. Nuisance: avoidance flown in an encounter that stays well clear "
+        f"without it.</p>",
     ]
     for name, one in figures.items():
         parts += [
@@ -60,8 +60,7 @@ def page(
 
 def _in_words(plan: Plan) -> str:
     source = (
-        ", ".join(model.rsplit("/", 1)[-1] for model in plan.models)
-        or "generated backwards from the closest approach"
+        ", ".join(model.rsplit("/", 1)[-1] for model in plan.models) or "generated from the closest approach"
     )
     locked = "; height locked by floor and ceiling" if plan.lock_height else ""
     return (
@@ -127,8 +126,8 @@ def _group_table(what: str, figures: Figures, groups: Groups) -> str:
     return table((what, "encounters", "conflicts", "risk ratio", "well clear ratio"), rows)
 
 
-def _drawn(encounter: Encounter, flown: Flown) -> str:
-    near = flown.closeness
+def _drawn(encounter: Encounter, flown: EncounterResult) -> str:
+    near = flown.closest
     words = (
         f"nearest {near.horizontal_m:.0f} m aside, {near.vertical_m:.0f} m in height; "
         f"{'near mid-air collision' if near.nmac else 'well clear lost' if near.lowc else 'well clear'}; "
@@ -142,8 +141,8 @@ def _drawn(encounter: Encounter, flown: Flown) -> str:
     )
 
 
-def figure_of(encounter: Encounter, flown: Flown) -> Figure:
-    """One encounter: from above, heights over time, separation over time with the volumes as bands."""
+def figure_of(encounter: Encounter, flown: EncounterResult) -> Figure:
+    """A figure of one encounter: map, heights, and separation over time with the volumes as bands."""
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     above, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.3), squeeze=False)[0]
     heights, apart = right.subplots(2, 1, sharex=True)
@@ -173,7 +172,7 @@ def figure_of(encounter: Encounter, flown: Flown) -> Figure:
 
 
 def _from_above(
-    axes: Axes, flown: Flown, own_m: NDArray[np.floating], seen: Sequence[NDArray[np.floating]]
+    axes: Axes, flown: EncounterResult, own_m: NDArray[np.floating], seen: Sequence[NDArray[np.floating]]
 ) -> None:
     axes.plot(flown.own_m[:, 1], flown.own_m[:, 0], color=_OWN, lw=0.8)
     _over_time_marks(axes, own_m, _OWN, "-", "own")

@@ -1,18 +1,15 @@
-"""What a campaign flies: which encounters, by whom, and what is known of the traffic."""
+"""The plan of a campaign: which encounters, which avoiders, which surveillance."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
-from companion.avoidance import Avoider
-from companion.control.state_machine import SupervisorParams
-from companion.engine import Engine, EngineConfig, EngineParams
+from companion.engine import Engine
 from companion.errors import ConfigError
-from companion.ownship.performance_limits import AircraftLimits
-from sim.campaign.peer_avoider import PeerAvoider
+from sim.campaign.avoiders import COMPANION, engine_for
 from sim.campaign.plane import Limits
-from sim.campaign.results import Result
+from sim.campaign.results import ResultLine
 from sim.encounters import (
     SURVEILLANCE_PRESETS,
     Encounter,
@@ -23,16 +20,15 @@ from sim.encounters import (
     read_model,
     sample,
 )
-from sim.peers import PEERS, PeerLimits, make_peer
+from sim.peers import PEERS
 
-COMPANION, NONE = "companion", "none"
-# With the height locked, floor and ceiling are so far from the mission's height.
+# With the height locked: distance of floor and ceiling from the mission's height.
 _SLACK_M = 1.0
-_MODEL, _FILES = ".txt", (".csv", ".daa")
+_FILES = (".csv", ".daa")
 
 
 class Part(StrEnum):
-    """Which of the encounters: tuning looks at one half, and what is quoted comes from the other."""
+    """Which half of the encounters: one for tuning, the other for quoted results."""
 
     ALL = "all"
     TUNING = "tuning"  # even numbers
@@ -40,8 +36,8 @@ class Part(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """What a plan's models or files hold, so that whoever flies it elsewhere needs none of them."""
+class Inputs:
+    """The content of a plan's models or files, so that workers elsewhere need no files."""
 
     models: tuple[EncounterModel, ...] = ()
     encounters: tuple[Encounter, ...] = ()
@@ -49,7 +45,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign. The same plan and number give the same encounter, flight and result, wherever flown."""
+    """A campaign. The same plan and number give the same encounter and result on any machine."""
 
     encounters: int
     seed: int = 0
@@ -70,25 +66,25 @@ class Plan:
 
     @property
     def limits(self) -> Limits:
-        """What the aircraft can do."""
+        """The limits of the aircraft."""
         return Limits(slack_m=_SLACK_M) if self.lock_height else Limits()
 
     @property
-    def known(self) -> Surveillance:
-        """How well the traffic is known, in the first of what is flown."""
+    def first_surveillance(self) -> Surveillance:
+        """The first of the plan's surveillance presets."""
         return SURVEILLANCE_PRESETS[self.surveillance[0]]
 
     @property
     def flights(self) -> int:
-        """How many are flown: each encounter by each avoider with each surveillance."""
+        """Number of flights: each encounter by each avoider with each surveillance."""
         return self.encounters * len(self.avoiders) * len(self.surveillance)
 
     def identity(self) -> dict[str, object]:
-        """What must be the same for results to belong together: all but how many, whose, and how known."""
+        """The settings that all results of one file share: all but number, avoiders and surveillance."""
         return {k: v for k, v in asdict(self).items() if k not in ("encounters", "avoiders", "surveillance")}
 
-    def wants(self, result: Result) -> bool:
-        """Whether a result is one of this plan's."""
+    def wants(self, result: ResultLine) -> bool:
+        """True for a result of this plan."""
         return (
             result["avoider"] in self.avoiders
             and result["surveillance"] in self.surveillance
@@ -96,27 +92,27 @@ class Plan:
         )
 
     def numbers(self) -> range:
-        """The numbers of the encounters, `encounters` of them."""
+        """The numbers of the plan's encounters."""
         if self.part is Part.ALL:
             return range(self.encounters)
         return range(int(self.part is Part.EVALUATION), 2 * self.encounters, 2)
 
-    def given(self) -> Given:
-        """Read the models or files. `ConfigError` when it cannot."""
+    def inputs(self) -> Inputs:
+        """Read the models or files; `ConfigError` if that fails."""
         paths = [Path(name) for name in self.models]
         files = [path for path in paths if path.suffix.lower() in _FILES]
         if not files:
-            return Given(models=tuple(read_model(path) for path in paths))
+            return Inputs(models=tuple(read_model(path) for path in paths))
         if len(files) < len(paths):
             raise ConfigError("--model: either models, or files of encounters")
-        return Given(encounters=tuple(one for path in files for one in read_encounters(path)))
+        return Inputs(encounters=tuple(one for path in files for one in read_encounters(path)))
 
-    def source(self, given: Given | None = None) -> Callable[[int], Encounter]:
-        """From a number to its encounter; reads what it is not given. `ConfigError` when it cannot."""
-        given = given or self.given()
-        listed, models = given.encounters, given.models
+    def source(self, inputs: Inputs | None = None) -> Callable[[int], Encounter]:
+        """A function from a number to its encounter; without `inputs`, models or files are read."""
+        inputs = inputs or self.inputs()
+        listed, models = inputs.encounters, inputs.models
         if listed:
-            # A file's encounters are flown over and over, each time with other errors of surveillance.
+            # A file's encounters repeat, each time with other surveillance errors.
             return lambda number: replace(
                 listed[number % len(listed)],
                 encounter_id=f"{listed[number % len(listed)].encounter_id}#{number}",
@@ -126,51 +122,11 @@ class Plan:
         return lambda number: generate("mix", self.seed, number)
 
     def check(self) -> None:
-        """`ConfigError` when a model, a file or what an avoider needs is missing."""
+        """`ConfigError` if a model, a file or an avoider's library is missing."""
         self.source()
         for avoider in self.avoiders:
             self.engine_for(avoider)(generate("level", 0, 0))
 
     def engine_for(self, avoider: str) -> Callable[[Encounter], Engine]:
-        """What makes the engine that flies an encounter."""
-        limits = self.limits
-        aircraft = AircraftLimits(
-            min_airspeed_mps=limits.min_airspeed_mps,
-            max_airspeed_mps=limits.max_airspeed_mps,
-            max_bank_rad=limits.max_bank_rad,
-            max_climb_mps=limits.max_climb_mps,
-            max_sink_mps=limits.max_climb_mps,
-        )
-
-        def make(encounter: Encounter) -> Engine:
-            height_m = -encounter.own_position_m[2]
-            slack_m = limits.slack_m
-            floor_m, ceiling_m = (0.0, None) if slack_m is None else (height_m - slack_m, height_m + slack_m)
-            config = EngineConfig(
-                engine=EngineParams(autopilot_system_id=1, max_height_m=ceiling_m),
-                supervisor=SupervisorParams(min_height_m=max(floor_m, 0.0)),
-                aircraft=aircraft,
-            )
-            return Engine(config, avoider=self._peer(avoider, config, floor_m, ceiling_m))
-
-        return make
-
-    def _peer(
-        self, avoider: str, config: EngineConfig, floor_m: float, ceiling_m: float | None
-    ) -> Avoider | None:
-        if avoider == COMPANION:
-            return None
-        limits = self.limits
-        peer = make_peer(
-            avoider,
-            PeerLimits(
-                min_airspeed_mps=limits.min_airspeed_mps,
-                max_airspeed_mps=limits.max_airspeed_mps,
-                max_bank_rad=limits.max_bank_rad,
-                max_climb_mps=limits.max_climb_mps,
-                max_sink_mps=limits.max_climb_mps,
-                floor_m=floor_m,
-                ceiling_m=ceiling_m,
-            ),
-        )
-        return PeerAvoider(config.avoidance, peer)
+        """A function that makes the engine for an encounter."""
+        return engine_for(avoider, self.limits)

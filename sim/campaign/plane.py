@@ -1,8 +1,7 @@
-"""An aircraft for campaigns: the fake vehicle's dynamics, and of ArduPlane just what an engine talks to.
+"""An aircraft for campaigns: the fake vehicle's dynamics with a minimal ArduPlane.
 
-It flies its mission line in AUTO, and in GUIDED what the 4300x commands say, which is all that ArduPlane
-obeys. What it tells are facts, so that nothing is packed and unpacked; the fake vehicle shows that the bytes
-are right.
+It flies its mission line in AUTO and the 4300x commands in GUIDED; ArduPlane obeys no others. It emits facts
+instead of messages, which saves packing and unpacking; the fake vehicle tests the bytes.
 """
 
 import math
@@ -32,18 +31,18 @@ from sim.dynamics import Airframe, FixedWing
 
 AUTOPILOT = Sender(1, 1)
 AUTO = 10
-# The mission's next place: so far ahead that a flight never reaches it.
+# Distance of the mission's next waypoint: no flight reaches it.
 _MISSION_M = 50_000.0
-# The middle of nowhere: the campaigns' own flat frame lies around it.
+# Origin of the campaigns' flat frame.
 FRAME = LocalFrame(45.0, 10.0)
 _ACTIVE = 4  # MAV_STATE_ACTIVE
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the aircraft of a campaign can do, as in the comparison of the peers: 30 degrees, 2.54 m/s.
+    """Limits of the campaign's aircraft, as in the comparison of the peers: 30 degrees, 2.54 m/s.
 
-    `slack_m`: with the height locked, how much there is between floor and ceiling and the mission's height.
+    `slack_m`: distance of floor and ceiling from the mission's height, `None` unless the height is locked.
     """
 
     min_airspeed_mps: float = 20.0
@@ -91,18 +90,18 @@ class Plane:
         return self._wing.velocity_mps
 
     def off_line_m(self) -> tuple[float, float]:
-        """How far beside the mission line and above its height [m]."""
+        """Offset to the right of the mission line and above its height [m]."""
         north_m, east_m, down_m = self._wing.position_m
         north_m, east_m = north_m - self._start_m[0], east_m - self._start_m[1]
         aside_m = east_m * math.cos(self._course_rad) - north_m * math.sin(self._course_rad)
         return aside_m, self._start_m[2] - down_m
 
     def fly(self, steps: int, dt_s: float) -> NDArray[np.float64]:
-        """Fly on for so many steps; where it is after each of them, north-east-down [m], (steps, 3)."""
+        """Fly some steps; the position after each, north-east-down [m], (steps, 3)."""
         return self._wing.fly(steps, dt_s, self._line_m if self.mode == AUTO else None)
 
     def facts(self, now_s: float) -> list[Fact]:
-        """What the autopilot tells of itself, and its answers since the last call."""
+        """The autopilot's position, and its answers since the last call."""
         wing = self._wing
         position_m = wing.position_m
         place = FRAME.to_geo(*position_m)
@@ -120,12 +119,12 @@ class Plane:
         return [*answers, position]
 
     def heartbeat(self) -> Heartbeat:
-        """What it is, and in which mode."""
+        """The present heartbeat."""
         kind, autopilot = mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         return Heartbeat(AUTOPILOT, kind, autopilot, True, self.mode, _ACTIVE)
 
     def rare_facts(self) -> list[Fact]:
-        """What changes slowly, or not at all."""
+        """The facts that change slowly or never."""
         return [
             AirData(AUTOPILOT, self._wing.airspeed_mps),
             Wind(AUTOPILOT, 0.0, 0.0),
@@ -133,8 +132,8 @@ class Plane:
             NavigationTarget(AUTOPILOT, self._end.lat_deg, self._end.lon_deg, self._end.altitude_m),
         ]
 
-    def hear(self, messages: Iterable[Message]) -> bool:
-        """Obey what is commanded; true when the mode changed."""
+    def execute(self, messages: Iterable[Message]) -> bool:
+        """Execute commands; True if the mode changed."""
         before = self.mode
         for message in messages:
             kind = message.get_type()
@@ -142,7 +141,7 @@ class Plane:
                 self._enter(int(message.param2))
                 self._answer(message.command, mavlink.MAV_RESULT_ACCEPTED)
             elif kind == "COMMAND_INT":
-                self._obey(message)
+                self._execute_guided(message)
         return self.mode != before
 
     def _enter(self, mode: int) -> None:
@@ -153,7 +152,7 @@ class Plane:
             self._wing.hold_altitude(-self._start_m[2])
             self._wing.hold_airspeed(self._airspeed_mps)
 
-    def _obey(self, message: Message) -> None:
+    def _execute_guided(self, message: Message) -> None:
         if self.mode != GUIDED:
             self._answer(message.command, mavlink.MAV_RESULT_FAILED)
             return

@@ -1,4 +1,4 @@
-"""Results on disk: one JSON line each as they come, so that an interrupted campaign can go on."""
+"""Results on disk, one JSON line per flight, so that an interrupted campaign can continue."""
 
 import json
 import math
@@ -8,18 +8,20 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from companion.errors import ConfigError
-from sim.campaign.flight import Closeness, Flown
+from sim.campaign.flight import ClosestApproach, EncounterResult
 from sim.encounters import Encounter
 
-# Durations of decisions are counted in bins, each a twentieth wider than the one before.
+# Decision times are counted in bins, each 5 % wider than the one before.
 _SHORTEST_MS, _WIDER = 0.01, 1.05
 
-Result = dict[str, Any]
-Key = tuple[str, str, int]  # by whom, how known, which
+ResultLine = dict[str, Any]
+Key = tuple[str, str, int]  # avoider, surveillance, number of the encounter
 
 
-def result_of(key: Key, encounter: Encounter, nominal: Closeness, flown: Flown) -> Result:
-    """One line of the results. All but `timing` is the same whenever and wherever the encounter is flown."""
+def result_line(
+    key: Key, encounter: Encounter, nominal: ClosestApproach, flown: EncounterResult
+) -> ResultLine:
+    """One line of the results; all but `timing` is the same on any machine."""
     avoider, surveillance, number = key
     return {
         "number": number,
@@ -30,8 +32,8 @@ def result_of(key: Key, encounter: Encounter, nominal: Closeness, flown: Flown) 
         "geometry": encounter.geometry,
         "closing_mps": round(encounter.closing_mps, 2),
         "intruders": len(encounter.intruders),
-        "nominal": _closeness(nominal),
-        "flown": _closeness(flown.closeness),
+        "nominal": _approach(nominal),
+        "flown": _approach(flown.closest),
         "deviation_m": round(flown.deviation_m, 2),
         "height_m": round(flown.height_m, 2),
         "avoided": flown.avoided,
@@ -42,7 +44,7 @@ def result_of(key: Key, encounter: Encounter, nominal: Closeness, flown: Flown) 
     }
 
 
-def _closeness(near: Closeness) -> dict[str, object]:
+def _approach(near: ClosestApproach) -> dict[str, object]:
     return {
         "horizontal_m": round(near.horizontal_m, 2),
         "vertical_m": round(near.vertical_m, 2),
@@ -61,7 +63,7 @@ def _histogram(durations_ms: list[float]) -> dict[str, int]:
 
 
 def percentile_ms(counts: dict[str, int], share: float) -> float:
-    """The duration that this share of the decisions counted in bins stays within [ms]."""
+    """The quantile of decision times counted in bins [ms]."""
     total, seen = sum(counts.values()), 0
     for place, count in sorted((int(place), count) for place, count in counts.items()):
         seen += count
@@ -72,7 +74,7 @@ def percentile_ms(counts: dict[str, int], share: float) -> float:
 
 @dataclass
 class Results:
-    """The file of one campaign, open for more."""
+    """The results file of one campaign, open for appending."""
 
     path: Path
     done: set[Key]
@@ -80,14 +82,16 @@ class Results:
 
     @classmethod
     def open(cls, path: Path, identity: dict[str, object]) -> "Results":
-        """Begin a file, or go on with one of the same campaign; a line that was cut off is flown again."""
+        """Create a file, or continue one of the same campaign; an incomplete last line is removed."""
         done: set[Key] = set()
         try:
             if path.exists() and path.stat().st_size > 0:
                 _cut_unfinished(path)
                 _, first = next(_lines(path), (0, {}))
                 if first.get("campaign") != json.loads(json.dumps(identity)):
-                    raise ConfigError(f"{path}: results of another campaign; name another file, or remove it")
+                    raise ConfigError(
+                        f"{path}: results of another campaign; choose another file, or remove it"
+                    )
                 done = {key_of(result) for result in read_results(path)}
                 return cls(path, done, path.open("a", encoding="utf-8"))
             file = path.open("w", encoding="utf-8")
@@ -97,8 +101,8 @@ class Results:
             raise ConfigError(f"{path}: {error.strerror}") from error
         return cls(path, done, file)
 
-    def add(self, results: list[Result]) -> None:
-        """Keep these, each once, whatever becomes of the campaign."""
+    def add(self, results: list[ResultLine]) -> None:
+        """Write results, each flight once, and flush."""
         for result in results:
             key = key_of(result)
             if key not in self.done:
@@ -107,22 +111,22 @@ class Results:
         self._file.flush()
 
     def close(self) -> None:
-        """No more."""
+        """Close the file."""
         self._file.close()
 
 
-def key_of(result: Result) -> Key:
-    """Which flight a result is of."""
+def key_of(result: ResultLine) -> Key:
+    """The key of a result's flight."""
     return result["avoider"], result["surveillance"], result["number"]
 
 
-def read_results(path: Path) -> Iterator[Result]:
+def read_results(path: Path) -> Iterator[ResultLine]:
     """The results of a file, one at a time."""
     for number, line in _lines(path):
         if "campaign" in line:
             continue
         if not line.keys() >= {"avoider", "surveillance", "number"}:
-            raise ConfigError(f"{path}, line {number}: no result of a campaign")
+            raise ConfigError(f"{path}, line {number}: not a result of a campaign")
         yield line
 
 
@@ -134,12 +138,12 @@ def _lines(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
             except ValueError:
                 line = None
             if not isinstance(line, dict):
-                raise ConfigError(f"{path}, line {number}: no result of a campaign")
+                raise ConfigError(f"{path}, line {number}: not a result of a campaign")
             yield number, line
 
 
 def _cut_unfinished(path: Path) -> None:
-    """Take off the last line when it does not end: whoever wrote it was killed meanwhile."""
+    """Remove an incomplete last line, left by a process that was killed while writing."""
     with path.open("rb+") as file:
         content = file.read()
         if not content.endswith(b"\n"):

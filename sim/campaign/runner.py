@@ -1,4 +1,4 @@
-"""Flies a campaign on all cores of this machine; on how many does not change the results."""
+"""Flies a campaign on the cores of this machine; their number does not change the results."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -8,44 +8,45 @@ from functools import lru_cache
 from itertools import islice, product
 
 from companion.errors import CompanionError
-from sim.campaign.flight import Flown, fly, undisturbed
-from sim.campaign.plan import NONE, Plan
-from sim.campaign.results import Result, Results, result_of
+from sim.campaign.avoiders import NONE
+from sim.campaign.flight import EncounterResult, fly, unmitigated
+from sim.campaign.plan import Plan
+from sim.campaign.results import ResultLine, Results, result_line
 from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
-Task = tuple[Plan, str, str, tuple[int, ...]]  # by whom, how well known, which
+Task = tuple[Plan, str, str, tuple[int, ...]]  # avoider, surveillance, numbers of the encounters
 
-# So many at a time: seconds of work, so that passing them around costs nothing and little is lost with one.
+# Encounters per task: some seconds of work, so that overhead is small and little is lost with a worker.
 _TASK_SIZE = 20
 WAITING_PER_WORKER = 3
 
 
 def tasks_of(plan: Plan, results: Results) -> Iterator[Task]:
-    """What is still to be flown, in portions."""
-    for avoider, known in product(plan.avoiders, plan.surveillance):
-        left = _left(avoider, known, plan, results)
-        while portion := tuple(islice(left, _TASK_SIZE)):
-            yield plan, avoider, known, portion
+    """The remaining flights, as tasks."""
+    for avoider, preset in product(plan.avoiders, plan.surveillance):
+        left = _remaining(avoider, preset, plan, results)
+        while numbers := tuple(islice(left, _TASK_SIZE)):
+            yield plan, avoider, preset, numbers
 
 
-def _left(avoider: str, known: str, plan: Plan, results: Results) -> Iterator[int]:
-    return (number for number in plan.numbers() if (avoider, known, number) not in results.done)
+def _remaining(avoider: str, preset: str, plan: Plan, results: Results) -> Iterator[int]:
+    return (number for number in plan.numbers() if (avoider, preset, number) not in results.done)
 
 
-def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> list[Result]:
-    """Fly a portion, in whatever process this is; the encounters are read here unless there is a `source`."""
-    plan, avoider, known, numbers = task
-    surveillance = SURVEILLANCE_PRESETS[known]
+def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> list[ResultLine]:
+    """Fly a task in this process; without a `source` the plan's models or files are read."""
+    plan, avoider, preset, numbers = task
+    surveillance = SURVEILLANCE_PRESETS[preset]
     source, make_engine = source or _source(plan), plan.engine_for(avoider)
-    flown: list[Result] = []
+    flown: list[ResultLine] = []
     for number in numbers:
         encounter = source(number)
-        nominal = undisturbed(encounter)
+        nominal = unmitigated(encounter)
         if avoider == NONE:
-            one = Flown(nominal, back_s=encounter.duration_s)
+            one = EncounterResult(nominal, back_s=encounter.duration_s)
         else:
             one = fly(encounter, make_engine, surveillance, plan.limits, seed=plan.seed + number)
-        flown.append(result_of((avoider, known, number), encounter, nominal, one))
+        flown.append(result_line((avoider, preset, number), encounter, nominal, one))
     return flown
 
 
@@ -55,47 +56,51 @@ def _source(plan: Plan) -> Callable[[int], Encounter]:
 
 
 def run_here(
-    plan: Plan, results: Results, *, workers: int | None = None, tell: Callable[[int], None] = lambda _: None
+    plan: Plan,
+    results: Results,
+    *,
+    workers: int | None = None,
+    on_flown: Callable[[int], None] = lambda _: None,
 ) -> None:
-    """Fly what is left of a campaign in processes of this machine; `tell` hears how many more are flown.
+    """Fly the remaining encounters in processes of this machine; `on_flown` gets the number newly flown.
 
-    `CompanionError` when a process died, as of too little memory; what was flown until then is kept.
+    `CompanionError` if a process died, as for lack of memory; the results until then are kept.
     """
     workers = workers or len(os.sched_getaffinity(0))
     tasks = tasks_of(plan, results)
     if workers == 1:
         for task in tasks:
-            keep(results, fly_task(task), tell)
+            store(results, fly_task(task), on_flown)
         return
-    _source(plan)  # read once: processes are forked from this one and have it too
+    _source(plan)  # read once: forked processes inherit it
     with ProcessPoolExecutor(workers) as pool:
-        flying: set[Future[list[Result]]] = set()
+        flying: set[Future[list[ResultLine]]] = set()
         try:
             for task in tasks:
                 flying.add(pool.submit(fly_task, task))
                 if len(flying) >= workers * WAITING_PER_WORKER:
-                    flying = _take_done(flying, results, tell)
+                    flying = _store_done(flying, results, on_flown)
             while flying:
-                flying = _take_done(flying, results, tell)
+                flying = _store_done(flying, results, on_flown)
         except BrokenProcessPool as error:
             raise CompanionError(
-                f"campaign: a worker process died; {len(results.done)} results are kept, start again to go on"
+                f"campaign: a worker died; {len(results.done)} results are kept, start again to continue"
             ) from error
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
 
 
-def _take_done(
-    flying: set[Future[list[Result]]], results: Results, tell: Callable[[int], None]
-) -> set[Future[list[Result]]]:
+def _store_done(
+    flying: set[Future[list[ResultLine]]], results: Results, on_flown: Callable[[int], None]
+) -> set[Future[list[ResultLine]]]:
     done, left = wait(flying, return_when=FIRST_COMPLETED)
     for future in done:
-        keep(results, future.result(), tell)
+        store(results, future.result(), on_flown)
     return left
 
 
-def keep(results: Results, flown: list[Result], tell: Callable[[int], None]) -> None:
-    """Add what came, and tell how many."""
+def store(results: Results, flown: list[ResultLine], on_flown: Callable[[int], None]) -> None:
+    """Add results, and report their number."""
     results.add(flown)
-    tell(len(flown))
+    on_flown(len(flown))

@@ -1,4 +1,4 @@
-"""The figures of a campaign: ratios against flying undisturbed, with intervals, and their price."""
+"""The figures of a campaign: ratios to flights without avoidance, with intervals, and their cost."""
 
 from array import array
 from collections.abc import Callable, Iterable
@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.campaign.results import Result, percentile_ms
+from sim.campaign.results import ResultLine, percentile_ms
 
 Array = NDArray[np.floating]
 
 _RESAMPLES = 1000
-_CHUNK = 2_000_000  # encounters resampled at a time, so that memory stays flat
+_CHUNK = 2_000_000  # encounters resampled at a time, to bound memory
 _COLUMNS = (
     "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
     "avoided", "deviation_m", "height_m", "engagements",
@@ -22,7 +22,7 @@ RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
 
 
 class Figures:
-    """The results of one avoider, as columns of numbers: some hundred bytes each, whatever is in a result."""
+    """The results of one avoider as columns of numbers, about a hundred bytes a result."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -34,8 +34,8 @@ class Figures:
     def __len__(self) -> int:
         return len(self._numbers) // len(_COLUMNS)
 
-    def add(self, result: Result) -> None:
-        """One more."""
+    def add(self, result: ResultLine) -> None:
+        """Add a result."""
         nominal, flown = result["nominal"], result["flown"]
         self._numbers.extend(
             (
@@ -51,13 +51,13 @@ class Figures:
             self.timing[place] = self.timing.get(place, 0) + count
 
     def columns(self) -> dict[str, Array]:
-        """Each column, (n,), by number, so that sums come out the same in whatever order the results came."""
+        """The columns, each (n,), sorted by number: sums do not depend on the order of the results."""
         table = np.array(self._numbers).reshape(-1, len(_COLUMNS))
         order = np.lexsort((table[:, 1], table[:, 0]))
         return dict(zip(_COLUMNS, table[order].T, strict=True))
 
     def words(self, column: str) -> dict[str, NDArray[np.bool_]]:
-        """Which results have which word in a column (`geometry`, `surveillance`), each (n,)."""
+        """Masks (n,) of the results by the word in a column (`geometry`, `surveillance`)."""
         codes = self.columns()[column]
         found = {word: codes == code for word, code in sorted(self._words.items())}
         return {word: chosen for word, chosen in found.items() if chosen.any()}
@@ -66,8 +66,8 @@ class Figures:
         return self._words.setdefault(word, len(self._words))
 
 
-def gather(results: Iterable[Result], by: str = "avoider") -> dict[str, Figures]:
-    """The results by avoider, or by another of their words."""
+def gather(results: Iterable[ResultLine], by: str = "avoider") -> dict[str, Figures]:
+    """The results grouped by avoider, or by another text field."""
     figures: dict[str, Figures] = {}
     for result in results:
         figures.setdefault(result[by], Figures()).add(result)
@@ -75,7 +75,7 @@ def gather(results: Iterable[Result], by: str = "avoider") -> dict[str, Figures]
 
 
 def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[str, Any]:
-    """The figures of one avoider, by the names of the report."""
+    """The figures of one avoider, by the keys of the report."""
     columns = figures.columns()
     conflicts = columns["lowc0"] > 0.0
     return {
@@ -100,9 +100,9 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
 
 
 def ratio_of(columns: dict[str, Array], name: str, event: str) -> dict[str, object]:
-    """What avoiding leaves of an event, and the interval that 95 % of resampled campaigns lie in.
+    """The ratio of an event's frequency with and without avoidance, and its 95 % bootstrap interval.
 
-    `None` where the event never happens undisturbed either: there is nothing to reduce.
+    `None` if the event never happens without avoidance.
     """
     weight = columns["weight"]
     flown, nominal = weight * columns[event], weight * columns[f"{event}0"]
@@ -111,19 +111,19 @@ def ratio_of(columns: dict[str, Array], name: str, event: str) -> dict[str, obje
     ratio = float(flown.sum() / nominal.sum())
     low, high = _interval(len(weight), lambda picked: _divided(flown[picked].sum(1), nominal[picked].sum(1)))
     if not flown.any():
-        # Resampling what never happened shows no spread: the rule of three bounds it.
-        high = _none_seen(nominal)
+        # Resampling shows no spread for an event that never happened: the rule of three bounds it.
+        high = _bound_without_events(nominal)
     return {name: _shown(ratio), f"{name}_ci95": [_shown(low), _shown(high)]}
 
 
-def _none_seen(nominal: Array) -> float:
-    """The upper 95 % bound of a ratio when no event was left: 3 of as many as their weights count."""
+def _bound_without_events(nominal: Array) -> float:
+    """The upper 95 % bound of a ratio without events: 3 / effective number of weighted samples."""
     effective = float(nominal.sum() ** 2 / (nominal**2).sum())
     return min(3.0 / effective, 1.0)
 
 
 def _nuisance(columns: dict[str, Array]) -> dict[str, object]:
-    """The share of the encounters that stay well clear by themselves in which avoidance is flown."""
+    """The share of encounters with avoidance among those that stay well clear without it."""
     clear = columns["lowc0"] == 0.0
     flown, all_clear = columns["weight"] * columns["avoided"] * clear, columns["weight"] * clear
     if all_clear.sum() <= 0.0:
@@ -136,7 +136,7 @@ def _nuisance(columns: dict[str, Array]) -> dict[str, object]:
 
 
 def _interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tuple[float, float]:
-    """The bootstrap's 2.5 and 97.5 percentiles over encounters; always the same draws."""
+    """The bootstrap's 2.5 and 97.5 percentiles over encounters, with a fixed seed."""
     rng = np.random.default_rng(20_000)
     at_once = max(_CHUNK // count, 1)
     sizes = [min(at_once, _RESAMPLES - begun) for begun in range(0, _RESAMPLES, at_once)]

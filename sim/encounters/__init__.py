@@ -1,4 +1,4 @@
-"""Encounters: built backwards from the closest approach, drawn from models, read from files."""
+"""Encounters: generated from the closest approach, sampled from models, or read from files."""
 
 from sim.encounters.encounter import Encounter, Passing, Path, passing
 from sim.encounters.files import read_encounters, write_encounters

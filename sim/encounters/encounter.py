@@ -1,4 +1,4 @@
-"""The nouns: the path of an intruder, and an encounter of some of them with an aircraft on its mission."""
+"""The path of an intruder, and the encounter of an aircraft on its mission with some intruders."""
 
 import math
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ _HOVERING_MPS = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """Where an intruder is at some times: `time_s` (n,) rising, north-east-down (n, 3) [m] and [m/s]."""
+    """Samples of an intruder's motion: `time_s` (n,) rising, north-east-down (n, 3) [m] and [m/s]."""
 
     time_s: Array
     position_m: Array
     velocity_mps: Array
 
     def positions_m(self, times_s: Array) -> Array:
-        """Positions at many times, (m, 3): cubic between the points, straight on outside them."""
+        """Positions at many times, (m, 3): cubic between the samples, straight outside them."""
         inside = np.clip(times_s, self.time_s[0], self.time_s[-1])
         place = np.clip(np.searchsorted(self.time_s, inside, side="right") - 1, 0, len(self.time_s) - 2)
         step_s = (self.time_s[place + 1] - self.time_s[place])[:, None]
@@ -58,17 +58,17 @@ class Path:
         return [((n, e, d), (n_mps, e_mps, d_mps)) for n, e, d, n_mps, e_mps, d_mps in numbers]
 
     def moved(self, by_m: Sequence[float] | Array) -> "Path":
-        """The same path elsewhere."""
+        """The path shifted by a vector (3,) [m]."""
         return Path(self.time_s, self.position_m + np.asarray(by_m), self.velocity_mps)
 
 
 @dataclass(frozen=True, slots=True)
 class Encounter:
-    """An aircraft on a straight level mission line, and those who come near it.
+    """An aircraft on a straight level mission line, and its intruders.
 
-    Positions are north-east-down [m] in one flat frame. `weight` is how often such an encounter happens,
-    relative to how often it is drawn. `nominal_horizontal_m` and `nominal_vertical_m` are the distances at
-    which the first intruder passes when nobody avoids.
+    Positions are north-east-down [m] in one flat frame. `weight` is the encounter's real frequency relative
+    to the frequency of its sampling. `nominal_horizontal_m` and `nominal_vertical_m` are the first
+    intruder's distances at closest approach without avoidance.
     """
 
     encounter_id: str
@@ -86,14 +86,14 @@ class Encounter:
 
     @property
     def own_velocity_mps(self) -> Vec3:
-        """Over ground, on the mission line."""
+        """Velocity over ground on the mission line, north-east-down [m/s]."""
         north, east = math.cos(self.own_course_rad), math.sin(self.own_course_rad)
         return self.own_airspeed_mps * north, self.own_airspeed_mps * east, 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """How an intruder passes an aircraft that flies straight on."""
+    """The closest approach of an intruder to an aircraft in straight flight."""
 
     geometry: str
     closing_mps: float
@@ -103,7 +103,7 @@ class Passing:
 
 
 def passing(own_position_m: Vec3, own_velocity_mps: Vec3, path: Path, duration_s: float) -> Passing:
-    """When and how near it passes, to a tenth of a second, and from where it comes by its course then."""
+    """The closest approach, to 0.1 s, and the geometry by the courses at that time."""
     times_s = np.arange(round(duration_s * 10.0) + 1) * 0.1
     own_m = np.array(own_position_m) + times_s[:, None] * np.array(own_velocity_mps)
     off_m = path.positions_m(times_s) - own_m
@@ -117,10 +117,10 @@ def passing(own_position_m: Vec3, own_velocity_mps: Vec3, path: Path, duration_s
 
 
 def geometry_of(own_mps: Vec3, other_mps: Vec3) -> str:
-    """In words, by the directions of flight: head-on, crossing from one side, overtaking."""
+    """The geometry in words, by the directions of flight: head-on, crossing, overtaking, hovering."""
     if math.hypot(other_mps[0], other_mps[1]) < _HOVERING_MPS:
         return "hovering"
-    # Where it comes from, seen from us: opposite to where it goes relative to our course.
+    # The direction it comes from: opposite to its course, relative to ours.
     from_rad = math.remainder(
         math.atan2(other_mps[1], other_mps[0]) + math.pi - math.atan2(own_mps[1], own_mps[0]), math.tau
     )

@@ -1,4 +1,4 @@
-"""Encounters in files: ours as CSV, and those of DAIDALUS (`.daa`), whose second row names the units."""
+"""Encounter files: our CSV format, and DAIDALUS scenarios (`.daa`), whose second row names the units."""
 
 import csv
 import math
@@ -12,7 +12,7 @@ from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Vec3
 from sim.encounters.encounter import Encounter, Path, passing
 
-# One row for each aircraft and time; the first aircraft of an encounter is us, who fly straight and level.
+# One row per aircraft and time; the first aircraft of an encounter is ours, in straight level flight.
 COLUMNS = (
     "encounter", "aircraft", "time_s", "north_m", "east_m", "down_m", "north_mps", "east_mps", "down_mps"
 )  # fmt: skip
@@ -34,7 +34,7 @@ _Rows = list[tuple[float, Vec3, Vec3]]
 
 
 def read_encounters(path: FilePath) -> list[Encounter]:
-    """The encounters of a file, by its ending; `ConfigError` in one line, with the line of the file."""
+    """The encounters of a file, by its suffix; `ConfigError` names the file's line."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -47,7 +47,7 @@ def read_encounters(path: FilePath) -> list[Encounter]:
 
 
 def write_encounters(path: FilePath, encounters: list[Encounter]) -> None:
-    """Write CSV that `read_encounters` reads back; weights and words are not kept."""
+    """Write CSV for `read_encounters`; weights and texts are not written."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
@@ -82,7 +82,7 @@ def _read_csv(path: FilePath, lines: list[tuple[int, str]]) -> Iterator[Encounte
         row = (values[0], (values[1], values[2], values[3]), (values[4], values[5], values[6]))
         found.setdefault(cells[0], {}).setdefault(cells[1], []).append(row)
     if not found:
-        raise ConfigError(f"{path}: no encounters: nothing but its header")
+        raise ConfigError(f"{path}: no encounters: only a header")
     for name, aircraft in found.items():
         yield _encounter(path, name, aircraft)
 
@@ -111,7 +111,7 @@ def _words(line: str) -> list[str]:
 def _daa_reader(
     path: FilePath, place: dict[str, int], units: dict[str, str]
 ) -> Callable[[int, list[str]], tuple[float, Vec3, Vec3]]:
-    """What turns a row into time, position and velocity; positions by latitude or in a flat frame."""
+    """A function from a row to time, position and velocity; positions by latitude or in a flat frame."""
     geographic = "lat" in place
     across = ("lat", "lon", "alt") if geographic else ("sx", "sy", "sz")
     speeds = ("trk", "gs", "vs") if "trk" in place else ("vx", "vy", "vz")
@@ -153,21 +153,23 @@ def _number(path: FilePath, number: int, cell: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ConfigError(f"{path}, line {number}: {cell.strip() or 'nothing'} is no number")
+        raise ConfigError(f"{path}, line {number}: {cell.strip() or 'nothing'} is not a number")
     return value
 
 
 def _encounter(path: FilePath, name: str, aircraft: dict[str, _Rows]) -> Encounter:
-    """We are the aircraft called ownship, or else the first; we fly on as we begin."""
+    """An encounter from rows; ours is the aircraft called ownship, or the first, flown straight."""
     own_name = next((key for key in aircraft if key.lower() == "ownship"), next(iter(aircraft)))
     own = sorted(aircraft[own_name])
     others = [_path(path, name, sorted(rows)) for key, rows in aircraft.items() if key != own_name]
     if not others:
-        raise ConfigError(f"{path}: {name}: one aircraft alone makes no encounter")
+        raise ConfigError(f"{path}: {name}: only one aircraft")
     begins_s, position, velocity = own[0]
     duration_s = min(own[-1][0], *(float(other.time_s[-1]) for other in others)) - begins_s
     if duration_s < _SHORTEST_S:
-        raise ConfigError(f"{path}: {name}: it lasts {max(duration_s, 0.0):.1f} s, less than a decision")
+        raise ConfigError(
+            f"{path}: {name}: it lasts {max(duration_s, 0.0):.1f} s, less than a decision period"
+        )
     intruders = tuple(Path(o.time_s - begins_s, o.position_m, o.velocity_mps) for o in others)
     course_rad = math.atan2(velocity[1], velocity[0])
     speed_mps = math.hypot(velocity[0], velocity[1])
@@ -191,5 +193,5 @@ def _encounter(path: FilePath, name: str, aircraft: dict[str, _Rows]) -> Encount
 def _path(path: FilePath, name: str, rows: _Rows) -> Path:
     times = np.array([row[0] for row in rows])
     if len(rows) < 2 or not (np.diff(times) > 0.0).all():
-        raise ConfigError(f"{path}: {name}: an aircraft needs two rows or more, each at a time of its own")
+        raise ConfigError(f"{path}: {name}: an aircraft needs at least two rows with rising times")
     return Path(times, np.array([row[1] for row in rows]), np.array([row[2] for row in rows]))

@@ -1,4 +1,4 @@
-"""Encounters built backwards from the closest approach: every kind, from every side, hits and misses."""
+"""Encounters generated from the closest approach: all kinds, from all sides, hits and misses."""
 
 import math
 from collections.abc import Callable
@@ -13,9 +13,9 @@ _OWN_AIRSPEEDS_MPS = (15.0, 35.0)
 _SPEEDS_MPS = (5.0, 130.0)
 _PASSES_S = (45.0, 90.0)
 _HEIGHTS_M = (150.0, 1000.0)
-# Half of them hit. The others miss by up to so much.
+# Half of them hit. The others miss by up to these distances.
 _MISS_M, _MISS_HEIGHT_M = 1200.0, 150.0
-# Just outside well clear: who hovers ahead of the slowest of us is no further away.
+# Just outside well clear: an intruder hovering ahead of our slowest aircraft starts no further away.
 _BEGINS_OUTSIDE_M = 620.0
 
 
@@ -49,10 +49,9 @@ KINDS = tuple(_MOTIONS)
 
 
 def generate(kind: str, seed: int, number: int, *, hits: bool | None = None) -> Encounter:
-    """Encounter `number` of a seed, of one of `KINDS` or `mix`; it depends on nothing else.
+    """Encounter `number` of a seed, of one of `KINDS` or `mix`; it depends only on these.
 
-    `hits`: the first intruder passes through us, or misses; `None`: half of them each. `ConfigError` for an
-    unknown kind.
+    `hits`: the first intruder hits us, or misses; `None`: at random. `ConfigError` for an unknown kind.
     """
     if kind not in (*KINDS, "mix"):
         raise ConfigError(f"{kind}: no such kind of encounter; there are {', '.join((*KINDS, 'mix'))}")
@@ -90,7 +89,7 @@ def generate(kind: str, seed: int, number: int, *, hits: bool | None = None) -> 
 def _intruder(
     kind: str, own_m: Vec3, own_mps: float, passes_s: float, rng: np.random.Generator, *, hit: bool
 ) -> Path:
-    """A path that passes at that time; drawn anew when it would begin beside us."""
+    """A path that passes at that time; drawn again if it starts too near to us."""
     while True:
         speed_mps = 0.0 if kind == "hovering" else float(rng.uniform(*_SPEEDS_MPS))
         course_rad = float(rng.uniform(0.0, math.tau))
@@ -119,7 +118,7 @@ def _flown(
     there_m: Array, speed_mps: float, course_rad: float, climb_mps: float, rate_rps: float,
     gain_mps2: float, passes_s: float,
 ) -> Path:  # fmt: skip
-    """Backwards and forwards from where it passes: once a second; it manoeuvres half a minute around."""
+    """The path before and after the passing, once a second; maneuvers last 30 s before and after it."""
     times_s = np.arange(round(DURATION_S) + 1, dtype=float)
     fine_s = np.linspace(0.0, DURATION_S, 10 * round(DURATION_S) + 1)
     since_s = np.clip(fine_s - passes_s, -30.0, 30.0)

@@ -3,8 +3,8 @@
 "Encounter Models for the Littoral Regions / Uncorrelated Encounter Model of the National Airspace System",
 Kochenderfer et al., ATC-345 (2008). A model has an initial network (airspace, class, layer, speed, and the
 rates of speed, height and course) and a transition network for the rates a second later. Counts are stored
-column by column: the values of a variable for the first combination of its parents, for the second, and so
-on, the first parent running fastest. Values are drawn within bins; the bin around zero is zero.
+column by column: the values of a variable for each combination of its parents in turn, the first parent
+changing fastest. Values are drawn uniformly within bins; the bin around zero gives zero.
 """
 
 from bisect import bisect_right
@@ -29,13 +29,13 @@ _SECTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class _Node:
-    """One variable: its parents with the strides of their values, cumulated shares by combination of them."""
+    """One variable: its parents with strides, and its cumulative shares for each combination of parents."""
 
     strides: tuple[tuple[int, int], ...]
-    shares: tuple[tuple[float, ...], ...]  # empty where a combination was never seen
+    shares: tuple[tuple[float, ...], ...]  # empty for a combination without counts
 
     def draw(self, values: list[int], chance: float) -> int | None:
-        """A value, given those of the parents; `None` where nothing is known."""
+        """A value, given the parents' values; `None` for a combination without counts."""
         place = 0
         for parent, stride in self.strides:
             place += stride * values[parent]
@@ -45,7 +45,7 @@ class _Node:
 
 @dataclass(frozen=True, slots=True)
 class EncounterModel:
-    """One model, ready to draw from. `boundaries` by variable, in the file's units; empty: categories."""
+    """One model. `boundaries` by variable, in the file's units; empty for categories."""
 
     name: str
     order: tuple[int, ...]
@@ -55,7 +55,7 @@ class EncounterModel:
     resample_rates: tuple[float, ...]
 
     def draw(self, rng: np.random.Generator, seconds: int) -> Path:
-        """How an aircraft flies for so long, once a second, from the origin and north: (seconds + 1, 3)."""
+        """A random path, once a second, starting north from the origin: (seconds + 1, 3)."""
         chances = iter(rng.random(2 * _INITIAL + 9 * (seconds + 1)).tolist())
         values, numbers = self._begin(chances)
         speed, height, course = numbers[_SPEED], numbers[_LAYER], 0.0
@@ -66,7 +66,7 @@ class EncounterModel:
             speed = min(max(speed + numbers[_ACCELERATION], bounds[0]), bounds[-1])
             height += numbers[_CLIMB] / 60.0
             course += np.pi / 180.0 * numbers[_TURN]
-            self._go_on(values, numbers, chances)
+            self._advance(values, numbers, chances)
         return _path(flown)
 
     def _begin(self, chances: Iterator[float]) -> tuple[list[int], list[float]]:
@@ -77,13 +77,13 @@ class EncounterModel:
             numbers[variable] = self._within(variable, values[variable], next(chances))
         return values, numbers
 
-    def _go_on(self, values: list[int], numbers: list[float], chances: Iterator[float]) -> None:
-        """One second further: a new bin, or now and then a new number within the old one."""
+    def _advance(self, values: list[int], numbers: list[float], chances: Iterator[float]) -> None:
+        """One second later: a new bin, or sometimes a new number within the old bin."""
         after = [node.draw(values, next(chances)) for node in self.transition]
         for variable, bin_after in zip(_DYNAMIC, after, strict=True):
-            anew, number = next(chances), next(chances)
+            resampling, number = next(chances), next(chances)
             changed = bin_after is not None and bin_after != values[variable]
-            if changed or anew < self.resample_rates[variable]:
+            if changed or resampling < self.resample_rates[variable]:
                 values[variable] = bin_after if bin_after is not None else values[variable]
                 numbers[variable] = self._within(variable, values[variable], number)
 
@@ -111,7 +111,7 @@ def _path(flown: Array) -> Path:
 
 
 def read_model(path: FilePath) -> EncounterModel:
-    """Read a model; `ConfigError` says in one line what is wrong with the file, and where."""
+    """Read a model; `ConfigError` names the error and its place in one line."""
     sections = _sections(path)
     try:
         return _model(path.stem, sections)
@@ -132,7 +132,7 @@ def _sections(path: FilePath) -> dict[str, list[str]]:
             sections[line[1:].strip()] = []
         elif line.strip():
             if not sections:
-                raise ConfigError(f"{path}, line {number}: no encounter model: it begins without a section")
+                raise ConfigError(f"{path}, line {number}: no encounter model: text before the first section")
             sections[next(reversed(sections))].append(line)
     missing = [name for name in _SECTIONS if name not in sections]
     if missing:
@@ -144,9 +144,7 @@ def _model(name: str, sections: dict[str, list[str]]) -> EncounterModel:
     sizes = _integers(sections["r_initial"])
     sizes_after = _integers(sections["r_transition"])
     if len(sizes) != _INITIAL or len(sizes_after) != _INITIAL + len(_DYNAMIC) or min(sizes_after) < 1:
-        raise ValueError(
-            "it has other variables than speed, layer, and the rates of speed, height and course"
-        )
+        raise ValueError("its variables are not speed, layer, and the rates of speed, height and course")
     graph, graph_after = _graph(sections["G_initial"]), _graph(sections["G_transition"])
     initial = _nodes(graph, sizes, _integers(sections["N_initial"]), "N_initial")
     after = _nodes(graph_after, sizes_after, _integers(sections["N_transition"]), "N_transition")
@@ -171,7 +169,7 @@ def _boundaries(line: str) -> tuple[float, ...]:
 
 
 def _graph(lines: list[str]) -> list[list[int]]:
-    """By variable, its parents."""
+    """The parents of each variable."""
     rows = [[int(word) for word in line.split()] for line in lines]
     if any(len(row) != len(rows) for row in rows):
         raise ValueError("a graph is not square")
@@ -190,10 +188,10 @@ def _topological(graph: list[list[int]]) -> tuple[int, ...]:
 
 def _nodes(graph: list[list[int]], sizes: list[int], counts: list[int], what: str) -> tuple[_Node, ...]:
     nodes, taken = [], 0
-    # In the transition network only those with parents have counts.
-    without = len(graph) > _INITIAL
+    # In the transition network only variables with parents have counts.
+    is_transition = len(graph) > _INITIAL
     for variable, parents in enumerate(graph):
-        if without and not parents:
+        if is_transition and not parents:
             nodes.append(_Node((), ((),)))
             continue
         strides = np.cumprod([1, *(sizes[parent] for parent in parents)]).tolist()
@@ -210,7 +208,7 @@ def _nodes(graph: list[list[int]], sizes: list[int], counts: list[int], what: st
 
 
 def _cumulated(counts: Array) -> tuple[tuple[float, ...], ...]:
-    """Upper ends of all values but the last, so that rounding cannot lead beyond it; none without counts."""
+    """Upper ends of all values except the last, which absorbs rounding; empty without counts."""
     totals = counts.sum(axis=1)
     ends = np.cumsum(counts, axis=1)[:, :-1] / np.maximum(totals, 1.0)[:, None]
     return tuple(

@@ -1,8 +1,8 @@
-"""Encounters drawn from the models: an intruder flown by one, put where it passes us near.
+"""Encounters sampled from the models: an intruder's path, placed so that it passes near us.
 
-How near is drawn too. An aircraft that flies about at random passes through a window around us, across the
-relative motion, evenly in both directions, and the more often the faster it comes. Half of the draws are
-made where near mid-air collisions happen, which are rare otherwise; weights put that right.
+The miss distance is sampled too. Random traffic passes through a window around us, perpendicular to the
+relative motion, uniformly in both directions, and more often the faster it closes. Half of the samples are
+taken from the core where near mid-air collisions happen, which is rare; weights correct for that.
 """
 
 import math
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.model import Vec3
-from companion.separation import (
+from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
@@ -22,23 +22,23 @@ from sim.encounters.model import EncounterModel
 
 OWN_AIRSPEEDS_MPS = (20.0, 30.0)
 PASSES_S = (45.0, 90.0)
-# The window: twice well clear. Who passes outside it would not be avoided, nor counted as a false alarm.
+# The window: twice well clear. Traffic outside it is neither avoided nor counted as a nuisance.
 WINDOW_HORIZONTAL_M, WINDOW_VERTICAL_M = 2.0 * WELL_CLEAR_HORIZONTAL_M, 2.0 * WELL_CLEAR_VERTICAL_M
-# Where half of the draws are made: as wide as turning intruders may miss their mark by.
+# The core of half of the samples, wide enough for the miss of turning intruders.
 _CORE_HORIZONTAL_M, _CORE_VERTICAL_M = 1.5 * NMAC_HORIZONTAL_M, 1.5 * NMAC_VERTICAL_M
 _CORE_SHARE = 0.5
-# Encounters begin outside this many well-clear volumes: nobody could have done anything before.
+# Encounters begin outside this many well-clear volumes: nearer ones leave no time to react.
 _BEGINS_OUTSIDE = 1.5
 _USUAL_MPS = 50.0
-# Lower than that no flight is begun; the layers of the models reach down to 50 ft.
+# The lowest mission height; the layers of the models reach down to 50 ft.
 _LOWEST_M = 100.0
 _TRIES = 200
 
 
 def sample(models: Sequence[EncounterModel], seed: int, number: int, *, intruders: int = 1) -> Encounter:
-    """Encounter `number` of a seed: it depends on nothing else, so that anybody can draw it alone.
+    """Encounter `number` of a seed; it depends only on these, so any process can sample it alone.
 
-    Several intruders pass within seconds of each other, each at a place of its own.
+    Several intruders pass within seconds of each other, each with its own miss.
     """
     rng = np.random.default_rng([seed, number])
     own_mps = float(rng.uniform(*OWN_AIRSPEEDS_MPS))
@@ -62,7 +62,7 @@ def sample(models: Sequence[EncounterModel], seed: int, number: int, *, intruder
         0.0,
         own_mps,
         placed,
-        weight=weight ** (1.0 / intruders),  # they come together because they were put together
+        weight=weight ** (1.0 / intruders),  # several intruders meet by construction, not by chance
         geometry=first.geometry,
         closing_mps=first.closing_mps,
         nominal_horizontal_m=first.horizontal_m,
@@ -74,7 +74,7 @@ def sample(models: Sequence[EncounterModel], seed: int, number: int, *, intruder
 def _near(
     model: EncounterModel, own_mps: Vec3, passes_s: float, rng: np.random.Generator
 ) -> tuple[Path, float, float]:
-    """An intruder's path relative to our starting point, its weight, and its height when it passes [m]."""
+    """An intruder's path relative to our start, its weight, and its height at the passing [m]."""
     for _ in range(_TRIES):
         flown = model.draw(rng, round(DURATION_S))
         course_rad = float(rng.uniform(0.0, math.tau))
@@ -90,11 +90,11 @@ def _near(
         path = turned.moved((here_m + miss_m[0] - there_m[0], miss_m[1] - there_m[1], -above_m - there_m[2]))
         if _begins_outside(path):
             return path, weight * relative_mps / _USUAL_MPS, -there_m[2]
-    raise ValueError(f"{model.name}: it does not come from outside in {_TRIES} tries")
+    raise ValueError(f"{model.name}: no path from outside in {_TRIES} tries")
 
 
 def _miss(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Across and above at the passing [m], and by how much rarer that is than it is drawn."""
+    """Horizontal and vertical miss [m], and the weight: real frequency over sampled frequency."""
     core = rng.random() < _CORE_SHARE
     across, above = rng.uniform(-1.0, 1.0, 2).tolist()
     across *= _CORE_HORIZONTAL_M if core else WINDOW_HORIZONTAL_M
@@ -108,7 +108,7 @@ def _miss(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def _begins_outside(path: Path) -> bool:
-    """Whether the beginning is outside the volume around us, who are at the origin then."""
+    """True if the path starts outside the volume around us at the origin."""
     north_m, east_m, down_m = path.position_m[0]
     across = math.hypot(north_m, east_m) / WELL_CLEAR_HORIZONTAL_M
     return bool(max(across, abs(down_m) / WELL_CLEAR_VERTICAL_M) >= _BEGINS_OUTSIDE)

@@ -1,4 +1,4 @@
-"""How well traffic is known: errors, delay and loss of the reports, repeatable by seed."""
+"""Surveillance quality: errors, latency and loss of the reports, repeatable by seed."""
 
 import math
 from collections.abc import Iterator
@@ -9,23 +9,22 @@ import numpy as np
 from companion.model import Vec3
 from sim.encounters.encounter import Encounter, State
 
-# So many reports are looked up at once: those of an encounter, and a few of the way back.
+# Number of reports computed at once: those of an encounter and part of the way back.
 _LOOKED_UP = 128
 
 
 @dataclass(frozen=True, slots=True)
 class Surveillance:
-    """Errors of reports: standard deviations of each axis, drawn anew for each report unless said otherwise.
+    """Errors of reports: standard deviations per axis, drawn for each report unless noted.
 
-    `latency_s` is how old a report is when it is heard, which the receiver tells when `age_is_told`.
-    `height_bias_sigma_m` is drawn once for each intruder. Losses come in bursts: a report is lost with
-    probability `loss` in the long run, in bursts of `burst_reports` on average. `first_heard_m`: nothing is
-    heard from further away.
+    `latency_s` is the age of a report on arrival; the receiver reports it if `age_reported`.
+    `height_bias_sigma_m` is drawn once per intruder. Losses come in bursts: the long-run probability is
+    `loss`, the mean length `burst_reports`. `first_heard_m` is the reception range.
     """
 
     period_s: float = 1.0
     latency_s: float = 0.0
-    age_is_told: bool = True
+    age_reported: bool = True
     position_sigma_m: float = 0.0
     height_sigma_m: float = 0.0
     velocity_sigma_mps: float = 0.0
@@ -37,7 +36,7 @@ class Surveillance:
 
     @property
     def exact(self) -> bool:
-        """Whether reports have no error, and none is lost."""
+        """True without errors and losses."""
         return not any(
             (
                 self.position_sigma_m,
@@ -51,13 +50,13 @@ class Surveillance:
 
 
 SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
-    # One second old, as in the comparison of the peers, and without any error.
+    # One second old, as in the comparison of the peers, without errors.
     "perfect": Surveillance(latency_s=1.0),
-    # One sigma as in the noisy comparison of the peers: GPS of NACp 8 to 9, heights in steps of 25 ft, NACv 1
-    # to 2. A second from the antenna to us is usual, and no receiver tells it. A twentieth is lost.
+    # Sigmas as in the noisy comparison of the peers: GPS of NACp 8 to 9, heights in steps of 25 ft, NACv 1 to
+    # 2. A latency of one second is usual, and receivers do not report it. 5 % are lost.
     "adsb-out": Surveillance(
         latency_s=1.0,
-        age_is_told=False,
+        age_reported=False,
         position_sigma_m=15.0,
         height_sigma_m=8.0,
         velocity_sigma_mps=1.5,
@@ -67,10 +66,10 @@ SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
         burst_reports=2.0,
         first_heard_m=10_000.0,
     ),
-    # NACp 7, two seconds old, an altimeter at the edge of what is allowed, a third lost in bursts, late.
+    # NACp 7, two seconds old, an altimeter at its tolerance, 30 % lost in bursts, short range.
     "poor": Surveillance(
         latency_s=2.0,
-        age_is_told=False,
+        age_reported=False,
         position_sigma_m=50.0,
         height_sigma_m=15.0,
         velocity_sigma_mps=4.0,
@@ -82,12 +81,12 @@ SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
     ),
 }
 
-# Which intruder, when it was there, where and how fast by the report (north-east-down), and its age as told.
+# Index of the intruder, time of the state, reported position and velocity (north-east-down), reported age.
 Heard = tuple[int, float, Vec3, Vec3, float]
 
 
 class Observer:
-    """What is heard of an encounter's intruders; ask with times that never run backwards."""
+    """The received reports of an encounter's intruders; query times must not decrease."""
 
     def __init__(self, encounter: Encounter, surveillance: Surveillance, seed: int = 0) -> None:
         self._how, self._exact = surveillance, surveillance.exact
@@ -101,7 +100,7 @@ class Observer:
         self._bias_m: list[float] = bias_m.tolist()
 
     def reports(self, now_s: float) -> list[Heard]:
-        """What arrived since the last call."""
+        """The reports that arrived since the last call."""
         heard: list[Heard] = []
         while self._next[0] <= now_s + 1e-9:
             arrives_s, states = self._next
@@ -113,7 +112,7 @@ class Observer:
         return heard
 
     def _all_arrivals(self) -> Iterator[tuple[float, list[State]]]:
-        """When reports arrive, for ever, and the states that the intruders had when they were sent."""
+        """Endless arrival times, and the intruders' states at the time of transmission."""
         arrives_s = 0.0
         while True:
             arrivals_s = []
@@ -126,17 +125,17 @@ class Observer:
                 yield at_s, [states[place] for states in paths]
 
     def _report(self, index: int, sent_s: float, state: State) -> Heard | None:
-        how, told = self._how, state
+        how, reported = self._how, state
         if not self._exact:
-            told = self._with_errors(index, state)
+            reported = self._with_errors(index, state)
             if self._is_lost(index):
                 return None
         (north_m, east_m, _), own_m, own_mps = state[0], self._own_m, self._own_mps
         away_m = math.hypot(north_m - own_m[0] - own_mps[0] * sent_s, east_m - own_m[1] - own_mps[1] * sent_s)
         if away_m > how.first_heard_m:
             return None
-        position_m, velocity_mps = told
-        return index, sent_s, position_m, velocity_mps, how.latency_s if how.age_is_told else 0.0
+        position_m, velocity_mps = reported
+        return index, sent_s, position_m, velocity_mps, how.latency_s if how.age_reported else 0.0
 
     def _with_errors(self, index: int, state: State) -> State:
         how = self._how
@@ -155,7 +154,7 @@ class Observer:
         return position_m, velocity_mps
 
     def _is_lost(self, index: int) -> bool:
-        """Gilbert's model: two states, so that losses come together."""
+        """True if the report is lost, by Gilbert's two-state model of bursts."""
         how, chance = self._how, self._rng.random()
         if how.loss <= 0.0:
             return False

@@ -1,1 +1,1 @@
-"""The paper's section 4 flown by the code that flies: scenes, flights, measures, studies."""
+"""The experiments of the paper's section 4, flown with the product's avoidance."""

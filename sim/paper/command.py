@@ -1,4 +1,4 @@
-"""What `companion-sim paper` does: flies the studies, draws, writes, and shows how far it is."""
+"""`companion-sim paper`: flies the studies, draws figures, writes reports, shows progress."""
 
 import json
 import math
@@ -19,7 +19,7 @@ from sim.paper.measures import Measures
 
 
 def run_experiments(out: Path, console: Console) -> bool:
-    """Section 4 and the local minima: `report.json`, `table.md`, figures 7 to 12; true if all went well."""
+    """Fly section 4 and the local minima; write reports and figures 7 to 12; True on success."""
     with _bar(console, "experiments") as progress:
         flights = studies.fly_experiments(progress)
     with _bar(console, "local minima") as progress:
@@ -37,8 +37,8 @@ def run_experiments(out: Path, console: Console) -> bool:
 
 
 def run_transition(out: Path, fields: int | None, console: Console) -> None:
-    """The sweep over the width of the transition domain: `transition.json`, `.md` and `.png`."""
-    from sim import plots  # matplotlib takes long to import, and is optional
+    """Sweep the width of the transition domain; write `transition.json`, `.md` and `.png`."""
+    from sim.paper import plots  # matplotlib takes long to import, and is optional
 
     with _bar(console, "transition domain") as progress:
         points = studies.study_transition(fields, progress)
@@ -51,8 +51,8 @@ def run_transition(out: Path, fields: int | None, console: Console) -> None:
 
 
 def run_fields(out: Path, fields: int | None, console: Console) -> None:
-    """Every strategy over random fields: `fields.json`, `.md` and `.png`."""
-    from sim import plots  # matplotlib takes long to import, and is optional
+    """Fly every strategy over random fields; write `fields.json`, `.md` and `.png`."""
+    from sim.paper import plots  # matplotlib takes long to import, and is optional
 
     with _bar(console, "random fields") as progress:
         shares, closed = studies.study_fields(fields, progress)
@@ -70,7 +70,7 @@ def run_fields(out: Path, fields: int | None, console: Console) -> None:
 
 
 def folder(path: Path) -> Path:
-    """The folder to write to, made if it is not there; `ConfigError` if it cannot be."""
+    """The output folder, created if missing; `ConfigError` if it is not writable."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         probe = path / ".writable"
@@ -82,7 +82,7 @@ def folder(path: Path) -> Path:
 
 
 def print_strategy_table(console: Console) -> None:
-    """Every row of the strategy table that flies."""
+    """Print every row of the strategy table."""
     table = Table(title=f"Strategy table, {len(TABLE)} rows", title_justify="left")
     for heading in ("row", "course", "speed", "height", "controls"):
         table.add_column(heading, justify="right" if heading == "row" else "left")
@@ -107,7 +107,7 @@ def _turn(turn_deg: float) -> str:
 def _draw(
     out: Path, flights: dict[str, list[Flight]], scenes: dict[str, list[Flight]], progress: studies.Progress
 ) -> None:
-    from sim import plots  # matplotlib takes long to import, and is optional
+    from sim.paper import plots  # matplotlib takes long to import, and is optional
 
     by_name = {name: {flight.method.name: flight for flight in flown} for name, flown in flights.items()}
     single, group = by_name["single"], by_name["group"]
@@ -147,7 +147,7 @@ def _summary(name: str, rows: Mapping[str, Measures]) -> Table:
 
 @contextmanager
 def _bar(console: Console, what: str) -> Iterator[studies.Progress]:
-    """A progress bar on a terminal; nothing elsewhere."""
+    """A progress bar on a terminal, nothing elsewhere."""
     columns = (TextColumn(f"{what:18s}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(what, total=None)
@@ -159,7 +159,7 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def _finite(content: Any) -> Any:
-    """The same with null for what is not a number: means of flights that never arrived."""
+    """The content with None for NaN, the mean of flights that never arrived."""
     if isinstance(content, dict):
         return {key: _finite(value) for key, value in content.items()}
     if isinstance(content, list | tuple):

@@ -1,4 +1,4 @@
-"""Random fields of obstacles, and whether anything could fly through them."""
+"""Random fields of obstacles, and a search for a collision-free path through them."""
 
 import math
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from companion.errors import ConfigError
 from sim.paper.scene import RandomFields, Scene, Sphere
 
-# Fineness of the search for a way, and how far around start and goal it looks, in lengths.
+# Cell size and margin around start and goal of the path search, in lengths.
 _CELL = 0.1
 _AROUND = 3.0
 
@@ -18,11 +18,11 @@ _Draw = Callable[[str, Scene, RandomFields, np.random.Generator], Sphere]
 
 
 def random_field(scene: Scene, seed: int) -> Scene:
-    """The scene with obstacles drawn by this seed around the way of its UAV.
+    """The scene with random obstacles around the straight path of its UAV.
 
-    Standing ones lie anywhere along the way and up to 3 lengths beside it. Moving ones come from anywhere to
-    where the UAV, not avoiding, would be just then, give or take a length. `ConfigError` where the file does
-    not say how to draw.
+    Standing obstacles lie along the path, up to 3 lengths beside it. Moving obstacles come from any direction
+    to a point within one length of the UAV's undisturbed position at that time. `ConfigError` if the file has
+    no section `random`.
     """
     drawn = scene.random
     if drawn is None:
@@ -41,7 +41,7 @@ def _kinds(
 
 
 def _clear(draw: _Draw, name: str, scene: Scene, drawn: RandomFields, chance: np.random.Generator) -> Sphere:
-    """Drawn again until start and goal are clear of it when the flight begins."""
+    """An obstacle that leaves start and goal clear at the first step, by repeated drawing."""
     uav = scene.uavs[0]
     for _ in range(1000):
         sphere = draw(name, scene, drawn, chance)
@@ -52,14 +52,14 @@ def _clear(draw: _Draw, name: str, scene: Scene, drawn: RandomFields, chance: np
 
 
 def _standing(name: str, scene: Scene, drawn: RandomFields, chance: np.random.Generator) -> Sphere:
-    place = _beside_way(scene, float(chance.uniform(0.05, 1.0)), float(chance.uniform(-3.0, 3.0)))
+    place = _beside_path(scene, float(chance.uniform(0.05, 1.0)), float(chance.uniform(-3.0, 3.0)))
     return Sphere(name, place, float(chance.uniform(*drawn.radius)))
 
 
 def _moving(name: str, scene: Scene, drawn: RandomFields, chance: np.random.Generator) -> Sphere:
     uav = scene.uavs[0]
     share = float(chance.uniform(0.15, 0.95))
-    meeting = _beside_way(scene, share, float(chance.uniform(-1.0, 1.0)))
+    meeting = _beside_path(scene, share, float(chance.uniform(-1.0, 1.0)))
     steps = share * math.dist(uav.start, uav.goal) / uav.step
     course, speed = float(chance.uniform(-math.pi, math.pi)), float(chance.uniform(*drawn.speed))
     velocity = (speed * math.cos(course), speed * math.sin(course))
@@ -67,19 +67,19 @@ def _moving(name: str, scene: Scene, drawn: RandomFields, chance: np.random.Gene
     return Sphere(name, at, float(chance.uniform(*drawn.radius)), velocity)
 
 
-def _beside_way(scene: Scene, share: float, left: float) -> tuple[float, float]:
+def _beside_path(scene: Scene, share: float, left: float) -> tuple[float, float]:
     start, goal = np.array(scene.uavs[0].start), np.array(scene.uavs[0].goal)
     ahead = (goal - start) / np.hypot(*(goal - start))
     x, y = start + share * (goal - start) + left * np.array([-ahead[1], ahead[0]])
     return float(x), float(y)
 
 
-def way_exists(scene: Scene, steps: int) -> bool:
-    """Whether some way of no more than the fastest speed leads the first UAV to its goal without collision.
+def path_exists(scene: Scene, steps: int) -> bool:
+    """True if a path within the maximum speed leads the first UAV to its goal without collision.
 
-    Cells that can be reached spread from the start, step by step, over those that no obstacle covers just
-    then. Turning on the spot is allowed, so a way for this search need not be one for an aircraft; gaps
-    narrower than a cell are closed to it.
+    The set of reachable cells grows from the start, step by step, over the cells free of obstacles at that
+    step. Turning on the spot is allowed, so an aircraft may be unable to fly the path; gaps narrower than a
+    cell count as closed.
     """
     uav = scene.uavs[0]
     corners = np.array([uav.start, uav.goal])
@@ -89,7 +89,7 @@ def way_exists(scene: Scene, steps: int) -> bool:
     at_goal = np.hypot(*np.meshgrid(x - uav.goal[0], y - uav.goal[1], indexing="ij")) < scene.arrival_radius
     look_steps = max(int(_CELL / (uav.step * scene.fastest)), 1)
     for step in range(0, steps, look_steps):
-        reached = _spread(reached) & ~_covered(scene, step, x, y)
+        reached = _grown(reached) & ~_covered(scene, step, x, y)
         if (reached & at_goal).any():
             return True
     return False
@@ -106,7 +106,7 @@ def _covered(scene: Scene, step: int, x: NDArray[np.float64], y: NDArray[np.floa
     return covered
 
 
-def _spread(reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _grown(reached: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The cells and their four neighbours."""
     wider = reached.copy()
     wider[1:] |= reached[:-1]

@@ -1,4 +1,4 @@
-"""Flies a scene: every UAV decides once a step with its own avoider and moves as a fixed wing does."""
+"""Flies a scene: each UAV decides once a step with its own avoider and moves as a fixed wing."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 _SUBSTEPS = 10
 LAYERS = (Layer.CLEAR, Layer.OUTER, Layer.INNER)
-# Not there after so many times the straight way: it will never be.
-_PATIENCE = 3.0
+# Multiple of the straight path after which a flight is given up.
+_LONGEST_PATH = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +28,9 @@ class UavFlight:
     """One aircraft's flight in the paper's lengths; T samples, one a step, the first at the start.
 
     `position` (T, 2); `course` (T,), anticlockwise from the x axis as in eq. 1 [rad]; `speed` (T,), lengths
-    per step; `turn_command` (T,), eq. 10's change of course asked for [rad]; `speed_command` (T,), eq. 12's
-    change against the mission's speed; `layer` (T,), places in `LAYERS`; `height` (T,). After `arrived_step`
-    it stays.
+    per step; `turn_command` (T,), eq. 10's commanded change of course [rad]; `speed_command` (T,), eq. 12's
+    change against the mission's speed; `layer` (T,), indices into `LAYERS`; `height` (T,). It does not move
+    after `arrived_step`.
     """
 
     uav: Uav
@@ -45,13 +45,13 @@ class UavFlight:
 
     @property
     def steps(self) -> int:
-        """How many steps it flew."""
+        """Number of steps flown."""
         return len(self.position) - 1 if self.arrived_step is None else self.arrived_step
 
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """All of them, and where the obstacles were, (T, M, 2)."""
+    """The flights of all UAVs, and the obstacle positions (T, M, 2)."""
 
     scene: Scene
     method: Method
@@ -60,18 +60,18 @@ class Flight:
 
     @property
     def arrived(self) -> bool:
-        """Whether every UAV reached its goal."""
+        """True if every UAV reached its goal."""
         return all(one.arrived_step is not None for one in self.uavs)
 
     @property
     def steps(self) -> int:
-        """Steps until the last one arrived, or gave up."""
+        """Steps until the last arrival, or until the flight was given up."""
         return max(one.steps for one in self.uavs)
 
 
 @dataclass
 class _Pilot:
-    """One UAV on its way."""
+    """One UAV in flight."""
 
     scene: Scene
     uav: Uav
@@ -99,7 +99,7 @@ class _Pilot:
         )
 
     def track(self, now_s: float) -> Track:
-        """As the others see it: a sphere of our own radius (def. 2) around it."""
+        """The track for the other UAVs: a sphere of two UAV radii (def. 2) around it."""
         around_m = 2.0 * self.scene.uav_radius * self.scale.unit_m
         return Track(
             self.uav.id,
@@ -118,7 +118,7 @@ class _Pilot:
 
     @property
     def goal(self) -> Goal:
-        """Where it goes."""
+        """The goal as a position and the cruise speed."""
         place_m = self.scale.place_m(self.uav.goal)
         return Goal(position_m=place_m, airspeed_mps=self.cruise_mps, is_end=True)
 
@@ -128,7 +128,7 @@ class _Pilot:
         return self.avoider.decide(now_s, self.ownship(now_s), tracks, self.goal)
 
     def command(self, decision: Decision) -> None:
-        """Fly the guidance, or straight to the goal."""
+        """Command the guidance, or the course straight to the goal."""
         plane, guidance = self.aircraft, decision.guidance
         north_m, east_m, down_m = self.scale.place_m(self.uav.goal)
         course_rad = math.atan2(east_m - plane.east_m, north_m - plane.north_m)
@@ -142,12 +142,12 @@ class _Pilot:
         plane.hold_altitude(altitude_m)
 
     def _bank_limit_rad(self) -> float:
-        """The bank that keeps the limits of both bank and turn rate at the present speed."""
+        """The bank within the limits of bank and turn rate at the present speed."""
         envelope, speed_mps = envelope_of(self.scene, self.uav), self.aircraft.airspeed_mps
         return math.atan(envelope.turn_rate_radps(speed_mps) * speed_mps / STANDARD_GRAVITY_MPS2)
 
     def rest(self) -> None:
-        """Arrived: nothing is asked for any more."""
+        """Record a step after the arrival."""
         self._note(self.aircraft.course_rad, self.cruise_mps, Layer.CLEAR)
 
     def _note(self, course_rad: float, speed_mps: float, layer: Layer) -> None:
@@ -165,7 +165,7 @@ class _Pilot:
         )
 
     def move(self, step: int) -> None:
-        """Fly one step; arrive where the way passes the goal within the arrival radius."""
+        """Fly one step; it arrives if the segment passes the goal within the arrival radius."""
         before = self.point
         for _ in range(_SUBSTEPS):
             self.aircraft.step(self.scene.step_s / _SUBSTEPS)
@@ -188,15 +188,15 @@ class _Pilot:
 
 
 def fly(scene: Scene, method: Method, on_step: Callable[[int], None] = lambda _: None) -> Flight:
-    """Fly a scene until every UAV has arrived, or three times the straight way has been flown."""
+    """Fly a scene until every UAV has arrived, or for three times the straight path."""
     pilots = [_pilot(scene, uav, method) for uav in scene.uavs]
-    steps = math.ceil(_PATIENCE * scene.straight_steps)
+    steps = math.ceil(_LONGEST_PATH * scene.straight_steps)
     for step in range(steps + 1):
         now_s = step * scene.step_s
         flying = [pilot for pilot in pilots if pilot.arrived_step is None]
         seen = [pilot.track(now_s) for pilot in flying]
         standing = [obstacle_track(scene, sphere, step) for sphere in scene.obstacles]
-        # All decide on the same moment before any of them moves.
+        # All decide on the same state before any of them moves.
         decisions = [
             pilot.decide(now_s, [*standing, *(t for t in seen if t.track_id != pilot.uav.id)])
             for pilot in flying
@@ -216,7 +216,7 @@ def fly(scene: Scene, method: Method, on_step: Callable[[int], None] = lambda _:
 
 
 def obstacle_track(scene: Scene, sphere: Sphere, step: int) -> Track:
-    """An obstacle as the avoider sees it: keep out of R_b and our own radius (def. 4)."""
+    """An obstacle as a track; its protected radius is R_b plus the UAV's radius (def. 4)."""
     around_m = (sphere.radius + scene.uav_radius) * scene.unit_m
     return Track(
         sphere.id,

@@ -11,21 +11,21 @@ from sim.paper.flight import Flight, UavFlight
 
 Array = NDArray[np.float64]
 
-# Less turn than this in a step is none: what the roll's lag leaves behind is not a change of mind.
+# Turns below this per step are ignored: they are residuals of the roll lag.
 _TURN_RAD = np.radians(0.2)
 
 
 @dataclass(frozen=True, slots=True)
 class Measures:
-    """What the report holds of one flight. Lengths are the paper's.
+    """The measures of one flight. Lengths are the paper's.
 
     `safety_value` is eq. 3 averaged over the flight: the mean distance to all obstacles, or between all pairs
-    of UAVs; `common_safety_value` over the steps alone that all compared flights were on their way, so that a
-    flight that strays does not profit from its last steps far away. `min_separation` is the smallest of these
-    distances, from centre to centre; `min_clearance` from surface to surface. `heading_effort` is the mean
-    square of the change of course asked for (eq. 10) [rad^2], `speed_effort` that of the change of speed (eq.
-    12) [length^2 per step^2]. `path_ratio` is length flown over straight length; `jitter` how often the turn
-    changes side.
+    of UAVs. `common_safety_value` averages only the steps in which all compared flights are under way, so
+    that a flight does not gain from a long detour at the end. `min_separation` is the smallest of these
+    distances, between centres; `min_clearance` between surfaces. `heading_effort` is the mean square of the
+    commanded change of course (eq. 10) [rad^2], `speed_effort` that of the change of speed (eq. 12) [length^2
+    per step^2]. `path_ratio` is flown length over straight length; `jitter` counts changes of the turn's
+    side.
     """
 
     safety_value: float | None
@@ -41,7 +41,7 @@ class Measures:
     common_safety_value: float | None = None
 
     def report(self) -> dict[str, float | int | bool | None]:
-        """For JSON, without the digits that mean nothing."""
+        """The measures for JSON, rounded to six digits."""
         return {
             name: round(value, 6) if isinstance(value, float) else value
             for name in self.__slots__
@@ -50,7 +50,7 @@ class Measures:
 
 
 def measure(flight: Flight, common_steps: int | None = None) -> Measures:
-    """All measures of a flight; `common_steps` are those that all compared flights were on their way."""
+    """All measures of a flight; `common_steps`: steps in which all compared flights are under way."""
     contact, closest = contacts(flight), closest_distances(flight)
     straight = sum(math.dist(one.uav.start, one.uav.goal) for one in flight.uavs)
     straight -= len(flight.uavs) * flight.scene.arrival_radius
@@ -73,16 +73,16 @@ def measure(flight: Flight, common_steps: int | None = None) -> Measures:
 
 
 def distances(flight: Flight) -> Array:
-    """Distances from centre to centre at every step: pairs of UAVs, then each to all obstacles, (T, P)."""
+    """Distances between centres at every step: pairs of UAVs, then each UAV to all obstacles, (T, P)."""
     offsets = _offsets(flight)
     lengths: Array = np.sqrt(np.einsum("tpi,tpi->tp", offsets, offsets))
     return lengths
 
 
 def safety_values(flight: Flight) -> Array:
-    """Eq. 3 at every step, shape (T,): mean distance to the obstacles, of several UAVs that between them.
+    """Eq. 3 at every step, (T,): mean distance to the obstacles, or between several UAVs.
 
-    Empty where there is nothing to be safe from.
+    Empty without obstacles and other UAVs.
     """
     columns = distances(flight)
     count = len(flight.uavs)
@@ -92,7 +92,7 @@ def safety_values(flight: Flight) -> Array:
 
 
 def contacts(flight: Flight) -> Array:
-    """Distances at which the columns of `distances` collide (def. 4), shape (P,)."""
+    """The collision distances (def. 4) for the columns of `distances`, (P,)."""
     own, count = flight.scene.uav_radius, len(flight.uavs)
     pairs = [2.0 * own] * (count * (count - 1) // 2)
     spheres = [own + sphere.radius for sphere in flight.scene.obstacles]
@@ -100,7 +100,7 @@ def contacts(flight: Flight) -> Array:
 
 
 def closest_distances(flight: Flight) -> Array:
-    """Smallest distances, shape (P,), between the samples too: all move straight from one to the next."""
+    """Smallest distances, (P,), also between the samples, with straight motion between them."""
     offsets = _offsets(flight)
     start, along = offsets[:-1], np.diff(offsets, axis=0)
     length2 = np.einsum("tpi,tpi->tp", along, along)
@@ -111,20 +111,20 @@ def closest_distances(flight: Flight) -> Array:
 
 
 def path_length(flown: UavFlight) -> float:
-    """Length flown, over the ground."""
+    """Flown length over ground."""
     way = np.diff(flown.position[: flown.steps + 1], axis=0)
     return float(np.hypot(way[:, 0], way[:, 1]).sum())
 
 
 def jitter(flown: UavFlight) -> int:
-    """How often the turn changes from one side to the other."""
+    """Number of changes of the turn from one side to the other."""
     turns = np.diff(np.unwrap(flown.course[: flown.steps + 1]))
     sides = np.sign(turns[np.abs(turns) > _TURN_RAD])
     return int((np.diff(sides) != 0.0).sum())
 
 
 def _offsets(flight: Flight) -> Array:
-    """Vectors between what is measured against each other, (T, P, 3): pairs of UAVs, then UAVs, obstacles."""
+    """Vectors (T, P, 3) between pairs of UAVs, then from each UAV to all obstacles."""
     # Obstacles are at height zero, and so are UAVs that do not use height.
     places = [np.column_stack([one.position, one.height]) for one in flight.uavs]
     obstacles = np.concatenate([flight.obstacles, np.zeros((*flight.obstacles.shape[:2], 1))], axis=2)

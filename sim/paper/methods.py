@@ -1,19 +1,18 @@
-"""The strategies that the paper compares, as parameters of the avoider that flies."""
+"""The strategies that the paper compares, as parameters of the product's avoider."""
 
 import math
 from dataclasses import dataclass, replace
 
 from companion.avoidance import AvoidanceParams, Envelope
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.avoidance.group.formation import FormationParams
-from companion.avoidance.maneuvers import NO_SURPRISES
-from companion.avoidance.outer import FieldParams, OuterMethod
-from companion.avoidance.params import Layers
+from companion.avoidance.maneuvers import NO_MANEUVERS
+from companion.avoidance.params import Layers, OuterMethod
+from companion.avoidance.potential import FieldParams
 from sim.paper.scene import Scene, Uav
 
-# Price of the inner sphere. On random fields 10000 to 10059 the clearance of two layers grew with it (0.77,
-# 1.05
-# and 1.09 lengths for 10, 20 and 30), and so did the way (1.23, 1.31 and 1.37 times the straight one).
+# Cost weight of the inner sphere. On random fields 10000 to 10059, weights of 10, 20 and 30 gave a clearance
+# of 0.77, 1.05 and 1.09 lengths with two layers, at path ratios of 1.23, 1.31 and 1.37.
 NEARNESS = 10.0
 DEFAULTS = AvoidanceParams()
 _FLAT = frozenset({Control.HEADING, Control.SPEED})  # figure 6: the experiments stay at one height
@@ -21,22 +20,22 @@ _FLAT = frozenset({Control.HEADING, Control.SPEED})  # figure 6: the experiments
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One strategy; `layers` is `None` for flying straight on."""
+    """One strategy; `layers` is `None` for straight flight."""
 
     name: str
     label: str
     layers: Layers | None
     outer: OuterMethod = OuterMethod.PRICED
     controls: frozenset[Control] = _FLAT
-    cooperate: bool = False  # whether members of a group answer each other by the joint table
+    cooperate: bool = False  # True: members of a group use the joint table
     nearness: float = NEARNESS
     delta_beta_rad: float | None = None  # `None`: the default of the avoidance
 
     def params(self, scene: Scene, uav: Uav) -> AvoidanceParams:
-        """The avoidance of this strategy on the scale of a scene.
+        """The avoidance parameters of this strategy, on the scale of a scene.
 
-        Forces are measured in lengths of the outer radius, so the paper's gains, which hold for its own
-        lengths, are multiplied with the powers of it that eq. 5 and 7 have.
+        Forces are measured in units of the outer radius; the paper's gains are converted with its powers in
+        eq. 5 and 7.
         """
         assert self.layers is not None
         scale, defaults = scene.scale, DEFAULTS
@@ -57,24 +56,24 @@ class Method:
             outer_time_s=0.0,
             inner_time_s=0.0,
             delta_beta_rad=delta,
-            # The paper hands back as soon as the distance allows; what flies by default waits a little.
+            # The paper releases as soon as the distance allows; the default waits a little.
             release_after_s=defaults.release_after_s if priced else 0.0,
             layers=self.layers,
             outer_method=self.outer,
             controls=self.controls,
             field_gains=gains,
-            # The paper's obstacles fly straight on and pass soon: nothing surprises, and a course is judged
-            # by its angle. A conflict begins where its cone does.
+            # The paper's obstacles fly straight and pass soon: no intruder maneuvers are considered, and a
+            # course is judged by its angle. A conflict begins where its cone does.
             begin_near=1.0,
             begin_far=1.0,
-            surprises=NO_SURPRISES,
+            surprises=NO_MANEUVERS,
             weights=replace(defaults.weights, nearness=self.nearness, aside=0.0, unresolved=0.0, switch=0.6),
             envelope=envelope_of(scene, uav),
             formation=FormationParams(
                 own_id=uav.id,
                 cooperate=self.cooperate,
                 separation_m=scene.inner_radius * scale.unit_m,
-                # Of either, the paper's radius of influence.
+                # For both, the paper's radius of influence.
                 influence_m=scene.outer_radius * scale.unit_m,
                 reach_m=scene.outer_radius * scale.unit_m,
                 smallest_m=2.0 * scene.uav_radius * scale.unit_m,
@@ -83,7 +82,7 @@ class Method:
 
 
 def envelope_of(scene: Scene, uav: Uav) -> Envelope:
-    """What an aircraft of this speed can do; bank, climb and response are the defaults."""
+    """The envelope of a UAV of this speed; bank, climb and response are the defaults."""
     cruise_mps = scene.scale.speed_mps(uav.step)
     return Envelope(
         min_airspeed_mps=scene.slowest * cruise_mps,
@@ -99,7 +98,7 @@ OUTER = Method("outer", "outer layer only", Layers.OUTER, OuterMethod.TRANSITION
 INNER = Method("inner", "inner layer only", Layers.INNER)
 TWO_LAYER = Method("two_layer", "two layers", Layers.BOTH, cooperate=True)
 
-# What the report's four are compared with besides.
+# Further strategies for comparison.
 OUTER_PRICED = Method("outer_priced", "outer layer only, priced", Layers.OUTER)
 TWO_LAYER_PLAIN = Method("two_layer_plain", "two layers, field unpriced", Layers.BOTH, OuterMethod.TRANSITION)
 TWO_LAYER_ALONE = Method("two_layer_alone", "two layers, not cooperating", Layers.BOTH)

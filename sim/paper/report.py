@@ -1,4 +1,4 @@
-"""What `companion-sim paper` writes: `report.json` for machines, `table.md` for people."""
+"""The output of `companion-sim paper`: `report.json` for machines, `table.md` for readers."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from sim.paper.flight import Flight
 from sim.paper.measures import Measures, measure
 from sim.paper.studies import FieldShare, TransitionPoint, Triple
 
-# What the paper prints (§4.2, §4.3): facts to compare with, nothing here is computed from them.
+# The values printed in the paper (§4.2, §4.3), for comparison only.
 PAPER: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "single": {
         "outer": {"safety_value": 1.3445},
@@ -28,7 +28,7 @@ _TITLES = {"single": "One UAV (§4.2)", "group": "Three UAVs (§4.3)"}
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Goal:
-    """A ratio between two layers and a single one that an experiment is to reach."""
+    """A target ratio of two layers to a single layer in an experiment."""
 
     experiment: str
     measure: str
@@ -37,7 +37,7 @@ class Goal:
     at_most: float | None = None
 
     def reached(self, ratio: float) -> bool:
-        """Whether a ratio is on the right side."""
+        """True if a ratio meets the target."""
         return ratio >= self.at_least if self.at_least is not None else ratio <= (self.at_most or 0.0)
 
 
@@ -62,12 +62,12 @@ def measured(flights: Mapping[str, Sequence[Flight]]) -> dict[str, dict[str, Mea
 
 
 def common_steps(flown: Sequence[Flight]) -> int:
-    """Steps during which every UAV of every one of these flights was on its way."""
+    """Number of steps in which every UAV of all these flights was under way."""
     return min(one.steps for flight in flown for one in flight.uavs)
 
 
 def report(experiments: Measured, minima: Measured) -> dict[str, Any]:
-    """The figures for machines: the compared four by experiment, the others under `more`."""
+    """The JSON report: the four compared strategies by experiment, the others under `more`."""
     main = {method.name for method in methods.REPORTED}
     return {
         **{name: _reports(rows, main) for name, rows in experiments.items()},
@@ -81,14 +81,14 @@ def _reports(rows: Mapping[str, Measures], names: set[str]) -> dict[str, Any]:
 
 
 def succeeded(experiments: Measured) -> bool:
-    """Whether the two layers arrived in every experiment, without collision."""
+    """True if the two layers arrived in every experiment without collision."""
     both = [rows[methods.TWO_LAYER.name] for rows in experiments.values()]
     return all(one.arrived and not one.collisions for one in both)
 
 
 def table(experiments: Measured, minima: Measured) -> str:
-    """The comparison in Markdown: the paper's figures beside ours, ratios, where we fall short and why."""
-    parts = ["# The paper's experiments, flown by the avoidance that flies\n", _READING]
+    """The comparison in Markdown: the paper's values beside ours, ratios, and missed targets with reasons."""
+    parts = ["# The paper's experiments, flown with the product's avoidance\n", _READING]
     for name, rows in experiments.items():
         parts += [f"## {_TITLES[name]}\n", _experiment(name, rows)]
     parts += ["## Two layers against one\n", _ratios(experiments)]
@@ -96,13 +96,14 @@ def table(experiments: Measured, minima: Measured) -> str:
     return "\n".join(parts)
 
 
-_READING = """Ours beside the paper's, where it prints any. It does not print its obstacles, so absolute
-values cannot agree; ratios and orders can. Lengths are the paper's. The safety value (eq. 3) is the mean over
-the whole flight, of a group until the last has arrived, those who did standing at their goals; under "same
-time" it is the mean over the steps that all UAVs of all strategies are on their way. Read it with the others,
-for it alone rewards flying apart. Heading effort is the mean square of the change of course asked for [rad²],
-speed effort that of speed [length²/step²]; separation is between centres, clearance between surfaces; path is
-length flown over that of the straight way; jitter counts changes of the side of the turn.
+_READING = """Our values, with the paper's in brackets where it prints one. The paper does not print its
+obstacles, so absolute values cannot agree; ratios and orders can. Lengths are the paper's. The safety value
+(eq. 3) is the mean over the whole flight; for a group, until the last arrival, with the others standing at
+their goals. "Same time" is the mean over the steps in which all UAVs of all strategies are under way. The
+safety value alone rewards flying far apart, so read it with the other measures. Heading effort is the mean
+square of the commanded change of course [rad²], speed effort that of speed [length²/step²]; separation is
+between centres, clearance between surfaces; path is flown length over straight length; jitter counts changes
+of the turn's side.
 """
 
 _COLUMNS = (
@@ -136,7 +137,7 @@ def _cell(value: float | bool | None, paper: float | None) -> str:
         return "yes" if value else "no"
     if value is None:
         return "-"
-    # Efforts may be small; a zero shall mean that nothing was asked for.
+    # Show small efforts with their digits: a zero means that nothing was commanded.
     value = round(value, 6)
     text = f"{value:.4f}" if abs(value) >= 1e-3 else f"{value:.2g}"
     if isinstance(value, int):
@@ -166,7 +167,7 @@ def _ratios(experiments: Measured) -> str:
 
 
 def _alone(experiments: Measured) -> str:
-    """What of the group's ratios is owed to its joint table, and not to the layers."""
+    """The part of the group's ratios that is due to its joint table."""
     rows = experiments["group"]
     alone = rows.get(methods.TWO_LAYER_ALONE.name)
     if alone is None:
@@ -174,9 +175,9 @@ def _alone(experiments: Measured) -> str:
     ratios = [_ratio(alone, rows[against], "safety_value") for against in ("outer", "inner")]
     shown = " and ".join("-" if ratio is None else f"{ratio:.2f}" for ratio in ratios)
     return (
-        "- group: the single layers do not cooperate, the two layers do. Two layers that do not either reach "
-        f"{shown} times the safety value of the outer and of the inner layer alone; the rest is owed to the "
-        "joint table."
+        "- group: the single layers do not cooperate, the two layers do. Two layers without cooperation "
+        f"reach {shown} times the safety value of the outer and of the inner layer alone; the rest is due "
+        "to the joint table."
     )
 
 
@@ -194,24 +195,25 @@ def _paper_ratio(goal: Goal) -> str:
 
 
 def _reason(goal: Goal, both: Measures, one: Measures) -> str:
-    """Why a ratio falls short, as far as the other measures of the same two flights tell."""
+    """The reason for a missed target, from the other measures of the two flights."""
     if goal.measure == "safety_value" and one.path_ratio > both.path_ratio:
         text = (
-            f"the single layer is far from the obstacles because it strays, {one.path_ratio:.2f} times the "
-            f"straight way against {both.path_ratio:.2f}, and not because it keeps clear of them: its "
-            f"smallest clearance is {one.min_clearance:.2f} against {both.min_clearance:.2f}."
+            f"the single layer is far from the obstacles because of its detour, {one.path_ratio:.2f} times "
+            f"the straight path against {both.path_ratio:.2f}; its smallest clearance is "
+            f"{one.min_clearance:.2f} against {both.min_clearance:.2f}."
         )
         common = _ratio(both, one, "common_safety_value")
-        return text if common is None else f"{text} While all are on their way the ratio is {common:.2f}."
+        return text if common is None else f"{text} While all are under way the ratio is {common:.2f}."
     if goal.measure == "safety_value":
         return (
-            f"the single layer already keeps a clearance of {one.min_clearance:.2f} on its own (two layers "
-            f"{both.min_clearance:.2f}); more distance would cost a longer way than the "
-            f"{both.path_ratio:.2f} times the straight one that it is now."
+            f"the single layer already keeps a clearance of {one.min_clearance:.2f} (two layers "
+            f"{both.min_clearance:.2f}); more distance would cost a longer path than the present "
+            f"{both.path_ratio:.2f} times the straight one."
         )
     return (
-        f"the two layers pay for a clearance of {both.min_clearance:.2f} against {one.min_clearance:.2f} "
-        f"and a safety value of {both.safety_value:.2f} against {one.safety_value:.2f} with more turning."
+        f"the two layers turn more for a clearance of {both.min_clearance:.2f} against "
+        f"{one.min_clearance:.2f} and a safety value of {both.safety_value:.2f} against "
+        f"{one.safety_value:.2f}."
     )
 
 
@@ -268,19 +270,19 @@ def fields_table(shares: Sequence[FieldShare], closed: int) -> str:
     ]
     count = shares[0].fields if shares else 0
     intro = (
-        f"# Random fields\n\n{count} fields through which a way exists ({closed} others have none). "
-        "The share has its 95 % interval (Wilson); the others are means over the flights that arrived.\n\n"
+        f"# Random fields\n\n{count} passable fields ({closed} others are impassable). "
+        "Shares have 95 % intervals (Wilson); the other values are means over the flights that arrived.\n\n"
     )
     return intro + markdown(heads, body)
 
 
 def transition_report(points: Sequence[TransitionPoint], chosen_deg: float) -> dict[str, Any]:
-    """The sweep for machines."""
+    """The sweep for JSON."""
     return {"chosen_deg": chosen_deg, "points": [dataclasses.asdict(point) for point in points]}
 
 
 def fields_report(shares: Sequence[FieldShare], closed: int) -> dict[str, Any]:
-    """The shares for machines, by name of the strategy."""
+    """The shares for JSON, by strategy."""
     rows = {}
     for share in shares:
         row = dataclasses.asdict(share)
@@ -297,6 +299,6 @@ def _triple(value: Triple, digits: int) -> str:
 
 
 def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table."""
+    """A Markdown table."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (heads, ["---"] * len(heads), *rows)]
     return "\n".join(lines) + "\n"

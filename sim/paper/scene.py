@@ -1,7 +1,7 @@
-"""Scenes of the paper's experiments: who flies where, among what, and on which scale.
+"""Scenes of the paper's experiments: UAVs, obstacles and scale.
 
-Scenes speak the paper's language: x to the right, y up, lengths without unit, speeds in lengths per step.
-`Scale` turns them into metres and seconds north-east-down, for the avoidance knows no other.
+Scenes use the paper's conventions: x to the right, y up, lengths without unit, speeds in lengths per step.
+`Scale` converts them to metres and seconds, north-east-down, for the avoidance.
 """
 
 import math
@@ -26,7 +26,7 @@ Point = tuple[Length, Length]
 
 @checked.dataclass(frozen=True, config=STRICT)
 class Uav:
-    """One of ours: `step` is its speed, in lengths per step."""
+    """A UAV; `step` is its speed in lengths per step."""
 
     id: Annotated[str, Len(1, 16)]
     start: Point
@@ -36,7 +36,7 @@ class Uav:
 
 @checked.dataclass(frozen=True, config=STRICT)
 class Sphere:
-    """An obstacle (def. 2): centre at the first step, radius R_b, and velocity if it moves."""
+    """An obstacle (def. 2): centre at the first step, radius R_b, and velocity."""
 
     id: Annotated[str, Len(1, 16)]
     at: Point
@@ -44,13 +44,13 @@ class Sphere:
     velocity: Point = (0.0, 0.0)
 
     def centre(self, step: int) -> Vec2:
-        """Where it is after so many steps."""
+        """The centre after some steps."""
         return self.at[0] + self.velocity[0] * step, self.at[1] + self.velocity[1] * step
 
 
 @checked.dataclass(frozen=True, config=STRICT)
 class RandomFields:
-    """How obstacles are drawn; ranges are (from, to)."""
+    """The distribution of random obstacles; ranges are (from, to)."""
 
     fields: Annotated[int, Ge(1), Le(100_000)]
     seed: Annotated[int, Ge(0)]
@@ -62,16 +62,16 @@ class RandomFields:
     clearance: Positive
 
     def __post_init__(self) -> None:
-        """Refuse ranges that are none."""
+        """Refuse reversed ranges."""
         for name in ("standing", "moving", "radius", "speed"):
             low, high = getattr(self, name)
             if low > high:
-                raise ValueError(f"{name}: from {low} to {high} is no range")
+                raise ValueError(f"{name}: from {low} to {high} is not a range")
 
 
 @checked.dataclass(frozen=True, config=STRICT)
 class Scene:
-    """All of a scene file."""
+    """The content of a scene file."""
 
     description: str
     unit_m: Annotated[float, Gt(0.0), Le(1e5)]
@@ -83,18 +83,18 @@ class Scene:
     uav_radius: Positive
     arrival_radius: Positive
     uavs: Annotated[tuple[Uav, ...], Len(1, 50)]
-    # What our aircraft can do besides flying its step, as shares of it (V_min and V_max of §3.2.2).
+    # V_min and V_max of §3.2.2, as shares of `step`.
     slowest: Annotated[float, Gt(0.0), Le(1.0)] = 0.8
     fastest: Annotated[float, Ge(1.0), Le(5.0)] = 1.4
     obstacles: Annotated[tuple[Sphere, ...], Len(0, 20_000)] = ()
     random: RandomFields | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be flown: one id twice, starts and goals within obstacles."""
+        """Refuse duplicate ids, and starts or goals inside obstacles."""
         ids = [uav.id for uav in self.uavs] + [obstacle.id for obstacle in self.obstacles]
         if len(set(ids)) < len(ids):
             twice = next(one for one in ids if ids.count(one) > 1)
-            raise ValueError(f"the id {twice} is there twice")
+            raise ValueError(f"the id {twice} is used twice")
         if self.inner_radius > self.outer_radius:
             raise ValueError("inner_radius must not exceed outer_radius")
         for uav in self.uavs:
@@ -117,36 +117,36 @@ class Scene:
 
     @property
     def scale(self) -> "Scale":
-        """Metres and seconds for lengths and steps."""
+        """The conversion to metres and seconds."""
         return Scale(self.unit_m, self.step_s)
 
     @property
     def straight_steps(self) -> int:
-        """How many steps the longest straight way takes."""
+        """Number of steps of the longest straight path."""
         return max(math.ceil(math.dist(uav.start, uav.goal) / uav.step) for uav in self.uavs)
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """From the paper's lengths and steps to metres and seconds; y is north and x is east."""
+    """Conversion from the paper's lengths and steps to metres and seconds; y is north and x is east."""
 
     unit_m: float
     step_s: float
 
     def place_m(self, point: Vec2) -> Vec3:
-        """North, east, down; everything is at height zero (§2.1: flight at one altitude)."""
+        """A point as north, east, down [m], at height zero (§2.1: flight at one altitude)."""
         return point[1] * self.unit_m, point[0] * self.unit_m, 0.0
 
     def point(self, place_m: Sequence[float]) -> Vec2:
-        """x and y of a place north-east(-down)."""
+        """x and y of a position north-east(-down) [m]."""
         return place_m[1] / self.unit_m, place_m[0] / self.unit_m
 
     def speed_mps(self, per_step: float) -> float:
-        """A speed in lengths per step."""
+        """A speed in lengths per step as m/s."""
         return per_step * self.unit_m / self.step_s
 
     def velocity_mps(self, per_step: Vec2) -> Vec3:
-        """A velocity in lengths per step, north-east-down."""
+        """A velocity in lengths per step as north, east, down [m/s]."""
         return self.speed_mps(per_step[1]), self.speed_mps(per_step[0]), 0.0
 
 

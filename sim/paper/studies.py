@@ -1,7 +1,7 @@
 """The studies of `companion-sim paper`: experiments, local minima, transition domain, random fields.
 
-Flights are independent of each other, so they are spread over the machine's cores; the same seeds give the
-same results on any number of them.
+Flights are independent, so they are distributed over the machine's cores; the same seeds give the same
+results on any number of cores.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 
 from companion.errors import ConfigError
 from sim.paper import methods
-from sim.paper.fields import random_field, way_exists
+from sim.paper.fields import path_exists, random_field
 from sim.paper.flight import Flight, fly
 from sim.paper.measures import Measures, measure
 from sim.paper.methods import Method
@@ -46,14 +46,14 @@ _Result = TypeVar("_Result")
 
 
 def _silent(done: int, total: int) -> None:
-    """Nobody watches."""
+    """Ignore the progress."""
 
 
 @dataclass(frozen=True, slots=True)
 class TransitionPoint:
-    """One width of the transition domain over all fields: value, and the 95 % interval around it.
+    """One width of the transition domain over all fields: values with their 95 % intervals.
 
-    Means are over the flights that arrived; `arrived_share` is of those that did so without collision.
+    Means are over the flights that arrived; `arrived_share` counts arrivals without collision.
     """
 
     method: str
@@ -66,7 +66,7 @@ class TransitionPoint:
 
 @dataclass(frozen=True, slots=True)
 class FieldShare:
-    """How one strategy did over the random fields through which a way exists."""
+    """The results of one strategy over the passable random fields."""
 
     method: Method
     fields: int
@@ -79,13 +79,13 @@ class FieldShare:
 
 
 def fly_experiments(on_progress: Progress = _silent) -> dict[str, list[Flight]]:
-    """Both experiments with every strategy, by name of the experiment."""
+    """The flights of both experiments with every strategy, by experiment."""
     jobs = [
         (name, load_scene(name), method)
         for name in EXPERIMENTS
         for method in (*methods.REPORTED, *methods.MORE[name])
     ]
-    flights = _spread(_fly, [(scene, method) for _, scene, method in jobs], on_progress)
+    flights = _run_all(_fly, [(scene, method) for _, scene, method in jobs], on_progress)
     return {
         wanted: [flight for (name, *_), flight in zip(jobs, flights, strict=True) if name == wanted]
         for wanted in EXPERIMENTS
@@ -93,15 +93,15 @@ def fly_experiments(on_progress: Progress = _silent) -> dict[str, list[Flight]]:
 
 
 def fly_minima(on_progress: Progress = _silent) -> dict[str, list[Flight]]:
-    """The scenes of local minima with the plain field and with ours, by name of the scene."""
+    """The flights of the local-minimum scenes with the plain field and with ours, by scene."""
     scenes = minima_scenes()
     jobs = [(scene, method) for scene in scenes.values() for method in MINIMA_METHODS]
-    flights = iter(_spread(_fly, jobs, on_progress))
+    flights = iter(_run_all(_fly, jobs, on_progress))
     return {name: [next(flights) for _ in MINIMA_METHODS] for name in scenes}
 
 
 def study_transition(fields: int | None = None, on_progress: Progress = _silent) -> list[TransitionPoint]:
-    """Every width of the transition domain over the study's random fields."""
+    """The results of every width of the transition domain over the study's random fields."""
     scene, drawn = _random_scene()
     seeds = range(drawn.study_seed, drawn.study_seed + (fields or drawn.fields))
     chosen = [
@@ -110,7 +110,7 @@ def study_transition(fields: int | None = None, on_progress: Progress = _silent)
         for delta_deg in DELTA_BETAS_DEG
     ]
     jobs = [(scene, seed, method) for _, _, method in chosen for seed in seeds]
-    measured = _spread(_measure_field, jobs, on_progress)
+    measured = _run_all(_measure_field, jobs, on_progress)
     rows = [measured[i : i + len(seeds)] for i in range(0, len(measured), len(seeds))]
     return [
         _point(method.label, delta_deg, row) for (method, delta_deg, _), row in zip(chosen, rows, strict=True)
@@ -118,46 +118,50 @@ def study_transition(fields: int | None = None, on_progress: Progress = _silent)
 
 
 def best_delta_beta_deg(points: Sequence[TransitionPoint], method: str = methods.OUTER.label) -> float:
-    """The width with the largest safety value, among those that arrive as surely as the surest one.
+    """The width with the largest safety value among those that arrive most reliably.
 
-    As surely: the interval of its share reaches the best share. The paper asks for the safety value alone,
-    which would also praise those that never arrive.
+    Reliable: the interval of its share reaches the best share. The paper uses the safety value alone, which
+    would also favour widths that never arrive.
     """
-    own = [point for point in points if point.method == method and math.isfinite(point.safety_value[0])]
-    if not own:
+    candidates = [
+        point for point in points if point.method == method and math.isfinite(point.safety_value[0])
+    ]
+    if not candidates:
         return math.nan
-    surest = max(point.arrived_share[0] for point in own)
-    sure = [point for point in own if point.arrived_share[2] >= surest]
-    return max(sure, key=lambda point: point.safety_value[0]).delta_beta_deg
+    surest = max(point.arrived_share[0] for point in candidates)
+    reliable = [point for point in candidates if point.arrived_share[2] >= surest]
+    return max(reliable, key=lambda point: point.safety_value[0]).delta_beta_deg
 
 
 def study_fields(fields: int | None = None, on_progress: Progress = _silent) -> tuple[list[FieldShare], int]:
-    """Every strategy over the reported random fields, and through how many of them no way exists."""
+    """Every strategy over the reported random fields, and the number of impassable fields."""
     scene, drawn = _random_scene()
     seeds = range(drawn.seed, drawn.seed + (fields or drawn.fields))
     total = len(seeds) * (len(FIELD_METHODS) + 1)
-    open_ = _spread(_way_exists, [(scene, seed) for seed in seeds], lambda done, _: on_progress(done, total))
+    open_ = _run_all(
+        _path_exists, [(scene, seed) for seed in seeds], lambda done, _: on_progress(done, total)
+    )
     passable = [seed for seed, is_open in zip(seeds, open_, strict=True) if is_open]
     jobs = [(scene, seed, method) for method in FIELD_METHODS for seed in passable]
-    measured = _spread(_measure_field, jobs, lambda done, _: on_progress(len(seeds) + done, total))
+    measured = _run_all(_measure_field, jobs, lambda done, _: on_progress(len(seeds) + done, total))
     rows = [measured[i : i + len(passable)] for i in range(0, len(measured), len(passable))]
     shares = [_share(method, passable, row) for method, row in zip(FIELD_METHODS, rows, strict=True)]
     return shares, len(seeds) - len(passable)
 
 
 def share_with_interval(successes: int, of: int) -> Triple:
-    """A share and its 95 % interval by Wilson's score, which stays within 0 and 1."""
+    """A share and its 95 % interval by Wilson's score, within 0 and 1."""
     if of == 0:
         return 0.0, 0.0, 1.0
     p, z2 = successes / of, _Z**2 / of
     middle = (p + z2 / 2.0) / (1.0 + z2)
     half = _Z * math.sqrt(p * (1.0 - p) / of + z2 / (4.0 * of)) / (1.0 + z2)
-    # Rounding must not leave the share itself outside.
+    # Rounding must not put the share itself outside.
     return p, min(max(middle - half, 0.0), p), max(min(middle + half, 1.0), p)
 
 
 def mean_with_interval(values: Sequence[float]) -> Triple:
-    """A mean and its 95 % interval, by the normal distribution of means; not a number of nothing."""
+    """A mean and its 95 % interval by the normal distribution; NaN without values."""
     if not values:
         return math.nan, math.nan, math.nan
     mean = float(np.mean(values))
@@ -212,17 +216,17 @@ def _measure_field(job: tuple[Scene, int, Method]) -> Measures:
     return measure(fly(random_field(scene, seed), method))
 
 
-def _way_exists(job: tuple[Scene, int]) -> bool:
+def _path_exists(job: tuple[Scene, int]) -> bool:
     scene, seed = job
-    return way_exists(random_field(scene, seed), 3 * scene.straight_steps)
+    return path_exists(random_field(scene, seed), 3 * scene.straight_steps)
 
 
-def _spread(work: Callable[[_Job], _Result], jobs: Sequence[_Job], on_progress: Progress) -> list[_Result]:
-    """The results of all jobs, in their order, from as many processes as there are cores."""
+def _run_all(work: Callable[[_Job], _Result], jobs: Sequence[_Job], on_progress: Progress) -> list[_Result]:
+    """The results of all jobs in order, from one process per core."""
     results: dict[int, _Result] = {}
-    # Fresh processes: this one may have threads, as that of a progress bar, which a fork would leave stuck.
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=fresh) as pool:
+    # Spawned, not forked: this process may have threads, such as that of a progress bar.
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=spawn) as pool:
         places = {pool.submit(work, job): place for place, job in enumerate(jobs)}
         try:
             for done, future in enumerate(as_completed(places), start=1):

@@ -10,38 +10,38 @@ from sim.peers.peer import PeerLimits, Relative, course_of, mission_of, position
 
 @dataclass(frozen=True, slots=True)
 class ArduPilotParams:
-    """The defaults that are published for planes; names in brackets are ArduPilot's.
+    """The published defaults for planes, with ArduPilot's parameter names.
 
-    The warning's own time and distances (AVD_W_*) only tell the operator, and are left out.
+    The warning's time and distances (AVD_W_*) only warn the operator and are left out.
     """
 
     time_horizon_s: float = 30.0  # AVD_F_TIME
     distance_horizontal_m: float = 300.0  # AVD_F_DIST_XY
     distance_vertical_m: float = 100.0  # AVD_F_DIST_Z
-    recovery_s: float = 2.0  # how long no threat is seen before the mission goes on (AVD_F_RCVRY: resume)
-    oldest_s: float = 5.0  # what was not heard of for so long is no obstacle any more
-    # The plane is sent this far up or down from where it is, anew at every decision: all it can climb.
+    recovery_s: float = 2.0  # time without threat before the mission is resumed (AVD_F_RCVRY: resume)
+    oldest_s: float = 5.0  # older tracks are ignored
+    # Every decision commands this much above or below the present height: full climb or descent.
     height_step_m: float = 10.0
 
     @staticmethod
     def well_clear() -> "ArduPilotParams":
-        """The same rule with the well-clear volume of small UAS (ASTM F3442) for its distances."""
+        """The same rule with the distances of well clear for small UAS (ASTM F3442)."""
         return ArduPilotParams(distance_horizontal_m=609.6, distance_vertical_m=76.2)
 
 
 class ArduPilot:
-    """Extrapolate, pick the most imminent threat, fly off at right angles to its path.
+    """Extrapolate, pick the most imminent threat, fly perpendicular to its path.
 
     Source: ArduPilot's documentation of ADS-B avoidance and of the AVD_ parameters, and MAVLink's
     MAV_COLLISION_ACTION_MOVE_PERPENDICULAR ("perpendicular to the collision's velocity vector").
 
-    - Both fly straight on for the time horizon. An intruder is a threat if, within it, the horizontal and the
+    - Both fly straight for the time horizon. An intruder is a threat if, within it, the horizontal and the
       vertical distance each fall below their limit, though not necessarily at the same time.
-    - Of several, the one whose closest approach comes first is avoided, and only that one.
-    - The way out leads from the line that the intruder flies along through us, at right angles to it in three
-      dimensions; from an intruder that hardly moves, straight away. Sideways it is a course, up or down full
-      climb or sink: up for who is above that line, down for who is not.
-    - When nothing has been a threat for some seconds, the mission is resumed.
+    - Only the threat with the earliest closest approach is avoided.
+    - The escape direction points from the intruder's line of flight to us, perpendicular to the line in three
+      dimensions; from an almost stationary intruder it points straight away. Its horizontal part is flown as
+      a course, its vertical part as full climb or descent: climb above the line, otherwise descent.
+    - The mission is resumed after some seconds without a threat.
     """
 
     def __init__(self, limits: PeerLimits, params: ArduPilotParams | None = None) -> None:
@@ -51,7 +51,7 @@ class ArduPilot:
         self._last_threat_s = -math.inf
 
     def reset(self) -> None:
-        """Forget the threat at hand."""
+        """Clear the present threat."""
         self._last = None
         self._last_threat_s = -math.inf
 
@@ -95,15 +95,15 @@ class ArduPilot:
 
 
 def perpendicular(seen: Relative, own: Ownship) -> tuple[float, float, float]:
-    """From the intruder's line of flight to us, at right angles to it: north, east, up [m].
+    """The perpendicular from the intruder's line of flight to us: north, east, up [m].
 
-    Its horizontal part is never nothing: on the line itself it is a metre, to the side that in flight noise
-    would choose, and that is the right-hand one here. Up is negative for who is not above the line.
+    Its horizontal part is never zero: on the line itself it is one metre to the right; in flight, noise would
+    choose the side. Up is negative unless we are above the line.
     """
     away = tuple(-p for p in seen.position_m)
     velocity = seen.track.velocity_mps
     speed_squared = math.fsum(v * v for v in velocity)
-    if speed_squared >= 1.0:  # slower than 1 m/s has no direction worth the name
+    if speed_squared >= 1.0:  # below 1 m/s the direction is undefined
         along = math.fsum(a * v for a, v in zip(away, velocity, strict=True)) / speed_squared
         away = tuple(a - along * v for a, v in zip(away, velocity, strict=True))
     north, east, down = away

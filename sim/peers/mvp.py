@@ -7,33 +7,33 @@ from dataclasses import dataclass
 from companion.model import Decision, Goal, Guidance, Layer, Ownship, Track, Vec3
 from sim.peers.peer import PeerLimits, Relative, course_of, position_at, relatives, wind_of
 
-# A smaller miss has no direction to speak of; a miss of this size is taken instead, as in BlueSky.
+# The direction of a smaller miss is undefined; this miss replaces it, as in BlueSky.
 _LEAST_MISS_M = 10.0
-# Sooner than the next decision nothing can be changed.
+# Nothing can change before the next decision.
 _SOONEST_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class MvpParams:
-    """The protected zone and how far ahead it is looked for."""
+    """The protected zone and the look-ahead time."""
 
     # Well clear for small UAS against crewed aircraft (ASTM F3442).
     radius_m: float = 609.6
     half_height_m: float = 76.2
-    # A conflict is resolved for a zone larger by this, as BlueSky is configured: any lag cuts into the rim.
+    # Conflicts are resolved for a zone larger by this factor, as in BlueSky, since lags cut into it.
     resolution_factor: float = 1.05
-    # BlueSky looks 300 s ahead among airliners, for a zone that takes one of them 37 s to cross from edge to
-    # centre. Small aircraft meet traffic that turns more often; 60 s is what our own outer layer looks ahead.
+    # BlueSky looks 300 s ahead for airliners, whose zone takes 37 s to cross from edge to centre. Traffic of
+    # small aircraft turns more often; 60 s is the horizon of our outer layer.
     look_ahead_s: float = 60.0
 
 
 class Mvp:
-    """Change the velocity so that what is predicted to be too near is just clear.
+    """Change the velocity so that each predicted closest approach is just outside the zone.
 
     Source: Hoekstra, van Gent, Ruigrok, "Designing for safety: the 'free flight' air traffic management
-    concept" (2002), and the way it is flown in the open simulator BlueSky: state-based detection, the change
-    of velocity summed over all intruders, the result held until each of them is past its closest approach.
-    The vertical change is the same displacement over time to closest approach, on the side where we are.
+    concept" (2002), as implemented in the open simulator BlueSky: state-based detection, velocity changes
+    summed over all intruders, the result held until each of them is past its closest approach. The vertical
+    change is the same displacement over the time to closest approach, on our side of the intruder.
     """
 
     def __init__(self, limits: PeerLimits, params: MvpParams | None = None) -> None:
@@ -43,12 +43,12 @@ class Mvp:
         self._active: set[str] = set()
 
     def reset(self) -> None:
-        """Forget the conflicts at hand."""
+        """Clear the present conflicts."""
         self._held = None
         self._active.clear()
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:  # noqa: ARG002
-        """The decision at `now_s`, north-east-down [m, m/s, rad]; the goal plays no part in this method."""
+        """The decision at `now_s`, north-east-down [m, m/s, rad]; this method does not use the goal."""
         seen = relatives(now_s, own, tracks)
         conflicts = [other for other in seen if self._in_conflict(other)]
         still = {
@@ -68,7 +68,7 @@ class Mvp:
         return Decision(Layer.OUTER, self._held, threats, f"{', '.join(sorted(self._active))}: {words}")
 
     def _resolution(self, now_s: float, own: Ownship, conflicts: Sequence[Relative]) -> Guidance:
-        """All changes summed, as course, airspeed and the height of the first closest approach."""
+        """The sum of all changes as course, airspeed and the height at the first closest approach."""
         changes = [velocity_change_mps(other, self.params, course_of(own)) for other in conflicts]
         north_mps, east_mps, down_mps = (
             v + math.fsum(change[axis] for change in changes) for axis, v in enumerate(own.velocity_mps)
@@ -81,7 +81,7 @@ class Mvp:
         return self.limits.guidance(math.atan2(east_mps, north_mps), airspeed_mps, altitude_m)
 
     def _in_conflict(self, other: Relative) -> bool:
-        """Whether both fly straight on into each other's zone, sideways and in height at once, in time."""
+        """True if straight flight enters the zone, in both dimensions at once, within the look-ahead."""
         span = _within(other, self.params)
         return span is not None and span[0] < self.params.look_ahead_s
 
@@ -90,14 +90,13 @@ class Mvp:
 
 
 def velocity_change_mps(other: Relative, params: MvpParams, course_rad: float) -> Vec3:
-    """What one intruder adds to our velocity: north, east, down [m/s].
+    """The velocity change for one intruder: north, east, down [m/s].
 
     With d the distance now, d_cpa the miss, R and H the zone's radius and half height times their factor:
-    (R - d_cpa) / (t_cpa |cos(asin(R/d) - asin(d_cpa/d))|), away from where the intruder will be at closest
+    (R - d_cpa) / (t_cpa |cos(asin(R/d) - asin(d_cpa/d))|), away from the intruder's position at closest
     approach. The cosine lengthens it so that the new relative track touches the zone instead of cutting it
-    (an erratum to the method); it is left out once within the zone, where no track touches. Vertically
-    (H - |h_cpa|) / t_cpa.
-    A head-on miss is taken to be to the left of our course, so that we go right.
+    (an erratum to the method); it is left out inside the zone, where no track is tangent. The vertical
+    change is (H - |h_cpa|) / t_cpa. A head-on miss counts as left of our course, so that we turn right.
     """
     time_s = max(other.time_to_closest_s, _SOONEST_S)
     radius_m = params.radius_m * params.resolution_factor
@@ -111,13 +110,13 @@ def velocity_change_mps(other: Relative, params: MvpParams, course_rad: float) -
     if distance_m > radius_m and distance_m > miss_m:
         push_mps /= abs(math.cos(math.asin(radius_m / distance_m) - math.asin(miss_m / distance_m)))
     lift_mps = max(half_height_m - abs(down), 0.0) / time_s
-    # Level with the intruder, one way is as good as the other.
+    # Level with the intruder, either direction is right.
     up = math.copysign(1.0, down) if down != 0.0 else -1.0
     return -push_mps * north / miss_m, -push_mps * east / miss_m, -up * lift_mps
 
 
 def _within(other: Relative, params: MvpParams) -> tuple[float, float] | None:
-    """From when to when [s] the intruder is in our zone if both fly straight on; `None`: never."""
+    """Start and end [s] of the intruder's time in our zone if both fly straight; `None`: never."""
     north, east, down = other.position_m
     v_north, v_east, v_down = other.velocity_mps
     a = v_north * v_north + v_east * v_east

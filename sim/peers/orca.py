@@ -14,40 +14,39 @@ from sim.peers.peer import PeerLimits, Relative, course_of, mission_of, relative
 
 @dataclass(frozen=True, slots=True)
 class OrcaParams:
-    """The disc to keep out of, and how far ahead velocities must be free of it."""
+    """The disc to keep clear of, and the time horizon."""
 
     # Well clear for small UAS against crewed aircraft (ASTM F3442). The library adds the radii of two agents,
     # so each gets half.
     separation_m: float = 609.6
-    # A disc knows no height: an intruder counts while less than this above or below us within the horizon.
+    # A disc has no height: an intruder counts if it comes within this height difference inside the horizon.
     half_height_m: float = 76.2
-    # Both are taken larger by this, as for the other method that would else fly along the very rim (MVP).
+    # Both are enlarged by this factor, as for MVP: otherwise the method flies exactly along the boundary.
     margin_factor: float = 1.05
-    time_horizon_s: float = 60.0  # what our own outer layer looks ahead
-    # Who is already too near is to be out of it within a decision's time; decisions come every second.
+    time_horizon_s: float = 60.0  # the horizon of our outer layer
+    # Time to leave a disc that was already entered; decisions come every second.
     time_step_s: float = 1.0
-    neighbours: int = 16  # as many as our own avoider prices
-    # What differs less from the mission is the mission.
+    neighbours: int = 16  # as many as our avoider prices
+    # Smaller differences from the mission count as the mission.
     course_tolerance_rad: float = math.radians(1.0)
     speed_tolerance_mps: float = 0.5
 
 
 class Orca:
-    """The velocity nearest to the mission's that is free of collisions, if the other takes half of it too.
+    """The collision-free velocity nearest to the mission's, if each aircraft takes half of the change.
 
     Source: van den Berg, Guy, Lin, Manocha, "Reciprocal n-body collision avoidance" (2011), in the authors'
-    RVO2 library through `pyrvo`. Velocities are those through the air, so that the disc of possible speeds is
-    the airframe's. That intruders who do not cooperate leave their half undone is the method's, and is made
-    up for at the following decisions; a velocity below the minimum airspeed is flown at that airspeed. Height
-    stays the mission's.
+    RVO2 library through `pyrvo`. Velocities are air velocities, so that the disc of possible speeds is the
+    airframe's. Intruders that do not cooperate leave their half of the change to the following decisions. A
+    velocity below the minimum airspeed is flown at that airspeed. The height stays that of the mission.
     """
 
     def __init__(self, limits: PeerLimits, params: OrcaParams | None = None) -> None:
-        """`ConfigError` if the library is not there."""
+        """`ConfigError` if the library is missing."""
         self.limits = limits
         self.params = params or OrcaParams()
         try:
-            # Compiled and optional: whoever flies without this peer need not have it. It has no type stubs.
+            # Optional, and without type stubs.
             self._rvo: Any = importlib.import_module("pyrvo")
         except ImportError as error:
             raise ConfigError(
@@ -55,7 +54,7 @@ class Orca:
             ) from error
 
     def reset(self) -> None:
-        """There is no memory."""
+        """Do nothing: there is no memory."""
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
         """The decision at `now_s`, north-east-down [m, m/s, rad]."""
@@ -66,21 +65,21 @@ class Orca:
             if other.least_height_m(self.params.time_horizon_s) < half_height_m
         ]
         if not near:
-            return Decision(Layer.CLEAR, because="nobody at this height")
+            return Decision(Layer.CLEAR, because="no traffic at this height")
         mission = mission_of(now_s, own, goal)
         mission = self.limits.guidance(mission.course_rad, mission.airspeed_mps, mission.altitude_m)
         wind = wind_of(own)
         preferred = _through_air_mps(mission, wind)
         north_mps, east_mps = self._free_velocity_mps(own, near, preferred, wind)
         airspeed_mps = math.hypot(north_mps, east_mps)
-        if airspeed_mps < 1e-3:  # to stand still, the library's last resort, no wing can do
+        if airspeed_mps < 1e-3:  # the library's last resort; a fixed wing cannot stop
             course_rad = course_of(own)
         else:
             stretch = max(self.limits.min_airspeed_mps / airspeed_mps, 1.0)
             course_rad = math.atan2(stretch * east_mps + wind[1], stretch * north_mps + wind[0])
         guidance = self.limits.guidance(course_rad, airspeed_mps, mission.altitude_m)
         if self._is_mission(guidance, mission):
-            return Decision(Layer.CLEAR, because="the mission is free")
+            return Decision(Layer.CLEAR, because="mission free")
         near.sort(key=lambda other: other.distance_m)
         names = ", ".join(other.track.track_id for other in near)
         threats = tuple(other.as_threat() for other in near)
@@ -89,10 +88,10 @@ class Orca:
     def _free_velocity_mps(
         self, own: Ownship, near: Sequence[Relative], preferred_mps: Vec2, wind_mps: Vec2
     ) -> Vec2:
-        """The library's answer for us, the first agent, at the origin: through the air, north and east."""
+        """The library's air velocity for us, agent 0 at the origin: north, east [m/s]."""
         ours = own.velocity_mps[0] - wind_mps[0], own.velocity_mps[1] - wind_mps[1]
         params, fastest_mps = self.params, self.limits.max_airspeed_mps
-        # All within the horizon at any speed: who is too far to matter is left out by the horizon itself.
+        # Include all tracks; the time horizon leaves out those too far away.
         reach_m = 1.0 + max(other.distance_m for other in near)
         simulator = self._rvo.RVOSimulator(
             params.time_step_s,
@@ -122,7 +121,7 @@ class Orca:
 
 
 def _through_air_mps(mission: Guidance, wind_mps: Vec2) -> Vec2:
-    """The velocity through the air (north, east) that makes the course good in the wind."""
+    """The air velocity (north, east) that makes the course good in the wind."""
     course_rad = mission.course_rad
     across_mps = wind_mps[1] * math.cos(course_rad) - wind_mps[0] * math.sin(course_rad)
     crab_rad = math.asin(min(max(across_mps / mission.airspeed_mps, -1.0), 1.0))

@@ -1,24 +1,36 @@
-"""Commands (COMMAND_LONG, COMMAND_INT) that all autopilots understand, and how a personality adds its own."""
+"""Commands (COMMAND_LONG, COMMAND_INT) that all autopilots support; each autopilot adds its own."""
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 
 from companion.mavlink.dialect import Message, mavlink
 from sim.vehicle.mission_flight import MissionFlight
-from sim.vehicle.result import Result
 from sim.vehicle.streams import Streams
 from sim.vehicle.telemetry import Telemetry
 
 CUSTOM_MODE_ENABLED = 1
-_FORCE = 21196.0  # the number that autopilots want to see for arming or disarming by force
+_FORCE = 21196.0  # param2 that forces arming or disarming
 _DEFAULT_INTERVAL, _NO_INTERVAL = 0.0, -1.0
+
+
+class Result(IntEnum):
+    """MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    COMMAND_LONG_ONLY = 7
+    COMMAND_INT_ONLY = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A command from either message. `frame` is None in a COMMAND_LONG, which has none."""
+    """A command from either message. `frame` is None for a COMMAND_LONG."""
 
     command: int
     params: tuple[float, float, float, float]
@@ -41,7 +53,7 @@ class Call:
 
     @property
     def has_place(self) -> bool:
-        """Whether latitude and longitude are on Earth."""
+        """True if latitude and longitude are on Earth."""
         return abs(self.lat_e7) <= 900_000_000 and abs(self.lon_e7) <= 1_800_000_000
 
 
@@ -49,7 +61,7 @@ Action = Callable[[Call], Result]
 
 
 class Commands(ABC):
-    """Carries out commands on one flight; `streams` by channel, `send(channel, message)` answers."""
+    """Executes commands on one flight; `streams` by channel, `send(channel, message)` answers."""
 
     def __init__(
         self,
@@ -65,7 +77,7 @@ class Commands(ABC):
         self._actions = self._all_actions()
 
     def run(self, call: Call) -> Result:
-        """Do it, or say why not."""
+        """Execute a command; its result."""
         action = self._actions.get(call.command)
         return Result.UNSUPPORTED if action is None else action(call)
 
@@ -75,7 +87,7 @@ class Commands(ABC):
 
     @abstractmethod
     def _no_such_message(self, message_id: int, *, as_stream: bool) -> Result:
-        """The answer to a wish for a message that there is not."""
+        """The answer to a request for an unknown message."""
 
     def _all_actions(self) -> dict[int, Action]:
         return {
@@ -145,5 +157,5 @@ class Commands(ABC):
 
 
 def message_id_of(value: float) -> int:
-    """A message number from a command's parameter, -1 when it is no number."""
+    """A message id from a command's parameter, -1 if it is not finite."""
     return int(value) if math.isfinite(value) else -1

@@ -1,4 +1,4 @@
-"""Fences as items of the mission protocol carry them: polygons and circles, to stay in or out of."""
+"""Fences as the mission protocol carries them: polygons and circles, inclusion and exclusion."""
 
 import math
 from collections.abc import Sequence
@@ -20,33 +20,33 @@ _FEWEST_VERTICES = 3
 
 @dataclass(frozen=True, slots=True)
 class _Area:
-    """A polygon, or a circle when `radius_m` is positive around its only point; north, east from home."""
+    """A polygon, or, with a positive `radius_m`, a circle around its only point; north, east from home."""
 
     inclusion: bool
     points_m: tuple[Vec2, ...]
     radius_m: float = 0.0
 
-    def holds(self, place_m: Vec2) -> bool:
-        """True inside."""
+    def contains(self, place_m: Vec2) -> bool:
+        """True inside the area."""
         if self.radius_m > 0.0:
             return math.dist(place_m, self.points_m[0]) <= self.radius_m
         return _is_in_polygon(place_m, self.points_m)
 
 
 class Fence:
-    """The items, and whether a place breaks them: outside an inclusion or inside an exclusion.
+    """The fence items, and whether a place breaches them: outside the inclusions or inside an exclusion.
 
-    Of several inclusions one has to hold the place, as in both autopilots' defaults.
+    With several inclusions it is enough to be in one of them, as in both autopilots' defaults.
     """
 
     def __init__(self, frame: LocalFrame) -> None:
-        """No fence; places are measured in `frame`."""
+        """Start without a fence; `frame` is that of all places."""
         self._frame = frame
         self.items: list[MissionItem] = []
         self._areas: list[_Area] = []
 
     def replace(self, items: Sequence[MissionItem]) -> bool:
-        """Take a new list; False, and the old one stays, when its items make no areas."""
+        """Store a new list; False, and the old one stays, if its items are no complete areas."""
         areas = self._areas_of(items)
         if areas is None:
             return False
@@ -58,11 +58,11 @@ class Fence:
         return self.items[sequence] if 0 <= sequence < len(self.items) else None
 
     def is_broken_at(self, place_m: Vec2) -> bool:
-        """Whether a place (north, east) is where it must not be."""
+        """True if a place (north, east) breaches the fence."""
         inclusions = [a for a in self._areas if a.inclusion]
-        if inclusions and not any(a.holds(place_m) for a in inclusions):
+        if inclusions and not any(a.contains(place_m) for a in inclusions):
             return True
-        return any(a.holds(place_m) for a in self._areas if not a.inclusion)
+        return any(a.contains(place_m) for a in self._areas if not a.inclusion)
 
     def _areas_of(self, items: Sequence[MissionItem]) -> list[_Area] | None:
         areas: list[_Area] = []
@@ -89,14 +89,14 @@ class Fence:
             return _Area(first.command == INCLUSION_CIRCLE, points_m, first.params[0])
         if first.command in _VERTICES:
             return _Area(first.command == INCLUSION_VERTEX, points_m)
-        return None  # the return point bounds nothing
+        return None  # the return point is no boundary
 
     def _place_m(self, item: MissionItem) -> Vec2:
         return self._frame.to_ned_m(item.place_or_zero())[:2]
 
 
 def refusal(item: MissionItem) -> str | None:
-    """Why an item cannot be part of a fence: "invalid", "unsupported", "frame", or None when it can."""
+    """Why an item is refused: "invalid", "unsupported" or "frame"; None if it is accepted."""
     if item.command not in _COMMANDS:
         return "unsupported"
     if item.frame not in GLOBAL_FRAMES:

@@ -1,7 +1,6 @@
-"""The aircraft with an autopilot inside, as far as all autopilots are alike: ground, take-off, fence, time.
+"""The part of the flight that all autopilots share: ground roll, take-off, fence, time steps.
 
-How the mission is flown is `mission_flight`; what any other mode flies, and what happens on entering it, is
-the personality's (`ardupilot_flight`, `px4_flight`).
+`mission_flight` flies the mission; `ardupilot.flight` and `px4.flight` fly the other modes.
 """
 
 import math
@@ -13,25 +12,26 @@ from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Vec2, Vec3
 from sim.dynamics import Airframe, FixedWing
 from sim.vehicle import mission as mission_items
-from sim.vehicle.events import INFO, Event, FenceChanged, ItemReached, Text
 from sim.vehicle.fence import Fence
-from sim.vehicle.ground import LIFT_OFF_MPS, ROLL_ACCELERATION_MPS2, roll, touch_down
-from sim.vehicle.limits import Limits
 from sim.vehicle.mission import Mission
 from sim.vehicle.navigation import circle
-from sim.vehicle.parameters import Parameters
-from sim.vehicle.sticks import Sticks
+from sim.vehicle.outputs import INFO, Event, FenceChanged, ItemReached, Text
+from sim.vehicle.parameters import Limits, Parameters
+from sim.vehicle.peripherals import Sticks
 
 STEP_S = 0.05
 
-# As recorded, at full throttle
+# As recorded from ArduPlane's simulated plane, at full throttle
+_ROLL_ACCELERATION_MPS2 = 6.5
+_LIFT_OFF_MPS = 18.0
+_BRAKING_MPS2 = 3.0
 _CLIMB_OUT_MPS = 10.0
 _CLIMB_OUT_AIRSPEED_MPS = 27.0
 _ENGINE_OFF_SINK_MPS = 2.5
 
 
 class Flight(ABC):
-    """Flies one simulated plane. `advance()` moves time by `STEP_S`; `events` collects what happened."""
+    """Flies one simulated plane. `advance()` moves time by `STEP_S`; `events` are those to report."""
 
     mode: IntEnum
     armed_text = "Throttle armed"
@@ -47,7 +47,7 @@ class Flight(ABC):
         heading_rad: float = 0.0,
         wind_mps: Vec2 = (0.0, 0.0),
     ) -> None:
-        """Stand disarmed at home, pointing along `heading_rad`."""
+        """Start disarmed at home, pointing along `heading_rad`."""
         self.home = home
         self.frame = LocalFrame(home.lat_deg, home.lon_deg)
         self.parameters = parameters
@@ -65,38 +65,38 @@ class Flight(ABC):
         self._airframe = airframe
         self.limits = self._read_limits()
         self.aircraft = FixedWing((0.0, 0.0, -home.altitude_m), heading_rad, 0.0, wind_mps=wind_mps)
-        self.aircraft.heading_rad = heading_rad  # wheels on the ground do not crab
+        self.aircraft.heading_rad = heading_rad  # no crab angle on the ground
         self.aircraft.hold_airspeed(self.limits.airspeed_cruise_mps)
         self.target: GeoPoint | None = None
         self._runway_rad = heading_rad
         self.apply_parameters()
 
-    # --- what each autopilot does in its own way ---
+    # --- what each autopilot implements ---
 
     @property
     @abstractmethod
     def on_mission(self) -> bool:
-        """Whether the mode is the one that flies the mission."""
+        """True in the mode that flies the mission."""
 
     @property
     @abstractmethod
     def companion_flies(self) -> bool:
-        """Whether the mode is the one that takes a companion's commands."""
+        """True in the mode that accepts a companion's commands."""
 
     @property
     @abstractmethod
     def piloted(self) -> bool:
-        """Whether the sticks fly."""
+        """True in the modes flown by the sticks."""
 
     @property
     @abstractmethod
     def uncontrolled(self) -> bool:
-        """Whether the controller has gone wrong, and nothing that is asked for is flown."""
+        """True while the controller's setpoint is invalid and commands have no effect."""
 
     @property
     @abstractmethod
     def taking_off_by_mode(self) -> bool:
-        """Whether the mode is the one that takes off, and its height is not reached yet."""
+        """True in the take-off mode until its height is reached."""
 
     @abstractmethod
     def enter_mission(self) -> None:
@@ -108,15 +108,15 @@ class Flight(ABC):
 
     @abstractmethod
     def forget_commands(self) -> None:
-        """As after a reboot: nothing that a companion asked for is known any more."""
+        """Drop all commands of a companion, as a reboot does."""
 
     @abstractmethod
     def _read_limits(self) -> Limits:
-        """What the parameters say now."""
+        """The limits by the present parameters."""
 
     @abstractmethod
     def _fly_mode(self) -> None:
-        """Command the aircraft for one step in the present mode, which is not the mission's."""
+        """Command the aircraft for one step in a mode other than the mission's."""
 
     @abstractmethod
     def _fly_mission(self) -> None:
@@ -124,29 +124,29 @@ class Flight(ABC):
 
     @abstractmethod
     def _takeoff_done(self) -> None:
-        """The height of a take-off that no mission asked for is reached."""
+        """Called when a take-off outside the mission reaches its height."""
 
     @abstractmethod
     def _finish_item(self) -> None:
-        """The mission item being flown is done."""
+        """Called when the current mission item is done."""
 
     @abstractmethod
     def _fence_action(self) -> None:
-        """Do what the parameters want done when a fence is broken."""
+        """Carry out the configured fence action."""
 
     @abstractmethod
     def _fence_enabled(self) -> bool:
-        """Whether fences are watched."""
+        """True if the parameters enable fences."""
 
     @abstractmethod
     def _say(self, text: str) -> None:
-        """Tell the operator how the mission goes, where the autopilot does so."""
+        """Report mission progress to the operator, if the autopilot does so."""
 
-    # --- what others ask ---
+    # --- state ---
 
     @property
     def place(self) -> GeoPoint:
-        """Where the aircraft is, height above mean sea level."""
+        """Position of the aircraft, height above mean sea level."""
         return self.frame.to_geo(*self.aircraft.position_m)
 
     @property
@@ -163,7 +163,7 @@ class Flight(ABC):
 
     @property
     def taking_off(self) -> bool:
-        """True from the start of the take-off run to its height."""
+        """True from the start of the take-off run until its height is reached."""
         if not self.armed:
             return False
         item = self.mission.active
@@ -173,19 +173,19 @@ class Flight(ABC):
 
     @property
     def landing(self) -> bool:
-        """True on the way down to a landing point."""
+        """True while descending to a landing point."""
         item = self.mission.active
         return self.on_mission and item is not None and item.command == mission_items.NAV_LAND
 
     @property
     def wanted_altitude_m(self) -> float:
-        """The height being flown to [m above mean sea level]."""
+        """The commanded height [m above mean sea level]."""
         return self.target.altitude_m if self.target is not None else self.aircraft.altitude_m
 
-    # --- what others tell it ---
+    # --- commands ---
 
     def start_in_air(self, position: GeoPoint, course_rad: float, sequence: int) -> None:
-        """Be in the air, armed and on the way to a mission item, level at cruise speed."""
+        """Start in the air, armed, level at cruise speed, on the way to a mission item."""
         wind_mps = self.aircraft.wind_mps
         self.aircraft = FixedWing(
             self.frame.to_ned_m(position), course_rad, self.limits.airspeed_cruise_mps, wind_mps=wind_mps
@@ -198,25 +198,25 @@ class Flight(ABC):
         self.events.clear()
 
     def apply_parameters(self) -> None:
-        """Let the envelope parameters limit the aircraft."""
+        """Limit the aircraft by the envelope parameters."""
         self.limits = self._read_limits()
         self._cruising = self.limits.bound(self._airframe)
         self._climbing_out = replace(
             self._cruising,
-            acceleration_limit_mps2=ROLL_ACCELERATION_MPS2,
+            acceleration_limit_mps2=_ROLL_ACCELERATION_MPS2,
             climb_limit_mps=max(_CLIMB_OUT_MPS, self._cruising.climb_limit_mps),
             climb_acceleration_limit_mps2=6.0,
         )
         self.aircraft.airframe = self._cruising
 
     def arm(self) -> None:
-        """Allow the motor to turn."""
+        """Arm the motor."""
         if not self.armed:
             self.armed = True
             self.events.append(Text(INFO, self.armed_text))
 
     def disarm(self, *, force: bool = False) -> bool:
-        """Stop the motor; refused in the air unless forced."""
+        """Disarm the motor; refused in the air (False) unless forced."""
         if self.armed and not self.on_ground and not force:
             return False
         if self.armed:
@@ -227,7 +227,7 @@ class Flight(ABC):
     # --- time ---
 
     def advance(self) -> None:
-        """Fly on for `STEP_S`."""
+        """Fly for `STEP_S`."""
         self.flown_s += STEP_S
         if self.on_ground:
             self._move_on_ground()
@@ -242,7 +242,7 @@ class Flight(ABC):
         self._watch_fence()
 
     def _command(self) -> None:
-        """Tell the aircraft what to do in the next step."""
+        """Command the aircraft for the next step."""
         if self.taking_off:
             self._climb_out()
         elif self.on_mission:
@@ -267,8 +267,8 @@ class Flight(ABC):
     def _move_on_ground(self) -> None:
         """Roll for take-off, roll out after landing, or stand."""
         aircraft, taking_off = self.aircraft, self.taking_off
-        self.ground_speed_mps = roll(aircraft, self.ground_speed_mps, accelerate=taking_off, dt_s=STEP_S)
-        if taking_off and aircraft.airspeed_mps >= LIFT_OFF_MPS:
+        self.ground_speed_mps = _roll(aircraft, self.ground_speed_mps, accelerate=taking_off)
+        if taking_off and aircraft.airspeed_mps >= _LIFT_OFF_MPS:
             self.on_ground = False
             self._runway_rad = aircraft.course_rad
         elif self.ground_speed_mps == 0.0 and self.armed and self.landing:
@@ -278,7 +278,12 @@ class Flight(ABC):
             self.disarm()
 
     def _touch_down(self) -> None:
-        touch_down(self.aircraft, self.home.altitude_m)
+        """Put the aircraft level on the ground, pointing along its course."""
+        aircraft = self.aircraft
+        aircraft.heading_rad = aircraft.course_rad
+        aircraft.altitude_m = self.home.altitude_m
+        aircraft.climb_mps = 0.0
+        aircraft.bank_rad = 0.0
         self.on_ground = True
 
     def _takeoff_altitude_m(self) -> float:
@@ -288,7 +293,7 @@ class Flight(ABC):
         return self.home.altitude_m + self.limits.takeoff_height_m
 
     def _climb_out(self) -> None:
-        """Straight ahead at full throttle until the take-off height."""
+        """Fly straight ahead at full throttle until the take-off height."""
         aircraft = self.aircraft
         aircraft.airframe = self._climbing_out
         aircraft.hold_course(self._runway_rad)
@@ -309,8 +314,21 @@ class Flight(ABC):
         self.target = GeoPoint(centre.lat_deg, centre.lon_deg, altitude_m)
 
     def _fly_circle(self, radius_m: float = 0.0) -> None:
-        """Loiter around the target; a negative radius turns left."""
+        """Loiter around the target; a negative radius turns left, 0 uses the parameter's."""
         radius_m = radius_m or self.limits.loiter_radius_m or 1.0
         if self.target is not None:
             circle(self.aircraft, self.frame.to_ned_m(self.target)[:2], radius_m)
         self.aircraft.hold_altitude(self.wanted_altitude_m)
+
+
+def _roll(aircraft: FixedWing, ground_speed_mps: float, *, accelerate: bool) -> float:
+    """Roll straight for one step, accelerating or braking; the ground speed afterwards [m/s]."""
+    rate_mps2 = _ROLL_ACCELERATION_MPS2 if accelerate else -_BRAKING_MPS2
+    speed_mps = max(ground_speed_mps + rate_mps2 * STEP_S, 0.0)
+    ahead_n, ahead_e = math.cos(aircraft.heading_rad), math.sin(aircraft.heading_rad)
+    way_m = 0.5 * (ground_speed_mps + speed_mps) * STEP_S
+    aircraft.north_m += way_m * ahead_n
+    aircraft.east_m += way_m * ahead_e
+    tailwind_mps = aircraft.wind_north_mps * ahead_n + aircraft.wind_east_mps * ahead_e
+    aircraft.airspeed_mps = max(speed_mps - tailwind_mps, 0.0)
+    return speed_mps

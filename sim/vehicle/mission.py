@@ -1,4 +1,4 @@
-"""A mission: ArduPilot keeps home as item 0 and flies from item 1 on, PX4 flies from item 0 on."""
+"""The stored mission: ArduPilot keeps home as item 0 and flies from item 1, PX4 flies from item 0."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ _NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class MissionItem:
-    """One item: command, its first four parameters, and a place whose height `frame` explains."""
+    """One item: command, its first four parameters, and a place; `frame` defines its height."""
 
     command: int
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
@@ -46,7 +46,7 @@ class MissionItem:
 
     @property
     def name(self) -> str:
-        """What ArduPlane calls the command in its texts."""
+        """ArduPlane's name of the command in its texts."""
         return _NAMES.get(self.command, str(self.command))
 
     def altitude_amsl_m(self, home_altitude_m: float) -> float:
@@ -54,11 +54,11 @@ class MissionItem:
         return self.altitude_m + (0.0 if self.frame in ABSOLUTE_FRAMES else home_altitude_m)
 
     def place_or_zero(self) -> GeoPoint:
-        """Its latitude and longitude as they are, its height as its frame counts it."""
+        """Its latitude and longitude unchanged, its height as its frame counts it."""
         return GeoPoint(self.lat_e7 / 1e7, self.lon_e7 / 1e7, self.altitude_m)
 
     def place(self, here: GeoPoint, home_altitude_m: float) -> GeoPoint:
-        """Where it is; latitude and longitude 0 mean "here", as ArduPilot takes them."""
+        """Its place; latitude and longitude 0 mean "here", as in ArduPilot."""
         altitude_m = self.altitude_amsl_m(home_altitude_m)
         if self.lat_e7 == 0 and self.lon_e7 == 0:
             return GeoPoint(here.lat_deg, here.lon_deg, altitude_m)
@@ -66,7 +66,7 @@ class MissionItem:
 
 
 def home_item(home: GeoPoint) -> MissionItem:
-    """Item 0."""
+    """Item 0 of an ArduPilot mission."""
     return MissionItem(
         NAV_WAYPOINT,
         lat_e7=round(home.lat_deg * 1e7),
@@ -94,10 +94,10 @@ def takeoff_item(height_m: float, *, pitch_deg: float = 15.0) -> MissionItem:
 
 
 class Mission:
-    """The items, which one is being flown, and whether the last waypoint has been reached."""
+    """The items, the current one, and whether the last waypoint was reached."""
 
     def __init__(self, home: GeoPoint, items: Sequence[MissionItem] = (), *, has_home: bool = True) -> None:
-        """`items` without home, which becomes item 0 where the autopilot keeps it (`has_home`)."""
+        """`items` without home; home becomes item 0 if the autopilot keeps it (`has_home`)."""
         self._home = home_item(home)
         self._has_home = has_home
         self.first = 1 if has_home else 0
@@ -107,28 +107,28 @@ class Mission:
 
     @property
     def total(self) -> int:
-        """How many items there are besides home: MISSION_CURRENT.total."""
+        """Number of items without home: MISSION_CURRENT.total."""
         return max(len(self.items) - self.first, 0)
 
     @property
     def active(self) -> MissionItem | None:
-        """The item being flown; None before the start, after the end and without a mission."""
+        """The current item; None before the start, after the end and without a mission."""
         return self.items[self.current] if self.first <= self.current < len(self.items) else None
 
     def replace(self, items: Sequence[MissionItem]) -> None:
-        """Take a new list as uploaded (a home in it is overwritten by ours); flying starts over."""
+        """Store an uploaded list (the vehicle's home replaces the one in it); the mission starts over."""
         self.items = [self._home, *items[1:]] if items and self._has_home else list(items)
         self.current = 0
         self.completed = False
 
     def item_at(self, sequence: int) -> MissionItem | None:
-        """The item with that number; where home is kept, an empty mission still has it."""
+        """The item with that number; with `has_home`, item 0 exists in an empty mission too."""
         if sequence == 0 and self._has_home:
             return self._home
         return self.items[sequence] if 0 <= sequence < len(self.items) else None
 
     def select(self, sequence: int) -> bool:
-        """Fly that item next; False when there is none."""
+        """Make that item the current one; False if it does not exist."""
         if not 0 <= sequence < len(self.items):
             return False
         self.current = sequence
@@ -136,7 +136,7 @@ class Mission:
         return True
 
     def advance(self) -> MissionItem | None:
-        """Go on to the next item; None at the end. Past the last waypoint the mission is completed."""
+        """The next item, None at the end. The mission is completed after its last waypoint."""
         self.current += 1
         following = self.items[self.current :]
         self.completed = bool(self.items) and not any(
@@ -145,18 +145,18 @@ class Mission:
         return following[0] if following else None
 
     def rewind(self) -> None:
-        """Start over with the first item."""
+        """Restart at the first item."""
         self.current = self.first - 1
         self.advance()
 
     def next_navigation(self) -> MissionItem | None:
-        """The item to fly to after the active one, for turning early."""
+        """The navigation item after the active one, for turning early."""
         following = self.items[self.current + 1 :]
         return next((i for i in following if i.command in NAVIGATION), None)
 
 
 def is_sane(item: MissionItem) -> bool:
-    """True when every number can be flown to."""
+    """True if all numbers are finite and the place is on Earth."""
     numbers = (item.altitude_m, *item.params)
     in_range = abs(item.lat_e7) <= 900_000_000 and abs(item.lon_e7) <= 1_800_000_000
     return in_range and all(math.isfinite(n) for n in numbers)

@@ -1,4 +1,4 @@
-"""Flying a mission, as both autopilots do: from item to item, turning early, landing at the end."""
+"""Flying a mission as both autopilots do: item by item, turning early, landing at the end."""
 
 import math
 from abc import abstractmethod
@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from companion.geodesy import GeoPoint
 from sim.vehicle import mission as mission_items
-from sim.vehicle.events import ItemReached
 from sim.vehicle.flight import Flight
 from sim.vehicle.mission import MissionItem
 from sim.vehicle.navigation import Leg
+from sim.vehicle.outputs import ItemReached
 
 _FLARE_HEIGHT_M = 3.0
 _FLARE_SINK_MPS = 0.7
@@ -23,16 +23,16 @@ class MissionFlight(Flight):
 
     @abstractmethod
     def _mission_over(self) -> None:
-        """There is no item left to fly, or none at all."""
+        """Called when no mission item is left to fly."""
 
     def load_mission(self, items: Sequence[MissionItem]) -> None:
-        """Fly another mission: from its first item when in the mission's mode, otherwise when that comes."""
+        """Replace the mission; in the mission's mode it is flown at once, from its first item."""
         self.mission.replace(items)
         if self.on_mission:
             self._start_or_resume()
 
     def select_item(self, sequence: int) -> bool:
-        """Go to a mission item, now when in the mission's mode; False when there is none."""
+        """Select a mission item, flown at once in the mission's mode; False if it does not exist."""
         if not self.mission.select(sequence):
             return False
         if self.on_mission:
@@ -45,7 +45,7 @@ class MissionFlight(Flight):
         self._start_item()
 
     def _start_item(self) -> None:
-        """Begin the active item from where the aircraft is; without one the mission is over."""
+        """Start the active item from the present position; without one the mission is over."""
         item = self.mission.active
         while item is not None:
             self._say(f"Mission: {self.mission.current} {item.name}")
@@ -66,7 +66,7 @@ class MissionFlight(Flight):
         self._leg = self._leg_to(self.target)
 
     def _leg_to(self, target: GeoPoint) -> Leg:
-        """From here to the active item, knowing where the mission turns to after it."""
+        """The leg from here to the active item, with the item after it."""
         following = self.mission.next_navigation()
         end_m = next_m = self.frame.to_ned_m(target)[:2]
         if following is not None:
@@ -79,7 +79,7 @@ class MissionFlight(Flight):
         self.mission.advance()
         self._start_item()
         if done is not None and done.command == mission_items.NAV_WAYPOINT:
-            self._leg = replace(self._leg, start_m=corner_m)  # not where the turn began
+            self._leg = replace(self._leg, start_m=corner_m)  # the corner, not the start of the turn
 
     def _fly_mission(self) -> None:
         item = self.mission.active
@@ -105,7 +105,7 @@ class MissionFlight(Flight):
             self._finish_item()
 
     def _glide_to(self, distance_m: float) -> None:
-        """Come down to reach the ground at the landing point, with a flare at the end."""
+        """Descend to reach the ground at the landing point, with a flare at the end."""
         height_m = self.aircraft.altitude_m - self.home.altitude_m
         if height_m <= _FLARE_HEIGHT_M:
             self.aircraft.hold_climb(-_FLARE_SINK_MPS)

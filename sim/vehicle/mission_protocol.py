@@ -6,20 +6,20 @@ from dataclasses import dataclass, field
 
 from companion.mavlink.dialect import Message, mavlink
 from sim.vehicle import fence
-from sim.vehicle.events import WARNING, Text
 from sim.vehicle.mission import GLOBAL_FRAMES, SUPPORTED, MissionItem, is_sane
 from sim.vehicle.mission_flight import MissionFlight
+from sim.vehicle.outputs import WARNING, Text
 
 Address = tuple[int, int]
 Send = Callable[[int, Message], None]
 
 MISSION, FENCE = 0, 1
 _ALL_TYPES = 255
-_KEPT = frozenset({MISSION, FENCE})
+_STORED = frozenset({MISSION, FENCE})
 _MOST_ITEMS = 700
 _REPEAT_S = 1.0
 _TIMEOUT_S = 8.0
-_INTEGER_FRAMES = {5: 0, 6: 3, 11: 10}  # given back in their older form
+_INTEGER_FRAMES = {5: 0, 6: 3, 11: 10}  # stored as their float equivalents
 _REFUSALS = {
     "invalid": mavlink.MAV_MISSION_INVALID,
     "unsupported": mavlink.MAV_MISSION_UNSUPPORTED,
@@ -39,14 +39,14 @@ class _Upload:
 
 
 class MissionProtocol:
-    """Talks about one flight's mission and fence; one upload at a time."""
+    """Serves one flight's mission and fence; one upload at a time."""
 
     def __init__(
         self, flight: MissionFlight, send: Send, loaded: Callable[[int], None], *, asks_for_int: bool
     ) -> None:
-        """`send(channel, message)` answers; `loaded(mission type)` hears of each list that changed.
+        """`send(channel, message)` answers; `loaded(mission type)` is called for each list that changed.
 
-        `asks_for_int`: asks with MISSION_REQUEST_INT, not with MISSION_REQUEST; either kind of item is taken.
+        `asks_for_int`: items are requested by MISSION_REQUEST_INT; both kinds of item are accepted.
         """
         self._flight = flight
         self._send = send
@@ -55,17 +55,17 @@ class MissionProtocol:
         self._upload: _Upload | None = None
 
     def receive(self, message: Message, sender: Address, channel: int, now_s: float) -> bool:
-        """Handle a mission message; False when it is none."""
+        """Handle a mission message; False for any other message."""
         kind = message.get_type()
         mission_type = getattr(message, "mission_type", MISSION)
         if kind == "MISSION_COUNT":
             self._begin(message.count, mission_type, sender, channel, now_s)
         elif kind in ("MISSION_ITEM_INT", "MISSION_ITEM"):
-            self._take(message, mission_type, sender, channel, now_s)
+            self._receive_item(message, mission_type, sender, channel, now_s)
         elif kind == "MISSION_REQUEST_LIST":
-            self._tell_count(mission_type, sender, channel)
+            self._send_count(mission_type, sender, channel)
         elif kind in ("MISSION_REQUEST_INT", "MISSION_REQUEST"):
-            self._tell_item(message, mission_type, sender, channel)
+            self._send_item(message, mission_type, sender, channel)
         elif kind == "MISSION_CLEAR_ALL":
             self._clear(mission_type, sender, channel)
         elif kind == "MISSION_SET_CURRENT":
@@ -77,7 +77,7 @@ class MissionProtocol:
         return True
 
     def step(self, now_s: float) -> None:
-        """Ask again for an item that did not come; give up after a while."""
+        """Repeat the request for an item that did not arrive; cancel the upload after a timeout."""
         upload = self._upload
         if upload is None:
             return
@@ -87,12 +87,12 @@ class MissionProtocol:
         elif now_s - upload.asked_s > _REPEAT_S:
             self._ask(upload, now_s)
 
-    def forget(self) -> None:
-        """As after a reboot: nobody is in the middle of an upload."""
+    def cancel(self) -> None:
+        """Drop an upload in progress, as a reboot does."""
         self._upload = None
 
     def _begin(self, count: int, mission_type: int, sender: Address, channel: int, now_s: float) -> None:
-        if mission_type not in _KEPT:  # no rally points: only an empty list can be taken
+        if mission_type not in _STORED:  # no rally points: only an empty list is accepted
             accepted = mavlink.MAV_MISSION_ACCEPTED if count == 0 else mavlink.MAV_MISSION_UNSUPPORTED
             self._ack(accepted, mission_type, sender, channel)
         elif self._upload is not None and self._upload.partner != sender:
@@ -112,12 +112,14 @@ class MissionProtocol:
             build = mavlink.MAVLink_mission_request_int_message
         self._send(upload.channel, build(*upload.partner, seq=len(upload.items), mission_type=upload.kind))
 
-    def _take(self, message: Message, mission_type: int, sender: Address, channel: int, now_s: float) -> None:
+    def _receive_item(
+        self, message: Message, mission_type: int, sender: Address, channel: int, now_s: float
+    ) -> None:
         upload = self._upload
         if upload is None or upload.partner != sender or upload.kind != mission_type:
             return
         if message.seq != len(upload.items):
-            # An item twice is the answer to a question asked twice.
+            # A repeated request brings an item twice.
             if message.seq > len(upload.items):
                 self._ack(mavlink.MAV_MISSION_INVALID_SEQUENCE, upload.kind, sender, channel)
             return
@@ -161,22 +163,22 @@ class MissionProtocol:
             self._upload = None
         self._ack(mavlink.MAV_MISSION_ACCEPTED, mission_type, sender, channel)
 
-    def _kept(self, mission_type: int) -> Sequence[MissionItem]:
+    def _stored(self, mission_type: int) -> Sequence[MissionItem]:
         if mission_type == MISSION:
             return self._flight.mission.items
         return self._flight.fence.items if mission_type == FENCE else ()
 
-    def _tell_count(self, mission_type: int, sender: Address, channel: int) -> None:
-        count = len(self._kept(mission_type))
+    def _send_count(self, mission_type: int, sender: Address, channel: int) -> None:
+        count = len(self._stored(mission_type))
         self._send(
             channel, mavlink.MAVLink_mission_count_message(*sender, count=count, mission_type=mission_type)
         )
 
-    def _tell_item(self, message: Message, mission_type: int, sender: Address, channel: int) -> None:
+    def _send_item(self, message: Message, mission_type: int, sender: Address, channel: int) -> None:
         item = None
-        if mission_type in _KEPT:
-            keeper = self._flight.mission if mission_type == MISSION else self._flight.fence
-            item = keeper.item_at(message.seq)
+        if mission_type in _STORED:
+            items = self._flight.mission if mission_type == MISSION else self._flight.fence
+            item = items.item_at(message.seq)
         if item is None:
             self._ack(mavlink.MAV_MISSION_INVALID_SEQUENCE, mission_type, sender, channel)
             return
@@ -191,7 +193,7 @@ class MissionProtocol:
 
 
 def _refusal(item: MissionItem, mission_type: int) -> int | None:
-    """MAV_MISSION_RESULT for an item that cannot be taken, None for one that can."""
+    """MAV_MISSION_RESULT for an item that is refused, None for one that is accepted."""
     if mission_type == FENCE:
         why = fence.refusal(item)
         return None if why is None else _REFUSALS[why]
@@ -231,13 +233,13 @@ def _item_message(
 
 
 def _item_from(message: Message) -> MissionItem | None:
-    """The item in a MISSION_ITEM_INT or MISSION_ITEM; None when its place is no number."""
+    """The item in a MISSION_ITEM_INT or MISSION_ITEM; None if its place is not finite."""
     x, y = message.x, message.y
     if message.get_type() == "MISSION_ITEM":
         if not (math.isfinite(x) and math.isfinite(y)):
             return None
         x, y = round(x * 1e7), round(y * 1e7)
-    # "Not given" is kept as 0, as in the autopilots' storage.
+    # An unset parameter (NaN) is stored as 0, as in the autopilots.
     first, second, third, fourth = (
         0.0 if math.isnan(p) else p for p in (message.param1, message.param2, message.param3, message.param4)
     )

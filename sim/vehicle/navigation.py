@@ -1,4 +1,4 @@
-"""Lateral guidance of the fake autopilots: from a place and a wish to a bank angle. Local north-east, SI."""
+"""Lateral guidance of the fake autopilots: bank angles for circles and legs. Local north-east frame, SI."""
 
 import math
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 from sim.compiled.airframe_step import L1_TIME_S, line_bank_rad
 from sim.dynamics import FixedWing
 
-_LOITER_APPROACH = 2.0  # how steeply a loiter closes on its circle
+_LOITER_APPROACH = 2.0  # gain with which a loiter closes on its circle
 _BANK_PER_COURSE_ERROR = 0.8
 
 
 def loiter_bank_rad(
     position_m: Vec2, velocity_mps: Vec2, centre_m: Vec2, radius_m: float, *, clockwise: bool = True
 ) -> float:
-    """Bank that flies to a circle from wherever the aircraft is, and then around it."""
+    """Bank angle [rad] that joins a circle from any position and then follows it."""
     side = 1.0 if clockwise else -1.0
     north_m, east_m = position_m[0] - centre_m[0], position_m[1] - centre_m[1]
     off_m = math.hypot(north_m, east_m) - radius_m
@@ -30,14 +30,14 @@ def loiter_bank_rad(
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A straight part of a mission, and where the mission goes on to after it."""
+    """A straight leg of a mission, and the end of the next leg."""
 
     start_m: Vec2
     end_m: Vec2
     next_m: Vec2
 
     def bank_rad(self, position_m: Vec2, velocity_mps: Vec2) -> float:
-        """Bank that joins and follows the leg."""
+        """Bank angle [rad] that joins and follows the leg."""
         return line_bank_rad(position_m, velocity_mps, self.start_m, self.end_m)
 
     def is_passed(self, position_m: Vec2) -> bool:
@@ -46,7 +46,7 @@ class Leg:
         return (position_m[0] - self.end_m[0]) * leg_n + (position_m[1] - self.end_m[1]) * leg_e >= 0.0
 
     def turn_distance_m(self, ground_speed_mps: float, radius_m: float) -> float:
-        """How far before the end to turn to the next leg, as ArduPlane does; 0 when going straight on."""
+        """Distance before the end at which to turn to the next leg, as ArduPlane; 0 without a turn."""
         if self.next_m == self.end_m:
             return 0.0
         turn_rad = abs(
@@ -56,7 +56,7 @@ class Leg:
 
 
 def circle(aircraft: FixedWing, centre_m: Vec2, radius_m: float) -> None:
-    """Command the bank that circles around a place; a negative radius turns left."""
+    """Command the bank that circles a place; a negative radius turns left."""
     position_m = (aircraft.north_m, aircraft.east_m)
     bank_rad = loiter_bank_rad(
         position_m,

@@ -1,4 +1,4 @@
-"""The parameter protocol: list, read and set; how values lie in its float is each autopilot's own."""
+"""The parameter protocol: list, read and set; each autopilot encodes values in its own way."""
 
 import struct
 from abc import ABC, abstractmethod
@@ -8,26 +8,26 @@ from typing import ClassVar
 from companion.mavlink.dialect import Message, mavlink
 from sim.vehicle.parameters import REAL32, Parameter, Parameters
 
-_NO_INDEX = 65535  # PARAM_VALUE.param_index of a value that was not asked for by its place
+_NO_INDEX = 65535  # PARAM_VALUE.param_index of a value that was not requested by index
 
 
 class ParameterCoding(ABC):
-    """Between a parameter's value and the float of PARAM_VALUE and PARAM_SET."""
+    """Converts a parameter's value to and from the float of PARAM_VALUE and PARAM_SET."""
 
-    # Whether a value that changed is announced with its place in the list
+    # True: a changed value is announced with its index
     announces_index: ClassVar[bool] = False
 
     @abstractmethod
     def encode(self, parameter: Parameter) -> float:
-        """The float for the wire."""
+        """The float in the message."""
 
     @abstractmethod
     def decode(self, parameter: Parameter, value: float, kind: int) -> float | None:
-        """The value in a PARAM_SET that says it has type `kind`; None for one that is not taken."""
+        """The value in a PARAM_SET of MAV_PARAM_TYPE `kind`; None if it is refused."""
 
 
 class AsFloat(ParameterCoding):
-    """ArduPilot's way: every value as a number, whatever the type says."""
+    """ArduPilot's encoding: every value as a number, for all types."""
 
     def encode(self, parameter: Parameter) -> float:
         """The value."""
@@ -39,19 +39,19 @@ class AsFloat(ParameterCoding):
 
 
 class Bytewise(ParameterCoding):
-    """PX4's way: integers put their four bytes where the float's would be; the type has to be right."""
+    """PX4's encoding: the four bytes of an integer in place of the float; the type must match."""
 
     announces_index: ClassVar[bool] = True
 
     def encode(self, parameter: Parameter) -> float:
-        """The value, or a float of the integer's bytes."""
+        """The value, or the float with the integer's bytes."""
         if parameter.type == REAL32:
             return parameter.value
         (value,) = struct.unpack("<f", struct.pack("<i", int(parameter.value)))
         return float(value)
 
     def decode(self, parameter: Parameter, value: float, kind: int) -> float | None:
-        """The value, or the integer of the float's bytes."""
+        """The value, or the integer with the float's bytes."""
         if kind != parameter.type:
             return None
         if kind == REAL32:
@@ -61,7 +61,7 @@ class Bytewise(ParameterCoding):
 
 
 class ParameterProtocol:
-    """Talks about one vehicle's parameters."""
+    """Serves one vehicle's parameters."""
 
     def __init__(
         self,
@@ -70,20 +70,20 @@ class ParameterProtocol:
         send: Callable[[int, Message], None],
         send_all: Callable[[Message], None],
     ) -> None:
-        """`send(channel, message)` answers, `send_all(message)` announces a parameter that changed."""
+        """`send(channel, message)` answers, `send_all(message)` announces a changed parameter."""
         self._parameters = parameters
         self._coding = coding
         self._send = send
         self._send_all = send_all
 
     def receive(self, message: Message, channel: int) -> bool:
-        """Handle a parameter message; True when a value was set."""
+        """Handle a parameter message; True if it was a PARAM_SET of a known parameter."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
             for parameter in self._parameters:
                 self._send(channel, self._message(parameter, parameter.index))
         elif kind == "PARAM_REQUEST_READ":
-            found = self._asked_for(message)
+            found = self._requested(message)
             if found is not None:
                 self._send(channel, self._message(found, found.index))
         elif kind == "PARAM_SET":
@@ -91,11 +91,11 @@ class ParameterProtocol:
         return False
 
     def announce(self, parameter: Parameter) -> None:
-        """Tell everybody a value."""
+        """Send a value on all channels."""
         index = parameter.index if self._coding.announces_index else _NO_INDEX
         self._send_all(self._message(parameter, index))
 
-    def _asked_for(self, message: Message) -> Parameter | None:
+    def _requested(self, message: Message) -> Parameter | None:
         if message.param_index < 0:
             return self._parameters.find(message.param_id)
         return self._parameters.at(message.param_index)
@@ -107,7 +107,7 @@ class ParameterProtocol:
         value = self._coding.decode(parameter, message.param_value, message.param_type)
         if value is not None:
             self._parameters.set(parameter.name, value)
-        self.announce(parameter)  # refused or not, the answer is the value as it is now
+        self.announce(parameter)  # refused or not, the answer is the present value
         return True
 
     def _message(self, parameter: Parameter, index: int) -> Message:

@@ -1,4 +1,4 @@
-"""Which telemetry is due: the message intervals of one channel."""
+"""The message intervals of one channel, and which messages are due."""
 
 from collections.abc import Collection, Sequence
 
@@ -6,12 +6,12 @@ _TOLERANCE_S = 1e-6
 
 
 class Streams:
-    """The intervals that one channel has asked for. They belong to the channel and are lost with it."""
+    """The intervals requested on one channel; they end with the channel."""
 
     def __init__(
         self, now_s: float, default_rate_hz: float, *, default: Sequence[int], streamed: Collection[int]
     ) -> None:
-        """Start with the `default` messages, all at one rate (0: silence); `streamed` are all that can be."""
+        """Start with the `default` messages at one rate (0: none); `streamed` are those allowed."""
         self.default_rate_hz = default_rate_hz
         self._default_interval_s = 1.0 / default_rate_hz if default_rate_hz > 0.0 else 0.0
         self._default = tuple(default)
@@ -24,15 +24,15 @@ class Streams:
         self._stopped.clear()
 
     def interval_s(self, message_id: int) -> float:
-        """The interval of a message, 0 when it is not sent."""
+        """The interval of a message [s], 0 if it is not streamed."""
         return self._interval_s.get(message_id, 0.0)
 
     def is_stopped(self, message_id: int) -> bool:
-        """Whether somebody asked not to be sent a message."""
+        """True if the message was stopped by request."""
         return message_id in self._stopped
 
     def set_interval(self, message_id: int, interval_s: float, now_s: float) -> bool:
-        """Send a message so often; 0 stops it. False for a message that is not streamed at all."""
+        """Set the interval of a message, 0 stops it; False for one that cannot be streamed."""
         if message_id not in self._streamed:
             return False
         if interval_s <= 0.0:
@@ -46,14 +46,14 @@ class Streams:
         return True
 
     def reset_interval(self, message_id: int, now_s: float) -> bool:
-        """Back to the default rate."""
+        """Restore the default rate."""
         default_s = self._default_interval_s if message_id in self._default else 0.0
         known = self.set_interval(message_id, default_s, now_s)
         self._stopped.discard(message_id)
         return known
 
     def due(self, now_s: float) -> list[int]:
-        """The messages to send now. What could not be sent in time is dropped, not caught up."""
+        """The messages to send now. Missed ones are dropped, not sent later."""
         ready: list[int] = []
         for message_id, due_s in self._due_s.items():
             if due_s <= now_s + _TOLERANCE_S:

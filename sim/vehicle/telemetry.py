@@ -1,4 +1,4 @@
-"""The messages that a fake autopilot tells about itself, as far as both fill their fields alike."""
+"""The telemetry messages that both fake autopilots fill in the same way."""
 
 import math
 from abc import ABC, abstractmethod
@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.units import course_deg, wrap_pi
-from sim.vehicle.battery import Battery
 from sim.vehicle.flight import Flight
+from sim.vehicle.peripherals import Battery
 
 _FIXED_WING = 1  # MAV_TYPE
 _STANDBY, _ACTIVE, _CRITICAL = 3, 4, 5
@@ -24,26 +24,26 @@ Builder = Callable[[float], Message]
 
 
 class Telemetry(ABC):
-    """Makes messages about one flight; counts its battery down."""
+    """Builds the messages about one flight; drains its battery."""
 
     autopilot: ClassVar[int]  # MAV_AUTOPILOT
     capabilities: ClassVar[int]  # AUTOPILOT_VERSION: MAV_PROTOCOL_CAPABILITY
-    # SYS_STATUS: which sensors there are, and which are well
+    # SYS_STATUS: sensors present, and healthy
     sensors = 0
     sensors_healthy = 0
 
     def __init__(
         self, flight: Flight, boot_s: float, geoid_height_m: float, versions: tuple[int, int]
     ) -> None:
-        """`geoid_height_m`: of mean sea level above the ellipsoid, where the vehicle flies.
+        """`geoid_height_m`: mean sea level above the ellipsoid at the flight area.
 
-        `versions` of flight software and middleware are what AUTOPILOT_VERSION tells.
+        `versions` are those of flight software and middleware in AUTOPILOT_VERSION.
         """
         self._versions = versions
         self._flight = flight
         self._boot_s = boot_s
         self._geoid_height_m = geoid_height_m
-        self.clock_error_s = 0.0  # of the Unix time that it tells
+        self.clock_error_s = 0.0  # error of the Unix time in SYSTEM_TIME
         self._battery = Battery()
         self._builders = self._all_builders()
 
@@ -53,7 +53,7 @@ class Telemetry(ABC):
 
     @abstractmethod
     def position_target_global_int(self, time_s: float) -> Message:
-        """POSITION_TARGET_GLOBAL_INT: what is being flown to."""
+        """POSITION_TARGET_GLOBAL_INT: the present target."""
 
     def heartbeat(self, _time_s: float) -> Message:
         """HEARTBEAT."""
@@ -67,7 +67,7 @@ class Telemetry(ABC):
         )
 
     def autopilot_version(self, _time_s: float) -> Message:
-        """AUTOPILOT_VERSION: the version that it imitates."""
+        """AUTOPILOT_VERSION: the imitated version."""
         flight_version, middleware_version = self._versions
         return mavlink.MAVLink_autopilot_version_message(
             capabilities=self.capabilities,
@@ -85,25 +85,25 @@ class Telemetry(ABC):
 
     @property
     def built(self) -> frozenset[int]:
-        """The messages that `build` makes, by number."""
+        """The ids of the messages that `build` can build."""
         return frozenset(self._builders)
 
     def reboot(self, now_s: float) -> None:
-        """Boot time starts over."""
+        """Restart the boot time."""
         self._boot_s = now_s
 
     def consume(self, seconds: float) -> None:
-        """Draw from the battery."""
+        """Drain the battery for some seconds."""
         flight = self._flight
         self._battery.drain(seconds, armed=flight.armed, full_throttle=flight.taking_off)
 
     def build(self, message_id: int, time_s: float) -> Message | None:
-        """The message with that number as of now, None when it is not ours to tell."""
+        """The message with that id at `time_s`, None for an unknown id."""
         builder = self._builders.get(message_id)
         return builder(time_s) if builder is not None else None
 
     def boot_ms(self, time_s: float) -> int:
-        """Milliseconds since boot, as `time_boot_ms` carries them."""
+        """Milliseconds since boot, as in `time_boot_ms`."""
         return round((time_s - self._boot_s) * 1000.0) & 0xFFFF_FFFF
 
     @property
@@ -114,7 +114,7 @@ class Telemetry(ABC):
         return _STANDBY if self._flight.on_ground else _ACTIVE
 
     def global_position_int(self, time_s: float) -> Message:
-        """GLOBAL_POSITION_INT: `vz` positive down, `hdg` where the nose points."""
+        """GLOBAL_POSITION_INT: `vz` positive down, `hdg` is the heading."""
         flight = self._flight
         place = flight.place
         north_mps, east_mps, down_mps = flight.velocity_mps
@@ -189,7 +189,7 @@ class Telemetry(ABC):
         )
 
     def battery_status(self, _time_s: float) -> Message:
-        """BATTERY_STATUS: one pack, no single cells."""
+        """BATTERY_STATUS: one pack, no cell voltages."""
         return mavlink.MAVLink_battery_status_message(
             id=0,
             battery_function=0,
@@ -267,7 +267,7 @@ class Telemetry(ABC):
         )
 
     def extended_sys_state(self, _time_s: float) -> Message:
-        """EXTENDED_SYS_STATE: no vertical take-off, on the ground or not."""
+        """EXTENDED_SYS_STATE: no VTOL; on ground, in air, taking off or landing."""
         flight = self._flight
         if flight.on_ground:
             landed = _ON_GROUND
@@ -309,12 +309,12 @@ class Telemetry(ABC):
         )
 
     def pitch_rad(self) -> float:
-        """How steeply the aircraft goes through the air, positive up."""
+        """Flight path angle through the air [rad], positive up."""
         aircraft = self._flight.aircraft
         return math.asin(min(max(aircraft.climb_mps / max(aircraft.airspeed_mps, 1.0), -1.0), 1.0))
 
     def throttle_percent(self) -> int:
-        """How far the motor is opened."""
+        """Throttle, 0 to 100."""
         flight = self._flight
         if not flight.armed or (flight.on_ground and not flight.taking_off):
             return 0

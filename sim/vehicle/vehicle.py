@@ -1,4 +1,4 @@
-"""A fake vehicle, without I/O and without a clock, as far as both autopilots are alike."""
+"""The part of a fake vehicle that both autopilots share, without I/O and without a clock."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -7,17 +7,16 @@ from typing import ClassVar
 
 from companion.mavlink.dialect import Message, mavlink
 from sim.vehicle.commands import Call, Commands
-from sim.vehicle.events import Event, FenceChanged, ItemReached, ModeChanged, Text
 from sim.vehicle.flight import STEP_S
-from sim.vehicle.heard_traffic import HeardTraffic
 from sim.vehicle.mission_flight import MissionFlight
 from sim.vehicle.mission_protocol import MissionProtocol
+from sim.vehicle.outputs import Event, FenceChanged, ItemReached, ModeChanged, Outgoing, Text, Truth
 from sim.vehicle.parameter_protocol import ParameterCoding, ParameterProtocol
 from sim.vehicle.parameters import Parameters
-from sim.vehicle.sticks import Sticks
+from sim.vehicle.peripherals import Sticks
 from sim.vehicle.streams import Streams
 from sim.vehicle.telemetry import Telemetry
-from sim.vehicle.truth import Outgoing, Truth
+from sim.vehicle.traffic import HeardTraffic
 
 BOOTED_BEFORE_S = 30.0
 _HEARTBEAT_PERIOD_S = 1.0
@@ -29,15 +28,15 @@ _HEARTBEAT, _ADSB_VEHICLE = mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MS
 class FakeVehicle(ABC):
     """A vehicle of either autopilot.
 
-    `receive()` takes what a channel heard, `step()` lets time pass and returns what to send. Flight moves in
-    equal steps of `STEP_S` from the moment of construction, so how often `step()` is called changes nothing.
-    Testers make it fail as real ones do: `refuse`, `silence`, `withhold`, `set_clock`, `reboot`, `fail_safe`,
-    `move_sticks`.
+    `receive()` takes a message from a channel; `step()` advances time and returns the messages to send. The
+    flight moves in equal steps of `STEP_S` from construction on, so the rhythm of the calls changes nothing.
+    Tests make it fail as real vehicles do: `refuse`, `silence`, `withhold`, `set_clock`, `reboot`,
+    `fail_safe`, `move_sticks`.
     """
 
     component_id = 1
-    name: ClassVar[str]  # of the autopilot, for people
-    first_item: ClassVar[int]  # the number of the first mission item that is flown
+    name: ClassVar[str]  # of the autopilot, for display
+    first_item: ClassVar[int]  # sequence number of the first mission item that is flown
     default_stream: ClassVar[Sequence[int]]
     _commands: Commands
 
@@ -51,7 +50,7 @@ class FakeVehicle(ABC):
         system_id: int,
         asks_for_int: bool,
     ) -> None:
-        """Let time begin at `now_s` [s, Unix]."""
+        """Start the vehicle's time at `now_s` [s, Unix]."""
         self.system_id = system_id
         self.boots = 1
         self._flight = flight
@@ -68,53 +67,53 @@ class FakeVehicle(ABC):
         self._parameter_protocol = ParameterProtocol(self.parameters, coding, self._send, self._send_all)
         self._missions = MissionProtocol(flight, self._send, self._list_loaded, asks_for_int=asks_for_int)
 
-    # --- what each autopilot does in its own way ---
+    # --- what each autopilot implements ---
 
     @abstractmethod
     def set_mode(self, mode: IntEnum | str) -> None:
-        """The pilot changes the mode on his transmitter; `ValueError` for one that there is not."""
+        """Change the mode from the pilot's transmitter; `ValueError` for an unknown mode."""
 
     @abstractmethod
-    def _hear_report(self, report: Message, now_s: float, channel: int) -> None:
-        """Take an ADSB_VEHICLE from a receiver."""
+    def _receive_report(self, report: Message, now_s: float, channel: int) -> None:
+        """Handle an ADSB_VEHICLE from a receiver."""
 
     @abstractmethod
     def _reports_for(self, channel: int, now_s: float) -> list[Message]:
-        """The ADSB_VEHICLE messages to send on a channel, whose interval for them has passed."""
+        """The ADSB_VEHICLE messages that are due on a channel."""
 
     @abstractmethod
-    def _forget_reports(self) -> None:
-        """Know no traffic any more."""
+    def _clear_reports(self) -> None:
+        """Delete all traffic reports."""
 
     @abstractmethod
-    def _take_target(self, message: Message, now_s: float) -> None:
-        """SET_POSITION_TARGET_*."""
+    def _handle_target(self, message: Message, now_s: float) -> None:
+        """Handle SET_POSITION_TARGET_*."""
 
     @abstractmethod
-    def _take_set_mode(self, message: Message) -> tuple[int, int]:
-        """SET_MODE; the command and result to acknowledge."""
+    def _handle_set_mode(self, message: Message) -> tuple[int, int]:
+        """Handle SET_MODE; the command and result to acknowledge."""
 
     @abstractmethod
-    def _take_data_stream(self, message: Message, channel: int) -> None:
-        """REQUEST_DATA_STREAM."""
+    def _handle_data_stream(self, message: Message, channel: int) -> None:
+        """Handle REQUEST_DATA_STREAM."""
 
     @abstractmethod
     def _list_loaded(self, mission_type: int) -> None:
-        """A mission or fence was uploaded or cleared."""
+        """Called after a mission or fence was uploaded or cleared."""
 
     @abstractmethod
     def _mode_changed(self) -> None:
-        """The flight changed its mode."""
+        """Called after the flight changed its mode."""
 
     @abstractmethod
     def _fence_changed(self) -> None:
-        """A fence is broken, or kept again."""
+        """Called after a fence breach began or ended."""
 
     @abstractmethod
     def _avoid_traffic(self, now_s: float) -> None:
-        """The avoidance of the autopilot's own, once a step."""
+        """Run the autopilot's own avoidance, once a step."""
 
-    # --- what others ask ---
+    # --- state ---
 
     @property
     def flight(self) -> MissionFlight:
@@ -123,17 +122,17 @@ class FakeVehicle(ABC):
 
     @property
     def parameters(self) -> Parameters:
-        """Its parameters."""
+        """The parameters."""
         return self._flight.parameters
 
     @property
     def time_s(self) -> float:
-        """The time up to which it has flown [s, Unix]."""
+        """The time up to which the vehicle has flown [s, Unix]."""
         return self._start_s + self._steps * STEP_S
 
     @property
     def truth(self) -> Truth:
-        """Where it really is and what it really does."""
+        """The true state, for scoring."""
         flight = self._flight
         return Truth(
             time_s=self.time_s,
@@ -153,10 +152,10 @@ class FakeVehicle(ABC):
             mission_completed=flight.mission.completed,
         )
 
-    # --- what a tester does to it ---
+    # --- actions of pilots and tests ---
 
     def add_channel(self, channel: int, *, stream_rate_hz: float = 2.0) -> None:
-        """Open a telemetry channel; `stream_rate_hz` is that of the default messages, 0 keeps it quiet."""
+        """Open a telemetry channel; `stream_rate_hz` is the rate of the default messages, 0 for none."""
         streamed = self._telemetry.built | {_ADSB_VEHICLE, _HEARTBEAT}
         self._streams[channel] = Streams(
             self.time_s, stream_rate_hz, default=self.default_stream, streamed=streamed
@@ -164,58 +163,58 @@ class FakeVehicle(ABC):
         self._heartbeat_due_s[channel] = self.time_s
 
     def start_mission(self) -> None:
-        """The pilot changes to the mode that flies the mission."""
+        """Change to the mode that flies the mission."""
         self._flight.enter_mission()
 
     def arm(self) -> None:
-        """The pilot arms."""
+        """Arm from the pilot's transmitter."""
         self._flight.arm()
 
     def move_sticks(
         self, roll: float = 0.0, pitch: float = 0.0, throttle: float = 0.0, yaw: float = 0.0
     ) -> None:
-        """The pilot moves his sticks; roll is flown in the modes that are his."""
+        """Move the pilot's sticks; roll has an effect in the piloted modes."""
         self._flight.sticks = Sticks(roll, pitch, throttle, yaw)
 
     def fail_safe(self, failing: bool, *, return_home: bool = False) -> None:
-        """Something is wrong (`system_status` CRITICAL), and perhaps the autopilot goes home for it."""
+        """Begin or end a failsafe (`system_status` CRITICAL), with or without a return home."""
         self._flight.in_trouble = failing
         if failing and return_home:
             self._flight.return_home()
 
     def refuse(self, command: int, result: int | None) -> None:
-        """Answer a command so from now on, and do nothing; None: answer it properly again."""
+        """Answer a command with `result` and do not execute it; None restores the normal answer."""
         if result is None:
             self._refused.pop(command, None)
         else:
             self._refused[command] = result
 
     def silence(self, command: int, *, does: bool | None) -> None:
-        """Do a command (or do not) without acknowledging it from now on; None: answer it again."""
+        """Send no acknowledgement of a command; `does`: execute it or not, None restores the answer."""
         if does is None:
             self._silenced.pop(command, None)
         else:
             self._silenced[command] = does
 
     def withhold(self, message_id: int, withheld: bool) -> None:
-        """Send a message no more, whoever asks for it, until told otherwise."""
+        """Never send a message, even on request; False sends it again."""
         (self._withheld.add if withheld else self._withheld.discard)(message_id)
 
     def set_clock(self, error_s: float) -> None:
-        """Its idea of the time, which SYSTEM_TIME tells, is wrong by so much from now on."""
+        """Let the Unix time in SYSTEM_TIME be wrong by `error_s`."""
         self._telemetry.clock_error_s = error_s
 
     def reboot(self, now_s: float) -> None:
-        """Restart in flight: armed and flying on in its mode, with boot time and what it was told forgotten.
+        """Restart in flight: it stays armed and in its mode; boot time, commands and streams are reset.
 
-        `boots` counts, so that whoever packs its messages starts its sequence numbers over.
+        `boots` increases; the encoder of its messages must restart the sequence numbers then.
         """
         self._outbox = self.step(now_s)
         self.boots += 1
         self._telemetry.reboot(now_s)
-        self._missions.forget()
+        self._missions.cancel()
         self._heard.clear()
-        self._forget_reports()
+        self._clear_reports()
         self._flight.forget_commands()
         for channel, streams in list(self._streams.items()):
             self.add_channel(channel, stream_rate_hz=streams.default_rate_hz)
@@ -223,28 +222,28 @@ class FakeVehicle(ABC):
     # --- time ---
 
     def step(self, now_s: float) -> list[Outgoing]:
-        """Fly on until `now_s` and return what has to be sent since the last call, oldest first."""
+        """Fly until `now_s`; the messages to send since the last call, oldest first."""
         while self._start_s + (self._steps + 1) * STEP_S <= now_s + _TOLERANCE_S:
             self._flight.advance()
             self._steps += 1
             self._avoid_traffic(self.time_s)
             if self._streams:
-                self._talk()
+                self._send_due()
             else:
                 self._flight.events.clear()
-        self._tell_events()
+        self._send_events()
         outbox, self._outbox = self._outbox, []
         return outbox
 
-    def _talk(self) -> None:
-        """Send what is due after one step."""
+    def _send_due(self) -> None:
+        """Send the messages that are due after one step."""
         now_s = self.time_s
         self._telemetry.consume(STEP_S)
         self._missions.step(now_s)
-        self._tell_events()
+        self._send_events()
         for channel, streams in self._streams.items():
-            asked_for = streams.interval_s(_HEARTBEAT) > 0.0
-            if not asked_for and now_s + _TOLERANCE_S >= self._heartbeat_due_s[channel]:
+            requested = streams.interval_s(_HEARTBEAT) > 0.0
+            if not requested and now_s + _TOLERANCE_S >= self._heartbeat_due_s[channel]:
                 self._heartbeat_due_s[channel] = now_s + _HEARTBEAT_PERIOD_S
                 self._send(channel, self._telemetry.heartbeat(now_s))
             self._stream(channel, streams, now_s)
@@ -259,12 +258,12 @@ class FakeVehicle(ABC):
             if message is not None:
                 self._send(channel, message)
 
-    def _tell_events(self) -> None:
+    def _send_events(self) -> None:
         events = self._flight.events
         while events:
-            self._tell(events.pop(0))
+            self._send_event(events.pop(0))
 
-    def _tell(self, event: Event) -> None:
+    def _send_event(self, event: Event) -> None:
         if isinstance(event, ItemReached):
             self._send_all(mavlink.MAVLink_mission_item_reached_message(seq=event.sequence))
         elif isinstance(event, Text):
@@ -289,11 +288,11 @@ class FakeVehicle(ABC):
     # --- messages ---
 
     def receive(self, message: Message, now_s: float, channel: int = 0) -> None:
-        """Take a message that `channel` heard. What is not for us is ignored."""
+        """Handle a message from `channel`; messages for other vehicles are ignored."""
         kind = message.get_type()
         if kind == "ADSB_VEHICLE":
             self._heard.receive(message, now_s)
-            self._hear_report(message, now_s, channel)
+            self._receive_report(message, now_s, channel)
             return
         if not self._is_for_us(message):
             return
@@ -301,16 +300,16 @@ class FakeVehicle(ABC):
             self.add_channel(channel)
         sender = (message.get_srcSystem(), message.get_srcComponent())
         if kind in ("COMMAND_LONG", "COMMAND_INT"):
-            self._take_command(Call.from_message(message, channel, now_s), sender)
+            self._handle_command(Call.from_message(message, channel, now_s), sender)
         elif kind == "SET_MODE":
-            self._acknowledge(*self._take_set_mode(message), sender, channel)
+            self._acknowledge(*self._handle_set_mode(message), sender, channel)
         elif kind in ("SET_POSITION_TARGET_GLOBAL_INT", "SET_POSITION_TARGET_LOCAL_NED"):
-            self._take_target(message, now_s)
+            self._handle_target(message, now_s)
         elif kind.startswith("PARAM_"):
             if self._parameter_protocol.receive(message, channel):
                 self._flight.apply_parameters()
         elif kind == "REQUEST_DATA_STREAM":
-            self._take_data_stream(message, channel)
+            self._handle_data_stream(message, channel)
         elif kind == "TIMESYNC" and message.tc1 == 0:
             boot_ns = self._telemetry.boot_ms(now_s) * 1_000_000
             self._send(channel, mavlink.MAVLink_timesync_message(tc1=boot_ns, ts1=message.ts1))
@@ -320,7 +319,7 @@ class FakeVehicle(ABC):
         else:
             self._missions.receive(message, sender, channel, now_s)
 
-    def _take_command(self, call: Call, sender: tuple[int, int]) -> None:
+    def _handle_command(self, call: Call, sender: tuple[int, int]) -> None:
         silent = call.command in self._silenced
         if silent and not self._silenced[call.command]:
             return

@@ -17,7 +17,7 @@ SPEEDS_MPS = (30.0, 60.0, 90.0)
 @pytest.mark.parametrize(("from_deg", "speed_mps"), [*itertools.product(SIDES_DEG, SPEEDS_MPS)])
 def test_one_intruder_is_kept_well_clear(from_deg: float, speed_mps: float) -> None:
     intruder = straight(from_deg, speed_mps)
-    assert fly([intruder], avoid=False, seconds=120.0).well_clear < 0.2, "a conflict to begin with"
+    assert fly([intruder], avoid=False, seconds=120.0).well_clear < 0.2, "without avoidance it is a conflict"
     outcome = fly([intruder])
     assert outcome.well_clear >= 1.0
     assert outcome.arrived
@@ -29,13 +29,15 @@ def test_one_intruder_is_kept_well_clear(from_deg: float, speed_mps: float) -> N
     ("from_deg", "climb_mps", "miss_m"),
     [(0, 4.0, 0.0), (60, -3.0, 150.0), (135, 3.0, 0.0), (300, -4.0, -200.0), (200, 2.0, 300.0)],
 )
-def test_one_climbing_or_sinking(from_deg: float, climb_mps: float, miss_m: float) -> None:
+def test_one_climbing_or_sinking_intruder_is_kept_well_clear(
+    from_deg: float, climb_mps: float, miss_m: float
+) -> None:
     outcome = fly([straight(from_deg, 55.0, climb_mps=climb_mps, miss_m=miss_m)])
     assert outcome.well_clear >= 1.0
 
 
 @pytest.mark.parametrize("from_deg", [0, 45, 90, 135, 225, 315])
-def test_sideways_when_height_is_locked(from_deg: float) -> None:
+def test_with_height_locked_the_intruder_is_passed_sideways(from_deg: float) -> None:
     envelope = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
     outcome = fly([straight(from_deg, 50.0)], params=AvoidanceParams(envelope=envelope))
     assert outcome.well_clear >= 1.0
@@ -44,20 +46,20 @@ def test_sideways_when_height_is_locked(from_deg: float) -> None:
     assert outcome.highest_m <= ALTITUDE_M + 6.0
 
 
-def test_the_mission_goes_on_afterwards() -> None:
+def test_the_mission_is_resumed_after_the_conflict() -> None:
     outcome = fly([straight(0.0, 60.0)])
     assert outcome.arrived
     assert outcome.decisions[-1].layer is Layer.CLEAR
     assert outcome.decisions[-1].guidance is None
 
 
-def test_a_hovering_aircraft_in_the_way() -> None:
+def test_a_hovering_aircraft_in_the_way_is_passed() -> None:
     outcome = fly([straight(0.0, 0.0)])
     assert outcome.well_clear >= 1.0
     assert outcome.arrived
 
 
-def test_two_at_once_from_both_sides() -> None:
+def test_two_intruders_from_both_sides_are_kept_well_clear() -> None:
     outcome = fly([straight(60.0, 55.0), straight(300.0, 55.0, meet_s=95.0)])
     assert outcome.well_clear >= 1.0
 
@@ -70,21 +72,21 @@ def test_two_at_once_from_both_sides() -> None:
         straight(180.0, 40.0, miss_m=1200.0),
     ],
 )
-def test_traffic_that_stays_clear_is_left_alone(traffic: object) -> None:
+def test_traffic_that_stays_clear_causes_no_avoidance(traffic: object) -> None:
     outcome = fly([traffic])  # type: ignore[list-item]
     assert outcome.engagements == 0
     assert outcome.deviation_m == 0.0
 
 
-def test_the_closing_speed_decides_how_early() -> None:
+def test_fast_closure_begins_an_avoidance_earlier() -> None:
     fast, slow = fly([straight(0.0, 68.0)]), fly([straight(180.0, 42.0)])
     assert fast.first_s is not None
     assert slow.first_s is not None
-    assert 90.0 - fast.first_s >= 50.0, "closing at 90 m/s it is seen a minute ahead"
+    assert 90.0 - fast.first_s >= 50.0, "at 90 m/s of closure the outer layer reaches a minute ahead"
     assert fast.decisions[int(fast.first_s)].layer is Layer.OUTER
 
 
-def test_first_seen_near_by_is_the_inner_layers_business() -> None:
+def test_a_threat_that_appears_near_is_resolved_by_the_inner_layer() -> None:
     decision = Avoider(AvoidanceParams()).decide(
         0.0,
         Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0),
@@ -97,7 +99,7 @@ def test_first_seen_near_by_is_the_inner_layers_business() -> None:
     assert decision.threats[0].time_to_closest_s == pytest.approx(1200.0 / 82.0)
 
 
-def test_a_mast_is_flown_around_or_over_but_not_under() -> None:
+def test_a_mast_is_passed_beside_or_above_but_not_below() -> None:
     own = Ownship(0.0, (0.0, 0.0, -100.0), (22.0, 0.0, 0.0), 22.0, 0.0)
     mast = Track("M", 0.0, (900.0, 0.0, -180.0), (0.0, 0.0, 0.0), kind=TrafficKind.OBSTACLE)
     decision = Avoider(AvoidanceParams()).decide(
@@ -107,7 +109,7 @@ def test_a_mast_is_flown_around_or_over_but_not_under() -> None:
     assert decision.guidance.altitude_m >= 180.0 or abs(decision.guidance.course_rad % math.tau) > 0.05
 
 
-def test_a_vehicle_on_the_ground_is_no_traffic() -> None:
+def test_a_vehicle_on_the_ground_is_ignored() -> None:
     own = Ownship(0.0, (0.0, 0.0, -30.0), (22.0, 0.0, 0.0), 22.0, 0.0)
     car = Track("C", 0.0, (200.0, 0.0, 0.0), (0.0, 0.0, 0.0), kind=TrafficKind.SURFACE_VEHICLE)
     goal = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=30.0)
@@ -122,7 +124,7 @@ def test_the_floor_is_kept() -> None:
     assert outcome.well_clear >= 1.0
 
 
-def test_same_inputs_same_bits() -> None:
+def test_the_same_inputs_give_the_same_bits() -> None:
     first, second = (fly([straight(40.0, 70.0), straight(200.0, 50.0)]) for _ in range(2))
     assert first.decisions == second.decisions
 
@@ -136,7 +138,7 @@ def test_old_tracks_are_extrapolated() -> None:
     assert decisions[0].guidance == decisions[1].guidance
 
 
-def test_layers_that_contradict_each_other_are_refused() -> None:
+def test_an_inner_layer_beyond_the_outer_is_refused() -> None:
     with pytest.raises(ValueError, match="inner layer"):
         AvoidanceParams(inner_time_s=70.0, outer_time_s=60.0)
 
@@ -144,7 +146,7 @@ def test_layers_that_contradict_each_other_are_refused() -> None:
 def turning(
     from_deg: float, speed_mps: float, turn_deg: float, *, begins_s: float, meet_s: float = 90.0
 ) -> Traffic:
-    """An aircraft that would meet us, but turns at 3 degrees a second on its way."""
+    """An aircraft that would meet us, but turns at 3 degrees per second on its way."""
     course_rad, step_s, turned_rad = math.radians(from_deg) + math.pi, 0.5, 0.0
     north_m = 22.0 * meet_s - speed_mps * meet_s * math.cos(course_rad)
     east_m = -speed_mps * meet_s * math.sin(course_rad)
@@ -167,8 +169,8 @@ def turning(
 
 @pytest.mark.parametrize("turn_deg", [30.0, -30.0])
 @pytest.mark.parametrize("speed_mps", [20.0, 24.0])
-def test_nobody_is_followed_who_turns_to_fly_beside_us(speed_mps: float, turn_deg: float) -> None:
-    """Keeping clear beside somebody is no end of a conflict: the mission lies behind him."""
+def test_an_aircraft_that_turns_to_fly_beside_us_is_not_followed(speed_mps: float, turn_deg: float) -> None:
+    """Staying clear beside an aircraft does not resolve a conflict if the mission lies behind it."""
     envelope = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
     outcome = fly(
         [turning(270.0, speed_mps, turn_deg, begins_s=40.0)],

@@ -1,4 +1,4 @@
-"""Campaigns: the same result however they are flown, nothing lost, and figures that count what they say."""
+"""Campaigns: the same results on any number of workers, continued after interruption, correct figures."""
 
 import json
 from dataclasses import replace
@@ -10,16 +10,16 @@ from rich.console import Console
 
 from companion.errors import ConfigError
 from sim.campaign.command import page_of, run
-from sim.campaign.flight import Closeness, closeness, fly, undisturbed
+from sim.campaign.flight import closest_approach, fly, unmitigated
 from sim.campaign.plan import Part, Plan
-from sim.campaign.results import Result, Results, percentile_ms, read_results
+from sim.campaign.results import ResultLine, Results, percentile_ms, read_results
 from sim.campaign.summary import Figures, gather, summary_of
 from sim.encounters import generate
 
 QUIET = Console(quiet=True)
 
 
-def without_timing(path: Path) -> list[Result]:
+def without_timing(path: Path) -> list[ResultLine]:
     results = sorted(read_results(path), key=lambda result: (result["avoider"], result["number"]))
     return [{key: value for key, value in result.items() if key != "timing"} for result in results]
 
@@ -34,14 +34,14 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
     return plan, out
 
 
-def test_what_is_flown_by_the_engine_is_avoided(flown: tuple[Plan, Path]) -> None:
+def test_the_engine_avoids_most_collisions(flown: tuple[Plan, Path]) -> None:
     plan, out = flown
     by_avoider = gather(read_results(out))
-    ours, nobody = summary_of(by_avoider["companion"]), summary_of(by_avoider["none"])
-    assert nobody["p_nmac"] > 0.2
-    assert nobody["risk_ratio"] == nobody["lowc_ratio"] == 1.0
-    # One of these turns into us at 110 m/s in the last seconds.
-    assert ours["p_nmac"] < 0.2 * nobody["p_nmac"]
+    ours, unavoided = summary_of(by_avoider["companion"]), summary_of(by_avoider["none"])
+    assert unavoided["p_nmac"] > 0.2
+    assert unavoided["risk_ratio"] == unavoided["lowc_ratio"] == 1.0
+    # One of them turns into us at 110 m/s in the last seconds.
+    assert ours["p_nmac"] < 0.2 * unavoided["p_nmac"]
     assert ours["not_back_on_line"] == 0
     assert plan.source()(0).duration_s <= ours["latest_back_s"] < 600.0
     assert ours["decision_ms"]["p99"] > ours["decision_ms"]["p50"] > 0.0
@@ -49,12 +49,12 @@ def test_what_is_flown_by_the_engine_is_avoided(flown: tuple[Plan, Path]) -> Non
 
 
 @pytest.mark.parametrize("number", [9, 11, 18])
-def test_who_turns_into_us_is_seen_to_turn(number: int) -> None:
-    """Flying straight on they would miss us; as they fly, they meet us."""
+def test_an_intruder_that_turns_into_us_is_avoided(number: int) -> None:
+    """In straight flight it would miss us; its turn leads to a collision."""
     encounter, plan = generate("turning", 3, number, hits=True), Plan(1)
-    assert undisturbed(encounter).nmac
-    flown = fly(encounter, plan.engine_for("companion"), plan.known, plan.limits, seed=number)
-    assert flown.closeness.severity > 0.5
+    assert unmitigated(encounter).nmac
+    flown = fly(encounter, plan.engine_for("companion"), plan.first_surveillance, plan.limits, seed=number)
+    assert flown.closest.severity > 0.5
 
 
 def test_more_workers_give_the_same_results(flown: tuple[Plan, Path], tmp_path: Path) -> None:
@@ -63,8 +63,8 @@ def test_more_workers_give_the_same_results(flown: tuple[Plan, Path], tmp_path: 
     assert without_timing(tmp_path / "two.ndjson") == without_timing(out)
 
 
-def test_an_interrupted_campaign_goes_on(flown: tuple[Plan, Path], tmp_path: Path) -> None:
-    """Killed in the middle of a line: that one is flown again, the others are not."""
+def test_an_interrupted_campaign_continues(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+    """After a kill in the middle of a line, that flight is repeated and the others are not."""
     plan, out = flown
     cut = tmp_path / "cut.ndjson"
     lines = out.read_text().splitlines(keepends=True)
@@ -74,13 +74,13 @@ def test_an_interrupted_campaign_goes_on(flown: tuple[Plan, Path], tmp_path: Pat
     again = without_timing(cut)
     assert [r["number"] for r in again] == [r["number"] for r in without_timing(out)]
     differing = [a for a, b in zip(again, without_timing(out), strict=True) if a != b]
-    assert [one["deviation_m"] for one in differing] == [-1.0], "what was there is kept, not flown again"
+    assert [one["deviation_m"] for one in differing] == [-1.0], "existing results are kept"
 
 
 def test_the_same_encounters_are_flown_with_each_surveillance(
     flown: tuple[Plan, Path], tmp_path: Path
 ) -> None:
-    """What was flown counts again; the report and the page tell the ways apart."""
+    """Existing results count; report and page list the surveillance presets separately."""
     plan, out = flown
     more = replace(plan, avoiders=("companion",), surveillance=("perfect", "poor"))
     both = tmp_path / "both.ndjson"
@@ -96,7 +96,7 @@ def test_the_same_encounters_are_flown_with_each_surveillance(
     assert "<td>poor</td><td>12</td>" in text
 
 
-def test_results_of_another_campaign_are_left_alone(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+def test_results_of_another_campaign_are_not_changed(flown: tuple[Plan, Path], tmp_path: Path) -> None:
     _, out = flown
     before = out.read_bytes()
     with pytest.raises(ConfigError, match="another campaign"):
@@ -108,7 +108,7 @@ def test_results_of_another_campaign_are_left_alone(flown: tuple[Plan, Path], tm
         run(Plan(12, seed=3), damaged, QUIET, workers=1)
 
 
-def test_nothing_counts_twice(flown: tuple[Plan, Path], tmp_path: Path) -> None:
+def test_a_result_is_written_once(flown: tuple[Plan, Path], tmp_path: Path) -> None:
     plan, out = flown
     results = Results.open(tmp_path / "r.ndjson", plan.identity())
     first = list(read_results(out))[:3]
@@ -118,21 +118,24 @@ def test_nothing_counts_twice(flown: tuple[Plan, Path], tmp_path: Path) -> None:
     assert len(list(read_results(tmp_path / "r.ndjson"))) == 3
 
 
-def test_the_undisturbed_flight_is_what_nobody_flies() -> None:
-    """The plane that flies its mission passes as near as the straight line says."""
+def test_the_unmitigated_flight_is_the_straight_line() -> None:
+    """Without avoidance the plane's closest approach is that of the straight line."""
     plan = Plan(1, avoiders=("none",))
     for number in range(3):
         encounter = generate("mix", 8, number)
-        flight = fly(encounter, plan.engine_for("none"), plan.known, plan.limits)
-        assert flight.closeness.severity == pytest.approx(undisturbed(encounter).severity, abs=0.01)
+        flight = fly(encounter, plan.engine_for("none"), plan.first_surveillance, plan.limits)
+        assert flight.closest.severity == pytest.approx(unmitigated(encounter).severity, abs=0.01)
         assert not flight.avoided
 
 
-def test_with_the_height_locked_it_stays_there() -> None:
+def test_a_locked_height_is_kept() -> None:
     plan = Plan(1, lock_height=True)
     heights = [
         fly(
-            generate("level", 9, n, hits=True), plan.engine_for("companion"), plan.known, plan.limits
+            generate("level", 9, n, hits=True),
+            plan.engine_for("companion"),
+            plan.first_surveillance,
+            plan.limits,
         ).height_m
         for n in range(3)
     ]
@@ -152,7 +155,7 @@ def test_an_unknown_avoider_or_surveillance_is_refused() -> None:
             Plan(1, **options)  # type: ignore[arg-type]
 
 
-def result(number: int, *, weight: float = 1.0, lost: bool = True, kept: bool = True) -> Result:
+def result(number: int, *, weight: float = 1.0, lost: bool = True, kept: bool = True) -> ResultLine:
     near = {"horizontal_m": 0.0, "vertical_m": 0.0, "severity": 0.5}
     return {
         "number": number, "avoider": "x", "surveillance": "perfect", "weight": weight,
@@ -163,12 +166,12 @@ def result(number: int, *, weight: float = 1.0, lost: bool = True, kept: bool = 
     }  # fmt: skip
 
 
-def figures_of(results: list[Result]) -> Figures:
+def figures_of(results: list[ResultLine]) -> Figures:
     return gather(results)["x"]
 
 
-def test_ratios_honour_weights() -> None:
-    """Of conflicts that weigh 1, 1 and 2 the last is lost: half, not a third."""
+def test_ratios_are_weighted() -> None:
+    """The last of three conflicts with weights 1, 1 and 2 is not avoided: a half, not a third."""
     figures = figures_of([result(1), result(2), result(3, weight=2.0, kept=False), result(4, lost=False)])
     summary = summary_of(figures)
     assert summary["risk_ratio"] == 0.5
@@ -186,7 +189,7 @@ def test_intervals_are_those_of_a_binomial() -> None:
     assert high == pytest.approx(0.2 + 0.078, abs=0.02)
 
 
-def test_none_seen_is_not_none_possible() -> None:
+def test_without_events_the_interval_is_not_empty() -> None:
     low, high = summary_of(figures_of([result(n) for n in range(300)]))["risk_ratio_ci95"]
     assert (low, high) == (0.0, 0.01)
 
@@ -196,20 +199,20 @@ def test_percentiles_of_binned_durations() -> None:
     assert percentile_ms({"0": 98, "100": 2}, 0.99) == pytest.approx(0.01 * 1.05**100, rel=0.01)
 
 
-def test_closeness_is_of_one_moment() -> None:
-    """High above first, beside us later: never both near, so well clear."""
+def test_the_closest_approach_is_of_one_moment() -> None:
+    """Horizontally near while 100 m above: well clear."""
     encounter = generate("level", 1, 1, hits=True)
-    straight = undisturbed(encounter)
+    straight = unmitigated(encounter)
     assert straight.nmac
     own_m = np.array(encounter.own_position_m) + np.arange(1201)[:, None] * 0.1 * np.array(
         encounter.own_velocity_mps
     )
-    above: Closeness = closeness(own_m - (0.0, 0.0, 100.0), encounter)
+    above = closest_approach(own_m - (0.0, 0.0, 100.0), encounter)
     assert not above.lowc
     assert above.severity == pytest.approx(100.0 / 76.2, abs=0.01)
 
 
-def test_the_page_opens_offline(flown: tuple[Plan, Path]) -> None:
+def test_the_page_needs_no_network(flown: tuple[Plan, Path]) -> None:
     plan, out = flown
     report = {"avoiders": {name: summary_of(one) for name, one in gather(read_results(out)).items()}}
     page = page_of(plan, out, report)

@@ -1,4 +1,4 @@
-"""Fences in a closed loop: the aircraft never leaves them, and keeps clear where they leave a way."""
+"""Fences in a closed loop: the aircraft stays inside, and well clear if the fence leaves room."""
 
 import itertools
 import math
@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope, Fence, Zone
-from companion.avoidance.cost import CostWeights
-from companion.avoidance.params import Layers
+from companion.avoidance.params import CostWeights, Layers
 from companion.model import Goal, Guidance, Layer, Ownship, Track, Vec2
 from sim.dynamics import FixedWing
 from tests.support.encounter import ALTITUDE_M, Aircraft, fly, straight
@@ -27,7 +26,7 @@ def corridor(width_m: float) -> Fence:
 
 @pytest.mark.parametrize("from_deg", [0, 60, 90, 180])
 @pytest.mark.parametrize("width_m", [1500.0, 2400.0])
-def test_a_corridor_wide_enough_is_never_left_and_clear(width_m: float, from_deg: float) -> None:
+def test_a_wide_corridor_is_kept_and_well_clear_too(width_m: float, from_deg: float) -> None:
     params = AvoidanceParams(envelope=FLAT)
     outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(width_m))
     assert outcome.outside_m == 0.0
@@ -37,7 +36,7 @@ def test_a_corridor_wide_enough_is_never_left_and_clear(width_m: float, from_deg
 
 
 @pytest.mark.parametrize("from_deg", [0, 180])
-def test_in_a_narrow_corridor_the_way_is_up(from_deg: float) -> None:
+def test_in_a_narrow_corridor_it_climbs(from_deg: float) -> None:
     outcome = fly([straight(from_deg, 50.0)], fence=corridor(600.0))
     assert outcome.outside_m == 0.0
     assert outcome.well_clear >= 1.0
@@ -46,10 +45,8 @@ def test_in_a_narrow_corridor_the_way_is_up(from_deg: float) -> None:
 
 @pytest.mark.parametrize("speed_mps", [40.0, 50.0])
 @pytest.mark.parametrize("width_m", [500.0, 550.0])
-def test_whoever_turns_around_in_a_corridor_turns_the_way_that_was_predicted(
-    width_m: float, speed_mps: float
-) -> None:
-    """Straight back may be flown either way round, and one of them is over the fence: no row asks for it."""
+def test_a_turn_back_in_a_corridor_follows_the_predicted_side(width_m: float, speed_mps: float) -> None:
+    """The reciprocal course is never commanded: one of its two turns would cross the fence."""
     params = AvoidanceParams(envelope=FLAT)
     outcome = fly([straight(0, speed_mps)], params=params, fence=corridor(width_m))
     assert outcome.outside_m == 0.0
@@ -58,20 +55,18 @@ def test_whoever_turns_around_in_a_corridor_turns_the_way_that_was_predicted(
 
 @pytest.mark.parametrize("from_deg", [0, 180])
 @pytest.mark.parametrize("width_m", [400.0, 600.0])
-def test_where_there_is_no_room_for_well_clear_there_is_for_no_near_miss(
-    width_m: float, from_deg: float
-) -> None:
-    """Head-on or overtaken on the corridor's middle, at one height: half its width is all there is."""
+def test_without_room_for_well_clear_a_near_miss_is_still_avoided(width_m: float, from_deg: float) -> None:
+    """Head-on or overtaken in the middle of the corridor, at one height: half its width is available."""
     params = AvoidanceParams(envelope=FLAT)
     outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(width_m))
     assert outcome.outside_m == 0.0
-    assert outcome.near_miss >= 0.98, "the volume of a near miss, but for a few metres of tracking"
+    assert outcome.near_miss >= 0.98, "the near-miss volume, less a few metres of tracking error"
     assert outcome.well_clear < 1.0
 
 
 @pytest.mark.parametrize("from_deg", [0, 90])
 def test_a_near_miss_is_worse_than_leaving_the_fence(from_deg: float) -> None:
-    """Between walls 200 m apart nobody passes another at one height by 152 m."""
+    """In a corridor of 200 m two aircraft cannot pass at 152 m at one height."""
     params = AvoidanceParams(envelope=FLAT)
     outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(200.0))
     assert outcome.near_miss >= 1.0
@@ -81,7 +76,7 @@ def test_a_near_miss_is_worse_than_leaving_the_fence(from_deg: float) -> None:
 
 @pytest.mark.parametrize("from_deg", [0, 300])
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_an_exclusion_on_one_side_leaves_the_other(side: float, from_deg: float) -> None:
+def test_an_exclusion_on_one_side_leads_to_the_other(side: float, from_deg: float) -> None:
     edges = sorted((side * 100.0, side * 3000.0))
     fence = Fence((box((500.0, 4500.0), (edges[0], edges[1]), inclusion=False),))
     outcome = fly([straight(from_deg, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=fence)
@@ -101,8 +96,8 @@ def test_a_box_with_head_on_traffic() -> None:
 
 
 @pytest.mark.parametrize("from_deg", [0, 72, 216])
-def test_a_tall_zone_is_kept_out_of_where_its_height_reaches(from_deg: float) -> None:
-    """The way up is closed by a ceiling, and one side by a tower."""
+def test_zones_with_heights_are_respected(from_deg: float) -> None:
+    """A ceiling blocks the climb, and a tower one side."""
     zones = (
         Zone(True, centre_m=(2500.0, 0.0), radius_m=3300.0, max_altitude_m=ALTITUDE_M + 20.0),
         Zone(False, centre_m=(2000.0, 500.0), radius_m=350.0, max_altitude_m=ALTITUDE_M + 300.0),
@@ -114,8 +109,8 @@ def test_a_tall_zone_is_kept_out_of_where_its_height_reaches(from_deg: float) ->
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_whoever_comes_a_polygon_is_not_left(seed: int) -> None:
-    """Random concave fences around the way to the goal, random traffic, at one height."""
+def test_a_polygon_is_not_left_in_random_traffic(seed: int) -> None:
+    """Random concave fences around the path to the goal, random traffic, at one height."""
     chance = np.random.default_rng(seed)
     bearings = np.linspace(0.0, 2.0 * math.pi, 11, endpoint=False)
     stretch = np.array([3300.0, 1100.0]) * chance.uniform(0.85, 1.2, (11, 1))
@@ -133,13 +128,13 @@ def test_whoever_comes_a_polygon_is_not_left(seed: int) -> None:
     ]
     outcome = fly(traffic, params=AvoidanceParams(envelope=FLAT), fence=fence)
     assert outcome.outside_m == 0.0
-    assert outcome.well_clear >= 0.95, "between two others and the fence there is not always all the room"
+    assert outcome.well_clear >= 0.95, "two intruders and the fence do not always leave full room"
     assert outcome.arrived
 
 
 @pytest.mark.parametrize("east_m", [-1500.0, 1100.0])
-def test_who_is_outside_already_comes_back(east_m: float) -> None:
-    """With traffic to avoid all the while; the goal is inside."""
+def test_from_outside_it_returns(east_m: float) -> None:
+    """The goal is inside, and there is traffic to avoid all the time."""
     aircraft = Aircraft(position_m=[0.0, east_m, -ALTITUDE_M])
     fence = Fence((box((-2000.0, 7000.0), (-1000.0, 1000.0)),))
     goal_course_rad = math.atan2(-east_m, 5000.0)
@@ -161,15 +156,15 @@ def test_who_is_outside_already_comes_back(east_m: float) -> None:
     assert max(outside_m) <= outside_m[0] + 40.0
 
 
-def test_far_outside_well_clear_still_counts() -> None:
-    """The fence is 20 km away: whatever is flown it is broken, and no reason to fly close to anybody."""
+def test_far_outside_the_fence_well_clear_still_counts() -> None:
+    """The inclusion is 20 km away, so every maneuver breaches it."""
     far = Fence((Zone(True, centre_m=(20_000.0, 0.0), radius_m=2000.0),))
     outcome = fly([straight(0.0, 50.0)], fence=far, seconds=150.0)
     assert outcome.well_clear >= 1.0
 
 
 @pytest.mark.parametrize("layers", Layers)
-def test_every_layer_keeps_to_the_fence(layers: Layers) -> None:
+def test_every_layer_respects_the_fence(layers: Layers) -> None:
     params = AvoidanceParams(envelope=FLAT, layers=layers)
     outcome = fly([straight(0.0, 50.0)], params=params, fence=corridor(2400.0))
     assert outcome.outside_m == 0.0
@@ -177,8 +172,8 @@ def test_every_layer_keeps_to_the_fence(layers: Layers) -> None:
 
 
 @pytest.mark.parametrize(("course_deg", "side"), [*itertools.product((0.0, 90.0, 200.0), (-1.0, 1.0))])
-def test_in_the_mirror_the_other_side_is_taken(course_deg: float, side: float) -> None:
-    """An exclusion beside the way decides the side of a head-on encounter, in any direction of flight."""
+def test_the_mirrored_exclusion_leads_to_the_other_side(course_deg: float, side: float) -> None:
+    """An exclusion beside the path decides the side in a head-on encounter, on any course."""
     course_rad = math.radians(course_deg)
     ahead = np.array([math.cos(course_rad), math.sin(course_rad)])
     right = np.array([-ahead[1], ahead[0]])
@@ -198,8 +193,8 @@ def test_in_the_mirror_the_other_side_is_taken(course_deg: float, side: float) -
 
 
 @pytest.mark.parametrize("from_deg", [0, 60])
-def test_the_way_back_to_the_mission_goes_round_the_fence_too(from_deg: float) -> None:
-    """Two walls with a gap on the way: whoever avoids is beside it, and straight back is through a wall."""
+def test_the_return_to_the_mission_respects_the_fence(from_deg: float) -> None:
+    """Two walls with a gap on the path: after the avoidance the straight way back crosses a wall."""
     walls = (
         box((1200.0, 1500.0), (100.0, 3000.0), inclusion=False),
         box((1200.0, 1500.0), (-3000.0, -500.0), inclusion=False),
@@ -211,8 +206,8 @@ def test_the_way_back_to_the_mission_goes_round_the_fence_too(from_deg: float) -
     assert outcome.engagements == 1
 
 
-def test_a_mission_beyond_the_fence_is_given_back_after_a_while() -> None:
-    """The goal lies outside: that is the mission's affair, not ours to refuse for ever."""
+def test_a_mission_beyond_the_fence_is_released_after_a_while() -> None:
+    """The goal lies outside the fence; the release must not wait without end."""
     fence = Fence((box((-500.0, 4000.0), (-2500.0, 2500.0)),))
     outcome = fly([straight(0.0, 50.0)], params=AvoidanceParams(envelope=FLAT), fence=fence, seconds=600.0)
     assert outcome.arrived
@@ -221,8 +216,8 @@ def test_a_mission_beyond_the_fence_is_given_back_after_a_while() -> None:
 
 @pytest.mark.parametrize("wind", [(0.0, 13.0), (-13.0, 0.0), (13.0, 0.0), (9.0, -9.0)])
 @pytest.mark.parametrize("from_deg", [0, 180])
-def test_wind_does_not_blow_it_out_of_the_fence(wind: Vec2, from_deg: float) -> None:
-    """Flown by a fixed wing with its lags, at one height; the wind is known."""
+def test_wind_does_not_drift_it_out_of_the_fence(wind: Vec2, from_deg: float) -> None:
+    """A fixed wing with its lags at one height, in known wind."""
     fence = corridor(1800.0)
     edge = Fence(fence.zones, margin_m=0.0)
     aircraft = FixedWing((0.0, 0.0, -ALTITUDE_M), wind_mps=wind)
@@ -236,7 +231,7 @@ def test_wind_does_not_blow_it_out_of_the_fence(wind: Vec2, from_deg: float) -> 
         at, velocity, heading_rad = aircraft.position_m, aircraft.velocity_mps, aircraft.heading_rad
         own = Ownship(second, at, velocity, aircraft.airspeed_mps, heading_rad, wind)
         guidance = avoider.decide(second, own, [Track("T", second, *intruder(second))], goal).guidance
-        # Without guidance back to its line, as missions fly.
+        # Without guidance it returns to its line, as in a mission.
         wanted = guidance or Guidance(math.atan2(-at[1], 1500.0), 22.0, ALTITUDE_M)
         flown_s += guidance is not None
         aircraft.hold_course(wanted.course_rad, math.radians(30.0))

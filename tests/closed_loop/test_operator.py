@@ -1,4 +1,4 @@
-"""What the operator lets us do, switched in flight: fly, advise only, be off; on both autopilots."""
+"""The role set by the operator in flight: fly, advise or off, on both autopilots."""
 
 import pytest
 
@@ -7,11 +7,11 @@ from companion.engine import EngineConfig
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer, Role
 from sim.scenario import Autopilot
-from tests.support.takings import BOTH, HOLDS, MISSION_MODE, PX4, begun
-from tests.support.watched import DO_SET_MODE, Watched, alone
+from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop, without_traffic
+from tests.support.overrides import BOTH, HOLDS, MISSION_MODE, PX4, in_state
 
 US = (1, 196)
-GIVEN_BACK_WITHIN_S = 3.0
+RELEASED_WITHIN_S = 3.0
 both = pytest.mark.parametrize("autopilot", BOTH)
 
 
@@ -25,20 +25,20 @@ def by_command(role: Role) -> Message:
     return mavlink.MAVLink_command_long_message(*US, DO_SET_MODE, 0, custom, float(role), 0, 0, 0, 0, 0)
 
 
-by_either = pytest.mark.parametrize("says", [by_parameter, by_command])
+by_either = pytest.mark.parametrize("request_of", [by_parameter, by_command])
 
 
 @both
 @by_either
 @pytest.mark.parametrize("state", [State.OUTER, State.INNER])
 @pytest.mark.parametrize("role", [Role.ADVISE, Role.OFF])
-def test_told_to_stop_the_aircraft_is_given_back_and_nothing_more_commanded(
-    autopilot: Autopilot, says: type, state: State, role: Role
+def test_advise_or_off_releases_the_aircraft_and_ends_all_commands(
+    autopilot: Autopilot, request_of: type, state: State, role: Role
 ) -> None:
-    loop = begun(autopilot, state)
-    loop.tell_companion(says(role))
+    loop = in_state(autopilot, state)
+    loop.send_to_companion(request_of(role))
     assert loop.state is State.RELEASING, "at once"
-    loop.until_so(lambda: loop.mode_name == MISSION_MODE[autopilot], GIVEN_BACK_WITHIN_S)
+    loop.until_true(lambda: loop.mode_name == MISSION_MODE[autopilot], RELEASED_WITHIN_S)
     loop.until(State.STANDBY, limit_s=1.5)
     loop.run(3.0)
     assert loop.state is State.STANDBY
@@ -55,27 +55,29 @@ def test_told_to_stop_the_aircraft_is_given_back_and_nothing_more_commanded(
 
 @both
 @by_either
-def test_told_to_fly_again_it_takes_over_again(autopilot: Autopilot, says: type) -> None:
-    loop = begun(autopilot, State.OUTER)
-    loop.tell_companion(says(Role.ADVISE))
-    loop.until(State.STANDBY, limit_s=GIVEN_BACK_WITHIN_S + 1.0)
+def test_after_fly_it_takes_over_again(autopilot: Autopilot, request_of: type) -> None:
+    loop = in_state(autopilot, State.OUTER)
+    loop.send_to_companion(request_of(Role.ADVISE))
+    loop.until(State.STANDBY, limit_s=RELEASED_WITHIN_S + 1.0)
     loop.run(1.0)
-    loop.tell_companion(says(Role.FLY))
+    loop.send_to_companion(request_of(Role.FLY))
     loop.until(State.OUTER, State.INNER, limit_s=2.0)
 
 
 @both
-def test_advising_everything_is_computed_and_announced_as_if_flown(autopilot: Autopilot) -> None:
+def test_advise_computes_and_reports_as_in_flight(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(role="advise"))
-    said: list[str] = []
-    loop = Watched(alone(), autopilot=autopilot, config=config, parameters=HOLDS if autopilot == PX4 else {})
+    sent: list[str] = []
+    loop = MonitoredLoop(
+        without_traffic(), autopilot=autopilot, config=config, parameters=HOLDS if autopilot == PX4 else {}
+    )
     transmit = loop._transmit
 
-    def listening(time_us: int, effect: object) -> None:
-        said.append(effect.message.get_type())  # type: ignore[attr-defined]
+    def recording(time_us: int, effect: object) -> None:
+        sent.append(effect.message.get_type())  # type: ignore[attr-defined]
         transmit(time_us, effect)  # type: ignore[arg-type]
 
-    loop._transmit = listening  # type: ignore[method-assign]
+    loop._transmit = recording  # type: ignore[method-assign]
     loop.run(2.5)
     loop.intrude(3500.0)
     loop.run(10.0)
@@ -83,18 +85,18 @@ def test_advising_everything_is_computed_and_announced_as_if_flown(autopilot: Au
     assert loop.state is State.STANDBY
     assert loop.engine.decision.guidance is not None
     assert any(text.startswith("Traffic SUDDEN") for text in loop.flight.texts)
-    assert said.count("COLLISION") >= 7
+    assert sent.count("COLLISION") >= 7
     assert len(loop.flight.decisions) > 80
 
 
 @both
-def test_told_to_fly_in_the_middle_of_a_conflict_it_takes_over(autopilot: Autopilot) -> None:
+def test_fly_during_a_conflict_takes_over(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(role="off"))
-    loop = Watched(alone(), autopilot=autopilot, config=config)
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot, config=config)
     loop.run(2.5)
     loop.intrude(3500.0)
     loop.run(4.0)
     assert loop.sent == []
     assert loop.flight.layers == []
-    loop.tell_companion(by_parameter(Role.FLY))
+    loop.send_to_companion(by_parameter(Role.FLY))
     loop.until(State.OUTER, limit_s=2.0)

@@ -1,4 +1,4 @@
-"""The paper's flights, whole: arrival, collisions, limits, local minima, and a group of one mind."""
+"""The paper's flights: arrival, collisions, limits, local minima, and consistent group decisions."""
 
 import math
 from collections import defaultdict
@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
-from companion.avoidance.assess import moved
-from companion.avoidance.group.formation import Answer, MemberState, group_of, joint_response
+from companion.avoidance.geometry import position_at
+from companion.avoidance.group.formation import JointResponse, MemberState, group_around, joint_response
 from companion.model import Decision, Goal, Layer, Ownship, Track
 from companion.units import STANDARD_GRAVITY_MPS2
 from sim.paper.flight import LAYERS, Flight, UavFlight, fly
@@ -46,14 +46,14 @@ MANY = [
     )
 ]
 
-# A hair for the accumulated rounding of ten substeps a step.
+# Tolerance for the accumulated rounding of ten substeps a step.
 ROUNDING = 1e-6
 
 
 @cache
 def flown(scene: str, method: Method) -> Flight:
     if (scene, method) == ("group", TWO_LAYER):
-        return listened().flight
+        return observed().flight
     return fly(SCENES[scene], method)
 
 
@@ -62,13 +62,13 @@ def measured(scene: str, method: Method) -> Measures:
 
 
 def turned_rad(one: UavFlight) -> NDArray[np.float64]:
-    """How far it turned in each step."""
+    """The turn in each step [rad]."""
     turned: NDArray[np.float64] = np.abs(np.diff(np.unwrap(one.course)))
     return turned
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_two_layers_arrive_and_touch_nothing(scene: str) -> None:
+def test_two_layers_arrive_without_collision(scene: str) -> None:
     measures = measured(scene, TWO_LAYER)
     assert measures.arrived
     assert measures.collisions == 0
@@ -79,18 +79,18 @@ def test_two_layers_arrive_and_touch_nothing(scene: str) -> None:
 
 @pytest.mark.parametrize("scene", ["single", "group", "in-line", "u-shape"])
 def test_without_avoidance_it_collides(scene: str) -> None:
-    """So that the flights without collisions have something to be proud of."""
+    """The scenes do need avoidance."""
     assert measured(scene, NONE).collisions > 0
 
 
 @pytest.mark.parametrize(("scene", "method"), MANY)
-def test_every_strategy_of_the_report_touches_nothing(scene: str, method: Method) -> None:
+def test_every_strategy_of_the_report_has_no_collision(scene: str, method: Method) -> None:
     assert measured(scene, method).collisions == 0
     assert measured(scene, method).arrived
 
 
 @pytest.mark.parametrize(("scene", "method"), MANY)
-def test_no_aircraft_banks_or_flies_faster_than_it_can(scene: str, method: Method) -> None:
+def test_bank_and_speed_are_within_the_envelope(scene: str, method: Method) -> None:
     at = SCENES[scene]
     for one in flown(scene, method).uavs:
         limits, speed_mps = envelope_of(at, one.uav), one.speed * at.scale.speed_mps(1.0)
@@ -104,7 +104,7 @@ def test_no_aircraft_banks_or_flies_faster_than_it_can(scene: str, method: Metho
 
 
 @pytest.mark.parametrize(("scene", "method"), MANY)
-def test_no_aircraft_turns_faster_than_its_envelope_says(scene: str, method: Method) -> None:
+def test_turn_rates_are_within_the_envelope(scene: str, method: Method) -> None:
     at = SCENES[scene]
     for one in flown(scene, method).uavs:
         most_rad = envelope_of(at, one.uav).max_turn_rate_radps * at.step_s
@@ -112,18 +112,18 @@ def test_no_aircraft_turns_faster_than_its_envelope_says(scene: str, method: Met
 
 
 @pytest.mark.parametrize("scene", ["single", "group"])
-def test_nobody_is_asked_for_what_he_cannot_fly(scene: str) -> None:
+def test_commands_are_within_the_envelope(scene: str) -> None:
     at = SCENES[scene]
     for one in flown(scene, TWO_LAYER).uavs:
-        asked = one.uav.step + one.speed_command
-        assert (asked >= at.slowest * one.uav.step - ROUNDING).all()
-        assert (asked <= at.fastest * one.uav.step + ROUNDING).all()
+        commanded = one.uav.step + one.speed_command
+        assert (commanded >= at.slowest * one.uav.step - ROUNDING).all()
+        assert (commanded <= at.fastest * one.uav.step + ROUNDING).all()
         assert (np.abs(one.turn_command) <= math.pi).all()
         assert np.abs(one.height).max() < ROUNDING, "the experiments stay at one height"
 
 
 def shortened(scene: Scene) -> Scene:
-    """The beginning of the same ways."""
+    """The scene with the goals moved towards the starts."""
     nearer = [
         replace(
             uav, goal=(0.92 * uav.start[0] + 0.08 * uav.goal[0], 0.92 * uav.start[1] + 0.08 * uav.goal[1])
@@ -134,7 +134,7 @@ def shortened(scene: Scene) -> Scene:
 
 
 def same(one: Flight, other: Flight) -> bool:
-    """Bit for bit."""
+    """True if both flights are the same bit for bit."""
     return all(
         a.arrived_step == b.arrived_step
         and all(
@@ -156,7 +156,7 @@ def layers(scene: str, method: Method) -> set[Layer]:
     return {LAYERS[place] for place in flown(scene, method).uavs[0].layer.tolist()}
 
 
-def test_both_layers_have_their_part() -> None:
+def test_both_layers_decide() -> None:
     """By distance as in figure 6: the mission, the outer layer, the inner layer."""
     assert layers("single", TWO_LAYER_PLAIN) == set(Layer)
     assert layers("single", OUTER) == {Layer.CLEAR, Layer.OUTER}
@@ -166,26 +166,26 @@ def test_the_inner_layer_alone_flies_no_outer_layer() -> None:
     assert layers("single", INNER) == {Layer.CLEAR, Layer.INNER}
 
 
-def test_the_plain_field_is_caught_by_a_minimum_that_two_layers_get_out_of() -> None:
-    """A fixed wing cannot stop in a minimum: it circles there until its patience ends."""
+def test_the_plain_field_is_trapped_in_a_minimum_that_two_layers_leave() -> None:
+    """A fixed wing cannot stop in a minimum: it circles there until the flight is given up."""
     assert not measured("gap", FIELD).arrived
     assert measured("gap", FIELD).path_ratio > 2.5
     assert measured("gap", TWO_LAYER).path_ratio < 1.5
 
 
-def test_the_cone_lets_through_a_gap_that_the_field_closes() -> None:
-    """Who flies between two obstacles is in neither cone (§3.1)."""
+def test_the_cone_passes_a_gap_that_the_field_closes() -> None:
+    """A path between two obstacles is in neither cone (§3.1)."""
     for method in (CONE, OUTER):
         assert measured("gap", method).arrived
         assert measured("gap", method).collisions == 0
 
 
-def test_the_transition_domain_calms_the_cone() -> None:
-    """Without it the aircraft chatters along the edge of the cone (figure 3)."""
+def test_the_transition_domain_reduces_jitter() -> None:
+    """Without it the aircraft oscillates along the edge of the cone (figure 3)."""
     assert measured("single", OUTER).jitter < 0.5 * measured("single", CONE).jitter
 
 
-def test_who_cooperates_keeps_further_apart() -> None:
+def test_cooperation_increases_the_separation() -> None:
     together, alone = measured("group", TWO_LAYER), measured("group", OUTER)
     assert together.safety_value is not None
     assert alone.safety_value is not None
@@ -195,8 +195,8 @@ def test_who_cooperates_keeps_further_apart() -> None:
 
 
 @dataclass(frozen=True)
-class Said:
-    """What one UAV saw and decided at one moment."""
+class Observation:
+    """One UAV's inputs and decision at one moment."""
 
     avoider: Avoider
     now_s: float
@@ -209,12 +209,12 @@ class Said:
     def own_id(self) -> str:
         return self.avoider.params.formation.own_id
 
-    def joint(self) -> Answer | None:
-        """The group's answer, from nothing but what this one saw."""
+    def joint(self) -> JointResponse | None:
+        """The group's answer, computed from this UAV's inputs alone."""
         states = [
             MemberState(
                 self.own_id,
-                moved(self.own, self.now_s),
+                position_at(self.own, self.now_s),
                 self.own.velocity_mps,
                 self.avoider.member(self.own, self.goal),
             )
@@ -222,50 +222,50 @@ class Said:
         for track in self.tracks:
             assert track.member is not None
             states.append(
-                MemberState(track.track_id, moved(track, self.now_s), track.velocity_mps, track.member)
+                MemberState(track.track_id, position_at(track, self.now_s), track.velocity_mps, track.member)
             )
         params = self.avoider.params.formation
-        return joint_response(group_of(states, params.reach_m), params)
+        return joint_response(group_around(states, params.reach_m), params)
 
 
 @dataclass(frozen=True)
-class Overheard:
-    """A flight, and all that was seen and decided on it, by moment."""
+class ObservedFlight:
+    """A flight, with all inputs and decisions by time."""
 
     flight: Flight
-    by_moment: dict[float, list[Said]]
+    by_time: dict[float, list[Observation]]
 
 
 @cache
-def listened() -> Overheard:
-    """The group's flight in two layers."""
-    by_moment: dict[float, list[Said]] = defaultdict(list)
+def observed() -> ObservedFlight:
+    """The group's flight with two layers."""
+    by_time: dict[float, list[Observation]] = defaultdict(list)
     decide = Avoider.decide
 
-    def listening(
+    def observing(
         avoider: Avoider, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal
     ) -> Decision:
         decision = decide(avoider, now_s, own, tracks, goal)
-        by_moment[now_s].append(Said(avoider, now_s, own, tracks, goal, decision))
+        by_time[now_s].append(Observation(avoider, now_s, own, tracks, goal, decision))
         return decision
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Avoider, "decide", listening)
-        return Overheard(fly(SCENES["group"], TWO_LAYER), by_moment)
+        patch.setattr(Avoider, "decide", observing)
+        return ObservedFlight(fly(SCENES["group"], TWO_LAYER), by_time)
 
 
-def test_each_decides_for_himself_and_all_come_to_the_same() -> None:
-    """Everybody's own table, made of what he alone sees, holds what all the others really decide."""
-    in_company = [said for said in listened().by_moment.values() if len(said) > 1][::20]
-    assert len(in_company) >= 10
+def test_each_uav_computes_the_same_joint_decision() -> None:
+    """The joint table computed from one UAV's inputs holds the decisions of all others."""
+    together = [group for group in observed().by_time.values() if len(group) > 1][::20]
+    assert len(together) >= 10
     answered = 0
-    for said in in_company:
-        answers = {one.own_id: one.joint() for one in said}
-        for one in said:
+    for group in together:
+        answers = {one.own_id: one.joint() for one in group}
+        for one in group:
             answer = answers[one.own_id]
             if answer is None:
                 continue
-            # Bit for bit, whoever of those in it asks.
+            # Bit for bit the same for every member of the answer.
             assert all(answers[other] == answer for other in answer.guidance)
             if one.decision.guidance is not None:
                 assert one.decision.guidance == answer.guidance[one.own_id]
@@ -274,7 +274,7 @@ def test_each_decides_for_himself_and_all_come_to_the_same() -> None:
     assert answered >= 20
 
 
-def test_who_is_left_alone_flies_on_as_if_there_had_been_no_group() -> None:
-    last = [said[0] for said in listened().by_moment.values() if len(said) == 1]
-    assert last, "they do not arrive all at once"
+def test_the_last_uav_flies_on_without_avoidance() -> None:
+    last = [group[0] for group in observed().by_time.values() if len(group) == 1]
+    assert last, "the arrivals are at different times"
     assert all(one.decision.layer is Layer.CLEAR for one in last)

@@ -1,4 +1,4 @@
-"""What the autopilot will not do: tried again moderated, then in another way, and told; never silence."""
+"""Commands that the autopilot refuses: moderated retry, another maneuver, and a text to the operator."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,8 +10,8 @@ from companion.engine import Transmit
 from companion.mavlink.dialect import mavlink
 from sim.closed_loop import Flight
 from sim.scenario import Autopilot, load_scenario
-from tests.support.takings import BOTH, MISSION_MODE
-from tests.support.watched import DO_SET_MODE, Watched
+from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop
+from tests.support.overrides import BOTH, MISSION_MODE
 
 SPEED, HEIGHT, HEADING = 43000, 43001, 43002
 DENIED, FAILED = 2, 4
@@ -24,11 +24,11 @@ SOON = replace(
 )
 
 
-class Refusing(Watched):
-    """Also notes the values that were asked for, by command."""
+class Refusing(MonitoredLoop):
+    """Also records the commanded values, by command."""
 
     def __init__(self, *commands: int) -> None:
-        self.asked: dict[int, list[float]] = {command: [] for command in NAMES}
+        self.commanded: dict[int, list[float]] = {command: [] for command in NAMES}
         super().__init__(SOON)
         for command in commands:
             self.world.vehicle.refuse(command, DENIED)
@@ -37,7 +37,7 @@ class Refusing(Watched):
         message = effect.message
         if getattr(message, "command", None) in NAMES:
             value = message.z if message.command == HEIGHT else message.param2
-            self.asked[message.command].append(value)
+            self.commanded[message.command].append(value)
         super()._transmit(time_us, effect)
 
 
@@ -46,28 +46,27 @@ def clear(flight: Flight) -> bool:
 
 
 @pytest.mark.parametrize("command", NAMES)
-def test_one_kind_of_command_refused_is_told_and_the_others_keep_clear(command: int) -> None:
+def test_a_refused_command_is_reported_and_the_others_keep_clear(command: int) -> None:
     loop = Refusing(command)
     flight = loop.run(95.0)
     assert clear(flight)
     assert flight.engagements == 1
-    # One that can only circle in its guided mode takes longer until the traffic is past.
+    # Without course commands it circles in GUIDED and needs longer.
     assert flight.resumed or command == HEADING
-    told = [text for text in flight.texts if NAMES[command] in text]
-    assert told, "never silence"
-    assert len(told) <= 5, "nor spam"
+    texts = [text for text in flight.texts if NAMES[command] in text]
+    assert 1 <= len(texts) <= 5
 
 
-def test_what_was_refused_is_tried_once_more_moderated() -> None:
+def test_a_refused_value_is_tried_once_more_moderated() -> None:
     loop = Refusing(HEIGHT)
     loop.until(State.OUTER)
     loop.run(3.0)
-    first, second, *others = loop.asked[HEIGHT]
+    first, second, *others = loop.commanded[HEIGHT]
     assert 0.0 < abs(first - second) <= 2.0
-    assert first not in others, "not asked for again"
+    assert first not in others, "not commanded again"
 
 
-def test_a_climb_that_is_refused_becomes_a_turn() -> None:
+def test_a_refused_climb_becomes_a_turn() -> None:
     level_m = 584.1 + 300.0
     allowed, refused = Refusing(), Refusing(HEIGHT)
     for loop in (allowed, refused):
@@ -80,20 +79,19 @@ def test_a_climb_that_is_refused_becomes_a_turn() -> None:
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_the_guided_mode_refused_is_told_and_asked_for_again_with_patience(autopilot: Autopilot) -> None:
-    loop = Watched(SOON, autopilot=autopilot)
+def test_a_refused_guided_mode_is_reported_and_requested_again_in_moderation(autopilot: Autopilot) -> None:
+    loop = MonitoredLoop(SOON, autopilot=autopilot)
     loop.world.vehicle.refuse(DO_SET_MODE, FAILED)
     loop.until(State.ENGAGING)
     began_us = loop.now_us
     loop.run(15.0)
-    asked_us = [at_us for at_us, sent in loop.sent if sent == f"COMMAND_LONG {DO_SET_MODE}"]
-    assert 3 <= len(asked_us) <= 6
-    waits_s = [(later - earlier) / 1e6 for earlier, later in pairwise(asked_us)]
+    requests_us = [at_us for at_us, sent in loop.sent if sent == f"COMMAND_LONG {DO_SET_MODE}"]
+    assert 3 <= len(requests_us) <= 6
+    waits_s = [(later - earlier) / 1e6 for earlier, later in pairwise(requests_us)]
     assert all(later >= earlier for earlier, later in pairwise(waits_s))
     assert waits_s[0] >= 2.0
     assert loop.mode_name == MISSION_MODE[autopilot]
-    told = [text for text in loop.flight.texts if text == "Avoidance: autopilot refused"]
-    assert len(told) == 1
+    assert loop.flight.texts.count("Avoidance: autopilot refused") == 1
     loop.world.vehicle.refuse(DO_SET_MODE, None)
     loop.until(State.OUTER, limit_s=12.0)
     assert loop.now_us - began_us < 30e6
@@ -101,8 +99,8 @@ def test_the_guided_mode_refused_is_told_and_asked_for_again_with_patience(autop
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
-def test_the_way_back_refused_the_aircraft_is_flown_or_told_about(autopilot: Autopilot) -> None:
-    loop = Watched(SOON, autopilot=autopilot)
+def test_a_refused_release_is_reported_and_repeated(autopilot: Autopilot) -> None:
+    loop = MonitoredLoop(SOON, autopilot=autopilot)
     loop.until(State.OUTER)
     loop.run(2.0)
     loop.world.vehicle.refuse(DO_SET_MODE, mavlink.MAV_RESULT_TEMPORARILY_REJECTED)

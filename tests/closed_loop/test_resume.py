@@ -1,4 +1,4 @@
-"""Told to resume the mission now, we obey, whoever is in the way; and avoid everybody else as ever."""
+"""Resume now: the operator resumes the mission despite a conflict; other traffic is still avoided."""
 
 import pytest
 
@@ -8,8 +8,8 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
-from tests.support.takings import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, begun
-from tests.support.watched import Watched, alone
+from tests.support.monitored_loop import MonitoredLoop, without_traffic
+from tests.support.overrides import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, in_state
 
 US = (1, 196)
 CONTINUE = mavlink.MAV_CMD_DO_PAUSE_CONTINUE
@@ -18,49 +18,49 @@ ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 both = pytest.mark.parametrize("autopilot", BOTH)
 
 
-def long(confirmation: int = 0) -> Message:
+def by_long(confirmation: int = 0) -> Message:
     return mavlink.MAVLink_command_long_message(*US, CONTINUE, confirmation, 1, 0, 0, 0, 0, 0, 0)
 
 
-def whole() -> Message:
+def by_int() -> Message:
     return mavlink.MAVLink_command_int_message(*US, 0, CONTINUE, 0, 0, 1, 0, 0, 0, 0, 0, 0)
 
 
-def told(loop: Watched, message: Message) -> int:
-    """What the answer to a command is."""
+def result_of(loop: MonitoredLoop, message: Message) -> int:
+    """The companion's result for a command."""
     answers: list[Message] = []
-    deaf = loop.deaf
+    drops = loop.drops
 
-    def listening(effect: Transmit) -> bool:
+    def recording(effect: Transmit) -> bool:
         if effect.message.get_type() == "COMMAND_ACK":
             answers.append(effect.message)
-        return deaf(effect)
+        return drops(effect)
 
-    loop.deaf = listening
-    loop.tell_companion(message)
-    loop.deaf = deaf
+    loop.drops = recording
+    loop.send_to_companion(message)
+    loop.drops = drops
     (answer,) = answers
     assert (answer.command, answer.target_system, answer.target_component) == (CONTINUE, 255, 190)
     result: int = answer.result
     return result
 
 
-def until_given_back(loop: Watched, autopilot: Autopilot) -> None:
-    loop.deaf = lambda _: False
+def until_released(loop: MonitoredLoop, autopilot: Autopilot) -> None:
+    loop.drops = lambda _: False
     loop.until(State.MONITOR, limit_s=4.0)
     assert loop.mode_name == MISSION_MODE[autopilot]
 
 
 @both
-@pytest.mark.parametrize("says", [long, whole])
+@pytest.mark.parametrize("command", [by_long, by_int])
 @pytest.mark.parametrize("state", [State.ENGAGING, State.OUTER, State.INNER, State.RELEASING])
-def test_the_mission_goes_on_at_once_and_this_conflict_is_not_avoided_again(
-    autopilot: Autopilot, says: type, state: State
+def test_the_mission_resumes_at_once_and_this_conflict_is_not_avoided_again(
+    autopilot: Autopilot, command: type, state: State
 ) -> None:
-    loop = begun(autopilot, state)
-    assert told(loop, says()) == ACCEPTED
+    loop = in_state(autopilot, state)
+    assert result_of(loop, command()) == ACCEPTED
     assert loop.state is State.RELEASING, "at once"
-    until_given_back(loop, autopilot)
+    until_released(loop, autopilot)
     engagements = loop.flight.engagements
     still_conflict = 0
     for _ in range(80):
@@ -80,20 +80,20 @@ def test_the_mission_goes_on_at_once_and_this_conflict_is_not_avoided_again(
 
 
 @both
-def test_a_lost_answer_does_no_harm_asked_again_it_is_done_again(autopilot: Autopilot) -> None:
-    loop = begun(autopilot, State.OUTER)
-    assert [told(loop, long(count)) for count in range(3)] == [ACCEPTED] * 3
-    until_given_back(loop, autopilot)
-    assert told(loop, long(3)) == ACCEPTED, "it is as he wants it"
+def test_a_repeated_command_is_accepted_again(autopilot: Autopilot) -> None:
+    loop = in_state(autopilot, State.OUTER)
+    assert [result_of(loop, by_long(count)) for count in range(3)] == [ACCEPTED] * 3
+    until_released(loop, autopilot)
+    assert result_of(loop, by_long(3)) == ACCEPTED, "already done"
     loop.run(2.0)
     assert loop.state is State.MONITOR
     assert len([text for text in loop.flight.texts if text.startswith("Told to resume")]) == 1
 
 
-def test_of_an_aircraft_that_is_not_flown_by_us_it_is_denied() -> None:
-    loop = Watched(alone())
+def test_without_an_avoidance_it_is_denied() -> None:
+    loop = MonitoredLoop(without_traffic())
     loop.run(2.5)
-    assert told(loop, long()) == DENIED
+    assert result_of(loop, by_long()) == DENIED
     loop.run(1.0)
     assert loop.state is State.MONITOR
     loop.intrude(3500.0)
@@ -101,43 +101,43 @@ def test_of_an_aircraft_that_is_not_flown_by_us_it_is_denied() -> None:
 
 
 @both
-def test_somebody_else_is_avoided_meanwhile(autopilot: Autopilot) -> None:
-    loop = begun(autopilot, State.OUTER)
-    told(loop, long())
-    until_given_back(loop, autopilot)
+def test_another_intruder_is_avoided_meanwhile(autopilot: Autopilot) -> None:
+    loop = in_state(autopilot, State.OUTER)
+    result_of(loop, by_long())
+    until_released(loop, autopilot)
     loop.intrude(2500.0, named=SECOND)
     loop.until(State.OUTER, State.INNER, limit_s=5.0)
     assert loop.mode_name == GUIDED_MODE[autopilot]
 
 
 @both
-def test_when_it_is_over_nothing_is_left_of_it(autopilot: Autopilot) -> None:
+def test_after_the_conflict_the_suppression_ends(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(settle_s=3.0))
-    loop = begun(autopilot, State.OUTER, config)
-    told(loop, long())
-    until_given_back(loop, autopilot)
-    loop.until_so(lambda: loop.engine.decision.layer is Layer.CLEAR, 90.0)  # type: ignore[union-attr]
+    loop = in_state(autopilot, State.OUTER, config)
+    result_of(loop, by_long())
+    until_released(loop, autopilot)
+    loop.until_true(lambda: loop.engine.decision.layer is Layer.CLEAR, 90.0)  # type: ignore[union-attr]
     loop.run(4.0)
     assert loop.state is State.MONITOR
-    assert told(loop, long()) == DENIED, "there is nothing left to decide about"
+    assert result_of(loop, by_long()) == DENIED, "no conflict left"
     loop.intrude(3500.0, named=SECOND)
     loop.until(State.OUTER, limit_s=10.0)
 
 
-def test_told_to_fly_it_avoids_everybody_again() -> None:
-    loop = begun(ARDUPILOT, State.OUTER)
-    told(loop, long())
-    until_given_back(loop, ARDUPILOT)
-    loop.tell_companion(by_command(Role.ADVISE))
+def test_role_fly_ends_the_suppression() -> None:
+    loop = in_state(ARDUPILOT, State.OUTER)
+    result_of(loop, by_long())
+    until_released(loop, ARDUPILOT)
+    loop.send_to_companion(by_command(Role.ADVISE))
     loop.run(0.5)
-    loop.tell_companion(by_command(Role.FLY))
+    loop.send_to_companion(by_command(Role.FLY))
     loop.until(State.OUTER, State.INNER, limit_s=2.0)
 
 
 @both
-def test_a_pilot_who_takes_it_meanwhile_has_it(autopilot: Autopilot) -> None:
-    loop = begun(autopilot, State.OUTER)
-    told(loop, long())
+def test_a_pilot_override_meanwhile_is_respected(autopilot: Autopilot) -> None:
+    loop = in_state(autopilot, State.OUTER)
+    result_of(loop, by_long())
     name = "FBWA" if autopilot == ARDUPILOT else "ALTCTL"
     loop.world.vehicle.set_mode(name)
     loop.run(8.0)

@@ -16,7 +16,7 @@ def fly(name: str, autopilot: Autopilot) -> Flight:
     return ClosedLoop(load_scenario(name), Engine(), autopilot=autopilot).run()
 
 
-def test_the_scenarios_are_those_promised() -> None:
+def test_the_documented_scenarios_exist() -> None:
     assert set(scenario_names()) >= {
         "head-on", "crossing-right", "crossing-left", "overtaken", "climbing", "two-intruders", "clear",
     }  # fmt: skip
@@ -40,7 +40,7 @@ def test_a_conflict_is_avoided_and_the_mission_finished(name: str, autopilot: Au
 
 
 @both
-def test_traffic_that_never_conflicts_is_left_alone(autopilot: Autopilot) -> None:
+def test_traffic_without_conflict_is_not_avoided(autopilot: Autopilot) -> None:
     flight = fly("clear", autopilot)
     assert flight.mission_completed
     assert flight.engagements == 0
@@ -51,7 +51,7 @@ def test_traffic_that_never_conflicts_is_left_alone(autopilot: Autopilot) -> Non
 
 @both
 def test_the_same_seed_gives_the_same_flight(autopilot: Autopilot) -> None:
-    # One that avoids; what comes after is the mission alone.
+    # Only the part with the avoidance.
     first, second = (
         ClosedLoop(load_scenario("head-on"), Engine(), autopilot=autopilot).run(60.0) for _ in range(2)
     )

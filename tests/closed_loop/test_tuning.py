@@ -1,4 +1,4 @@
-"""Settings changed in flight: they count at once, an avoidance goes on, and a replay decides the same."""
+"""Settings changed in flight: effective at once, without interrupting an avoidance, and replayed the same."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,8 +13,8 @@ from companion.model import Layer, Role
 from companion.replay import replay
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
-from tests.support.takings import BOTH, begun
-from tests.support.watched import Watched, alone
+from tests.support.monitored_loop import MonitoredLoop, without_traffic
+from tests.support.overrides import BOTH, in_state
 
 US = (1, 196)
 both = pytest.mark.parametrize("autopilot", BOTH)
@@ -24,14 +24,14 @@ def put(name: str, value: float) -> Message:
     return mavlink.MAVLink_param_set_message(*US, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32)
 
 
-class Tuned(Watched):
-    """Notes what is to be saved, and records everything heard and sent."""
+class Tuned(MonitoredLoop):
+    """Records the saved settings, and all messages in and out."""
 
     def __init__(self, path: Path | None = None, config: EngineConfig | None = None) -> None:
         self.saved: list[dict[str, float]] = []
         self._writer = None if path is None else TlogWriter(path)
         self._packing = Encoder()
-        super().__init__(alone(), config=config)
+        super().__init__(without_traffic(), config=config)
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
         self.saved += [dict(effect.values) for effect in effects if isinstance(effect, Save)]
@@ -45,9 +45,9 @@ class Tuned(Watched):
         self._write(self.now_us, message, self.world.vehicle.system_id, self.world.vehicle.component_id)
         super()._hear(message)
 
-    def tell_companion(self, message: Message) -> None:
+    def send_to_companion(self, message: Message) -> None:
         self._write(self.now_us, message, 255, 190)
-        super().tell_companion(message)
+        super().send_to_companion(message)
 
     def close(self) -> None:
         assert self._writer is not None
@@ -59,42 +59,42 @@ class Tuned(Watched):
 
 
 def first_conflict_m(*settings: tuple[str, float]) -> float:
-    """How far ahead somebody who comes head-on is when he is first answered."""
+    """Distance of a head-on intruder at the first action [m]."""
     loop = Tuned()
     loop.run(2.5)
     for name, value in settings:
-        loop.tell_companion(put(name, value))
+        loop.send_to_companion(put(name, value))
     loop.intrude(9000.0)
     loop.until(State.OUTER, limit_s=100.0)
     return loop.engine.decision.threats[0].distance_m  # type: ignore[union-attr]
 
 
-def test_a_shorter_reach_answers_later() -> None:
+def test_shorter_times_act_later() -> None:
     usual_m = first_conflict_m()
     later_m = first_conflict_m(("CA_INNER_TIME", 10.0), ("CA_OUTER_TIME", 30.0))
     assert later_m < usual_m - 1000.0
 
 
-def test_a_floor_above_the_aircraft_keeps_it_from_being_taken_over() -> None:
+def test_a_floor_above_the_aircraft_prevents_a_take_over() -> None:
     loop = Tuned()
     loop.run(2.5)
-    loop.tell_companion(put("CA_HEIGHT_MIN", 350.0))
+    loop.send_to_companion(put("CA_HEIGHT_MIN", 350.0))
     loop.intrude(3500.0)
     loop.run(6.0)
     assert loop.state is State.STANDBY
     assert loop.sent == []
-    loop.tell_companion(put("CA_HEIGHT_MIN", 30.0))
+    loop.send_to_companion(put("CA_HEIGHT_MIN", 30.0))
     loop.until(State.OUTER, limit_s=2.0)
     assert loop.saved == [{"CA_HEIGHT_MIN": 350.0}, {}]
 
 
-def test_a_ceiling_set_in_flight_is_kept_to() -> None:
+def test_a_ceiling_set_in_flight_is_kept() -> None:
     heights = {}
     for ceiling_m in (0.0, 310.0):
         loop = Tuned()
         loop.run(2.5)
-        loop.tell_companion(put("CA_HEIGHT_MAX", ceiling_m))
-        loop.intrude(4500.0, above_m=-40.0)  # below: over him is the cheaper way
+        loop.send_to_companion(put("CA_HEIGHT_MAX", ceiling_m))
+        loop.intrude(4500.0, above_m=-40.0)  # below: climbing is the cheaper way
         highest_m = 0.0
         for _ in range(400):
             loop.run(0.1)
@@ -107,48 +107,48 @@ def test_a_ceiling_set_in_flight_is_kept_to() -> None:
 
 @both
 @pytest.mark.parametrize("name", ["CA_WC_HORIZ", "CA_DOMAIN", "CA_REL_TIME", "CA_CONTROLS", "CA_SPARE_CLIMB"])
-def test_an_avoidance_goes_on_through_a_change(autopilot: Autopilot, name: str) -> None:
-    """Nothing is forgotten: what is flown is held as before, as a change that changes little shows."""
+def test_an_avoidance_continues_through_a_change(autopilot: Autopilot, name: str) -> None:
+    """The guidance is kept after a small change."""
     value = {"CA_WC_HORIZ": 620.0, "CA_DOMAIN": 80.0, "CA_REL_TIME": 4.0, "CA_CONTROLS": 5.0}.get(name, 13.0)
-    loop = begun(autopilot, State.OUTER)
+    loop = in_state(autopilot, State.OUTER)
     assert loop.engine is not None
-    held = loop.engine.decision.guidance
-    assert held is not None
-    loop.tell_companion(put(name, value))
+    before = loop.engine.decision.guidance
+    assert before is not None
+    loop.send_to_companion(put(name, value))
     after = loop.engine.decision.guidance
     assert loop.state is State.OUTER
     assert after is not None
-    assert after.course_rad == pytest.approx(held.course_rad, abs=0.1)
-    assert after.altitude_m == pytest.approx(held.altitude_m, abs=20.0)
+    assert after.course_rad == pytest.approx(before.course_rad, abs=0.1)
+    assert after.altitude_m == pytest.approx(before.altitude_m, abs=20.0)
     loop.until(State.MONITOR, limit_s=120.0)
     assert loop.flight.engagements == 1
 
 
-def test_words_change_their_units() -> None:
+def test_texts_change_their_units() -> None:
     loop = Tuned()
     loop.run(2.5)
-    loop.tell_companion(put("CA_UNITS", 1.0))
+    loop.send_to_companion(put("CA_UNITS", 1.0))
     loop.intrude(3500.0, above_m=-60.0)
     loop.until(State.OUTER, limit_s=10.0)
     (text,) = [text for text in loop.flight.texts if text.startswith("Traffic")]
     assert " ft below: " in text
 
 
-def test_what_is_refused_is_told_once_and_changes_nothing() -> None:
+def test_a_refused_setting_is_reported_once_without_effect() -> None:
     loop = Tuned()
     loop.run(2.5)
     for _ in range(3):
-        loop.tell_companion(put("CA_OUTER_TIME", 500.0))
+        loop.send_to_companion(put("CA_OUTER_TIME", 500.0))
     loop.run(0.5)
     assert [t for t in loop.flight.texts if "CA_" in t] == ["CA_OUTER_TIME 500 refused: 10 to 80 s"]
     assert loop.saved == []
 
 
-def test_a_replay_of_what_was_tuned_and_commanded_decides_the_same(tmp_path: Path) -> None:
+def test_a_replay_with_settings_and_commands_decides_the_same(tmp_path: Path) -> None:
     path, seconds = tmp_path / "flight.tlog", 70.0
     loop = Tuned(path)
     loop.run(2.5)
-    loop.tell_companion(mavlink.MAVLink_param_request_list_message(*US))
+    loop.send_to_companion(mavlink.MAVLink_param_request_list_message(*US))
     loop.intrude(6000.0)
     at_s = {
         4.0: put("CA_INNER_TIME", 9.0),
@@ -163,9 +163,9 @@ def test_a_replay_of_what_was_tuned_and_commanded_decides_the_same(tmp_path: Pat
         loop.run(0.1)
         message = at_s.get(tick / 10)
         if message is not None:
-            loop.tell_companion(message)
+            loop.send_to_companion(message)
     loop.close()
-    assert loop.flight.engagements == 2, "given back with the shorter reach, taken again with the longer"
+    assert loop.flight.engagements == 2, "released with shorter times, taken over again with longer ones"
     assert any(text.startswith("Told to resume") for text in loop.flight.texts)
     flown = loop.flight.decisions
     replayed: list[str] = []
@@ -178,7 +178,7 @@ def test_a_replay_of_what_was_tuned_and_commanded_decides_the_same(tmp_path: Pat
     assert result.layers[Layer.OUTER] > 100
     assert loop.engine is not None
     assert engine.operator.settings.config == loop.engine.operator.settings.config
-    # It is by what was set that they are the same.
-    untuned: list[str] = []
-    replay(path, Engine(saved={"CA_WC_VERT": 200.0}), on_decision=untuned.append)
-    assert untuned != replayed
+    # Other settings give other decisions.
+    other: list[str] = []
+    replay(path, Engine(saved={"CA_WC_VERT": 200.0}), on_decision=other.append)
+    assert other != replayed

@@ -1,4 +1,4 @@
-"""Logs, damaged as they come: the reader loses no good frame, and what they say stays what they said."""
+"""Damaged and real logs: the reader loses no good frame, and their content stays the same."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ def those_here(*names: str) -> pytest.MarkDecorator:
 
 
 def every_good_frame(data: bytes) -> Iterator[bytes]:
-    """Tries pymavlink's checksum at every byte that could begin a frame: slow, and blind to records."""
+    """Tries pymavlink's checksum at every byte that could begin a frame: slow, but needs no records."""
     at = 0
     while at < len(data):
         size = good_frame_size(data, at) if data[at] in (0xFD, 0xFE) else 0
@@ -65,7 +65,7 @@ def good_frame_size(data: bytes, at: int) -> int:
 
 
 @pytest.mark.parametrize("name", HERE)
-def test_no_good_frame_is_lost_and_the_damage_is_counted(name: str) -> None:
+def test_no_good_frame_is_lost_and_damage_is_counted(name: str) -> None:
     path = TLOGS[name]
     reader = read_tlog(path)
     assert [frame.raw for _, frame in reader] == list(every_good_frame(path.read_bytes()))
@@ -74,7 +74,7 @@ def test_no_good_frame_is_lost_and_the_damage_is_counted(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", HERE)
-def test_handing_over_only_the_wanted_messages_changes_nothing_else(name: str) -> None:
+def test_reading_only_wanted_messages_changes_no_counter(name: str) -> None:
     everything = read_tlog(TLOGS[name])
     wanted = read_tlog(TLOGS[name], only=WANTED)
     assert list(wanted) == [record for record in everything if record[1].message_id in WANTED]
@@ -82,7 +82,7 @@ def test_handing_over_only_the_wanted_messages_changes_nothing_else(name: str) -
 
 
 @those_here("arduplane_fake_two_intruders", "arduplane_sitl_adsb_two_intruders", "plane_real_2012_v1_apm")
-def test_both_ways_to_a_fact_agree_and_every_frame_decodes(name: str) -> None:
+def test_every_frame_decodes_and_gives_the_same_fact_in_both_ways(name: str) -> None:
     for time_us, frame in read_tlog(TLOGS[name], only=WANTED):
         message = decode(frame)
         assert message is not None
@@ -97,7 +97,7 @@ REPORTS = {
 
 
 @those_here(*REPORTS)
-def test_a_log_of_arduplane_has_two_intruders(name: str) -> None:
+def test_the_arduplane_log_has_two_intruders(name: str) -> None:
     reports = [
         fact.report
         for time_us, frame in read_tlog(TLOGS[name], only=WANTED)
@@ -124,13 +124,13 @@ def test_an_intact_log_is_read_byte_for_byte(name: str) -> None:
     ("name", "backwards"),
     [(name, n) for name, n in (("damaged", 1), ("copter_2021_v2_zero_pages", 2)) if name in TLOGS],
 )
-def test_stamps_are_handed_over_as_written_where_time_runs_backwards(name: str, backwards: int) -> None:
+def test_stamps_that_run_backwards_are_returned_as_written(name: str, backwards: int) -> None:
     stamps_us = [time_us for time_us, _ in read_tlog(TLOGS[name])]
     assert sum(later < earlier for earlier, later in pairwise(stamps_us)) == backwards
 
 
 @those_here("px4_fake_two_intruders", "plane_real_2018_v2_cuav")
-def test_a_flight_gives_positions_with_plausible_numbers(name: str) -> None:
+def test_a_flight_has_plausible_positions(name: str) -> None:
     positions = [
         fact
         for time_us, frame in read_tlog(TLOGS[name], only={33})

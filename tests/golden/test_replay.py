@@ -1,4 +1,4 @@
-"""Recorded flights through the engine: the figures that were promised, and the same bytes every time."""
+"""Recorded flights through the engine: times of the first action, and the same bytes every time."""
 
 import json
 from pathlib import Path
@@ -26,27 +26,27 @@ def decide(log: Path) -> tuple[Replay, list[str]]:
     return replay(log, Engine(), on_decision=lines.append), lines
 
 
-def first_answer_s(lines: list[str], track: str) -> float:
-    """When an aircraft was first avoided, in seconds since the first decision."""
+def first_action_s(lines: list[str], track: str) -> float:
+    """When an aircraft was first avoided [s since the first decision]."""
     decisions = [json.loads(line) for line in lines]
-    answered_us = next(
+    acted_us = next(
         decision["time_us"]
         for decision in decisions
         if decision["guidance"] is not None and track in {threat["track"] for threat in decision["threats"]}
     )
-    seconds: float = (answered_us - decisions[0]["time_us"]) / 1e6
+    seconds: float = (acted_us - decisions[0]["time_us"]) / 1e6
     return seconds
 
 
 @pytest.mark.parametrize("name", [name for name in CLOSEST_S if name in TLOGS])
-def test_both_intruders_are_answered_in_time(name: str) -> None:
+def test_both_intruders_are_avoided_in_time(name: str) -> None:
     result, lines = decide(TLOGS[name])
     assert result.messages > 3_000
     assert result.bad_bytes == 0
     for track, at_s in CLOSEST_S[name].items():
-        assert first_answer_s(lines, track) <= at_s - 20.0
+        assert first_action_s(lines, track) <= at_s - 20.0
     assert result.events[0][1] is Layer.OUTER, "first by the outer layer"
-    assert result.layers[Layer.INNER] > 0, "nobody flew the advice, so it came to the inner layer"
+    assert result.layers[Layer.INNER] > 0, "the advice was not flown, so that the inner layer acted"
     assert result.events[-1][1] is Layer.CLEAR or name == CUT_SHORT
     again, lines_again = decide(TLOGS[name])
     assert lines_again == lines
@@ -54,7 +54,7 @@ def test_both_intruders_are_answered_in_time(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in TLOGS if name not in CLOSEST_S])
-def test_logs_without_traffic_give_clear_to_the_end(name: str) -> None:
+def test_logs_without_traffic_stay_clear(name: str) -> None:
     result, lines = decide(TLOGS[name])
     assert result.messages > 500
     assert result.layers[Layer.CLEAR] == len(lines)
@@ -62,7 +62,7 @@ def test_logs_without_traffic_give_clear_to_the_end(name: str) -> None:
     assert result.events == []
 
 
-def test_the_log_clock_never_runs_backwards_and_ignores_absurd_jumps() -> None:
+def test_the_log_clock_never_runs_backwards_and_ignores_impossible_jumps() -> None:
     clock = LogClock()
     stamps = [1_000_000, 2_000_000, 1_500_000, 99_000_000_000_000, 99_000_000_500_000, 3_000_000, 4_000_000]
     times = [clock.at(stamp) for stamp in stamps]

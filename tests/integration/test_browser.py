@@ -1,4 +1,4 @@
-"""The page in a real browser: it draws, goes on over a restart, obeys keys, and is not fooled by names."""
+"""The page in a real browser: drawing, reconnecting, keys, roles, replay, and hostile names."""
 
 import asyncio
 import contextlib
@@ -12,11 +12,12 @@ from playwright.async_api import Page, async_playwright
 
 from companion.model import Layer, Track
 from companion.web.live_snapshot import LiveSnapshot
+from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
 from companion.web.settings import Settings
-from companion.web.source import Live, Recorded
+from companion.web.source import LiveSource
 from companion.web.state import state_of
-from tests.support.web_bench import TOKEN, Site, health, live, moment_after, site
+from tests.support.web_bench import TOKEN, Site, health, live, site, snapshot_after
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ALONE = (
@@ -35,33 +36,33 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed: make browser"),
 ]
 
-MOMENT = moment_after(40.0)
+SNAPSHOT = snapshot_after(40.0)
 
 
 @contextlib.asynccontextmanager
 async def page(at: Site, size: tuple[int, int] = LAPTOP) -> AsyncIterator[Page]:
-    """The display, opened; at the end nothing went wrong in it."""
-    troubles: list[str] = []
+    """The page, opened; fails if the browser logs an error."""
+    errors: list[str] = []
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=[*ALONE])
         opened = await browser.new_page(viewport={"width": size[0], "height": size[1]})
-        opened.on("pageerror", lambda error: troubles.append(str(error)))
-        opened.on("console", lambda said: troubles.append(said.text) if said.type == "error" else None)
+        opened.on("pageerror", lambda error: errors.append(str(error)))
+        opened.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
         opened.set_default_timeout(15_000)
         await opened.goto(f"http://127.0.0.1:{at.port}/")
         await opened.wait_for_selector("html[data-ready=true]")
         yield opened
         await browser.close()
-    assert [words for words in troubles if "WebSocket" not in words] == []
+    assert [words for words in errors if "WebSocket" not in words] == []
 
 
 @contextlib.asynccontextmanager
-async def shown(source: Live, moment: LiveSnapshot = MOMENT) -> AsyncIterator[None]:
-    """The moment, ten times a second."""
+async def shown(source: LiveSource, snapshot: LiveSnapshot = SNAPSHOT) -> AsyncIterator[None]:
+    """Show the snapshot ten times a second until the block ends."""
 
     async def show() -> None:
         while True:
-            source.show(moment)
+            source.show(snapshot)
             await asyncio.sleep(0.1)
 
     showing = asyncio.create_task(show())
@@ -75,14 +76,14 @@ async def seen(opened: Page, what: str) -> Any:
     return await opened.evaluate(f"window.companionDisplay.{what}")
 
 
-async def until_so(opened: Page, so: str) -> None:
-    """Wait until an expression is true; asked from outside, as the page forbids to evaluate text."""
+async def until_true(opened: Page, expression: str) -> None:
+    """Wait until an expression is true. Polls, since the page's policy forbids evaluating text."""
     async with asyncio.timeout(15.0):
-        while not await opened.evaluate(so):  # noqa: ASYNC110
+        while not await opened.evaluate(expression):  # noqa: ASYNC110
             await asyncio.sleep(0.05)
 
 
-async def test_it_draws_what_is_decided_and_goes_on() -> None:
+async def test_the_page_draws_the_decision_and_keeps_drawing() -> None:
     source = live()
     async with shown(source), site(source) as at, page(at) as opened:
         assert await opened.inner_text("#layer-word") == "OUTER"
@@ -92,13 +93,13 @@ async def test_it_draws_what_is_decided_and_goes_on() -> None:
         assert "HEAD1" in await opened.inner_text("#traffic")
         assert await seen(opened, "tracksDrawn") == 1
         drawn = await seen(opened, "statesDrawn")
-        await until_so(opened, f"window.companionDisplay.statesDrawn > {drawn + 5}")
+        await until_true(opened, f"window.companionDisplay.statesDrawn > {drawn + 5}")
         assert await colours(opened) > 20
         assert await opened.is_hidden("#roles"), "read-only"
 
 
 async def colours(opened: Page) -> int:
-    """How many different colours the scope has: a canvas that was not drawn on has one."""
+    """Number of different colours on the map; an empty canvas has one."""
     count: int = await opened.evaluate(
         """() => {
             const canvas = document.getElementById("canvas");
@@ -113,7 +114,7 @@ async def colours(opened: Page) -> int:
     return count
 
 
-async def test_it_finds_a_server_that_was_started_anew() -> None:
+async def test_the_page_reconnects_to_a_restarted_server() -> None:
     source = live()
     async with shown(source):
         async with site(source) as at:
@@ -124,25 +125,25 @@ async def test_it_finds_a_server_that_was_started_anew() -> None:
         await opened.wait_for_selector("#no-data", state="visible")
         before = await seen(opened, "statesDrawn")
         async with site(source, port=port):
-            await until_so(opened, f"window.companionDisplay.statesDrawn > {before + 5}")
+            await until_true(opened, f"window.companionDisplay.statesDrawn > {before + 5}")
             await opened.wait_for_selector("#no-data", state="hidden")
-            with contextlib.suppress(AssertionError):  # the browser reports that nobody answered for a while
+            with contextlib.suppress(AssertionError):  # the browser logs the failed connections
                 await opening.__aexit__(None, None, None)
 
 
-async def test_names_of_traffic_are_text_and_nothing_else() -> None:
+async def test_names_of_traffic_are_plain_text() -> None:
     hostile = '<img src=x onerror="window.fooled=1">'
-    tracks = [replace(track, callsign=hostile) for track in MOMENT.snapshot.tracks]
-    moment = replace(MOMENT, snapshot=replace(MOMENT.snapshot, tracks=tracks, last_text=hostile))
+    tracks = [replace(track, callsign=hostile) for track in SNAPSHOT.snapshot.tracks]
+    snapshot = replace(SNAPSHOT, snapshot=replace(SNAPSHOT.snapshot, tracks=tracks, last_text=hostile))
     source = live()
-    async with shown(source, moment), site(source) as at, page(at) as opened:
-        assert hostile[:12] in await opened.inner_text("#traffic"), "cut to what a callsign may have"
+    async with shown(source, snapshot), site(source) as at, page(at) as opened:
+        assert hostile[:12] in await opened.inner_text("#traffic"), "cut to the length of a callsign"
         assert hostile in await opened.inner_text("#last-text")
         assert await opened.evaluate("window.fooled") is None
         assert await opened.locator("img").count() == 0
 
 
-async def test_all_of_it_works_by_keyboard() -> None:
+async def test_the_keys_work() -> None:
     source = live()
     async with shown(source), site(source) as at, page(at) as opened:
         heights = await opened.inner_text("#height-unit")
@@ -168,9 +169,9 @@ async def test_all_of_it_works_by_keyboard() -> None:
         assert await seen(opened, "shownTime") >= past_s
 
 
-async def test_the_role_is_changed_with_the_token_and_a_second_look() -> None:
+async def test_a_change_of_role_needs_the_token_and_a_confirmation() -> None:
     source = live()
-    advising, with_token = replace(MOMENT, role="advise"), Settings(token=TOKEN)
+    advising, with_token = replace(SNAPSHOT, role="advise"), Settings(token=TOKEN)
     async with shown(source, advising), site(source, with_token) as at, page(at) as opened:
         await opened.click("#roles button[data-role=advise]")
         await opened.fill("#token", TOKEN)
@@ -194,8 +195,8 @@ async def test_a_phone_shows_everything_without_scrolling_sideways() -> None:
         assert smallest >= 40, "fingers are large"
 
 
-async def test_a_hundred_aircraft_and_an_emergency() -> None:
-    own = MOMENT.snapshot.ownship
+async def test_a_hundred_aircraft_and_an_emergency_are_drawn() -> None:
+    own = SNAPSHOT.snapshot.ownship
     assert own is not None
     around = [
         Track(
@@ -211,36 +212,36 @@ async def test_a_hundred_aircraft_and_an_emergency() -> None:
         )
         for number in range(99)
     ]
-    (threat,) = MOMENT.snapshot.decision.threats
+    (threat,) = SNAPSHOT.snapshot.decision.threats
     decision = replace(
-        MOMENT.snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
+        SNAPSHOT.snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
     )
-    moment = replace(
-        MOMENT,
-        snapshot=replace(MOMENT.snapshot, decision=decision, tracks=(*MOMENT.snapshot.tracks, *around)),
+    snapshot = replace(
+        SNAPSHOT,
+        snapshot=replace(SNAPSHOT.snapshot, decision=decision, tracks=(*SNAPSHOT.snapshot.tracks, *around)),
     )
     source = live()
-    async with shown(source, moment), site(source) as at, page(at) as opened:
+    async with shown(source, snapshot), site(source) as at, page(at) as opened:
         assert await opened.inner_text("#layer-word") == "INNER"
-        await until_so(opened, "window.companionDisplay.tracksDrawn == 100")
+        await until_true(opened, "window.companionDisplay.tracksDrawn == 100")
         assert "100" in await opened.inner_text("#traffic-count")
         drawn = await seen(opened, "statesDrawn")
-        await until_so(opened, f"window.companionDisplay.statesDrawn > {drawn + 10}")
+        await until_true(opened, f"window.companionDisplay.statesDrawn > {drawn + 10}")
         first = await opened.inner_text("#traffic tr:first-child")
         assert "HEAD1" in first, "the most urgent is on top"
 
 
-async def test_a_replay_is_played_stopped_and_searched() -> None:
-    source, trends = Recorded(), RollingStats()
+async def test_a_replay_plays_pauses_and_seeks() -> None:
+    source, stats = RecordedSource(), RollingStats()
     for tick in range(300):
-        source.add(tick / 10.0, state_of(replace(MOMENT, health=health()), tick + 1, trends))
+        source.add(tick / 10.0, state_of(replace(SNAPSHOT, health=health()), tick + 1, stats))
     async with site(source) as at, page(at) as opened:
         assert await opened.is_visible("#replay-controls")
-        await until_so(opened, "window.companionDisplay.newestSequence > 3")
+        await until_true(opened, "window.companionDisplay.newestSequence > 3")
         await opened.keyboard.press(" ")
         await opened.wait_for_selector("#play[aria-label=Play]")
         stopped = await seen(opened, "newestSequence")
         await opened.keyboard.press("Shift+ArrowRight")
-        await until_so(opened, f"window.companionDisplay.newestSequence >= {stopped + 90}")
+        await until_true(opened, f"window.companionDisplay.newestSequence >= {stopped + 90}")
         await opened.keyboard.press("Home")
-        await until_so(opened, "window.companionDisplay.newestSequence <= 2")
+        await until_true(opened, "window.companionDisplay.newestSequence <= 2")

@@ -17,18 +17,18 @@ from rich.console import Console
 
 from sim.campaign.command import run
 from sim.campaign.plan import Plan
-from sim.campaign.results import Result, read_results
+from sim.campaign.results import ResultLine, read_results
 from tests.support.paths import ROOT
 
 CAMPAIGN = (sys.executable, "-c", "from sim.cli import main; main()", "campaign", "--results", "r.ndjson")
-# For what is sure to happen, however busy the machine is.
+# Time limit that a busy machine does not reach.
 PATIENCE_S = 90.0
 
 
 @contextlib.contextmanager
 def started(*command: str, folder: Path, log: str, sources: Path = ROOT) -> Iterator[subprocess.Popen[bytes]]:
-    """A process of dask's, killed in the end; what it says is in the file `log`."""
-    # No settings of whoever runs the tests, and no folders of his.
+    """A dask process, killed at the end; its output is in the file `log`."""
+    # Ignore the user's settings and folders.
     settings = {"DASK_CONFIG": str(folder), "DASK_TEMPORARY_DIRECTORY": str(folder)}
     environment = {**os.environ, **settings, "PYTHONPATH": str(sources)}
     with (folder / log).open("wb") as said:
@@ -48,18 +48,18 @@ def started(*command: str, folder: Path, log: str, sources: Path = ROOT) -> Iter
 
 @contextlib.contextmanager
 def scheduler(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """A scheduler on a port of its own: its address, and its process."""
-    told = folder / "scheduler.json"
-    options = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(told))
+    """A scheduler on a free port: its address, and its process."""
+    info = folder / "scheduler.json"
+    options = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(info))
     with started("scheduler", *options, folder=folder, log="scheduler.log") as process:
-        until(lambda: told.exists() and told.read_text().endswith("}"), process)
-        yield json.loads(told.read_text())["address"], process
+        until(lambda: info.exists() and info.read_text().endswith("}"), process)
+        yield json.loads(info.read_text())["address"], process
 
 
 def worker(
     address: str, folder: Path, log: str, sources: Path = ROOT
 ) -> contextlib.AbstractContextManager[subprocess.Popen[bytes]]:
-    """A worker that nobody starts anew when it dies."""
+    """A worker without a nanny that would restart it."""
     return started(
         "worker", address, "--no-nanny", "--nthreads", "1", folder=folder, log=log, sources=sources
     )
@@ -72,11 +72,11 @@ def campaign(folder: Path, *options: str) -> subprocess.Popen[str]:
 
 
 def until(happened: Callable[[], bool], process: subprocess.Popen[Any]) -> None:
-    """Wait for something while a process runs that brings it about."""
+    """Wait for an effect of a running process."""
     deadline_s = time.monotonic() + PATIENCE_S
     while not happened():
-        assert process.poll() is None, "ended before"
-        assert time.monotonic() < deadline_s, "never happened"
+        assert process.poll() is None, "the process ended before"
+        assert time.monotonic() < deadline_s, "timeout"
         time.sleep(0.02)
 
 
@@ -90,12 +90,12 @@ def one_line(text: str) -> str:
     return line
 
 
-def without_timing(path: Path) -> list[Result]:
+def without_timing(path: Path) -> list[ResultLine]:
     results = sorted(read_results(path), key=lambda result: result["number"])
     return [{key: value for key, value in result.items() if key != "timing"} for result in results]
 
 
-def test_a_worker_killed_halfway_costs_nothing(tmp_path: Path) -> None:
+def test_a_killed_worker_does_not_change_the_results(tmp_path: Path) -> None:
     # ArduPilot's rule decides fastest.
     plan = Plan(80, seed=3, avoiders=("ardupilot",))
     options = ("--encounters", "80", "--seed", "3", "--avoider", "ardupilot", "--report", "r.json")
@@ -109,7 +109,7 @@ def test_a_worker_killed_halfway_costs_nothing(tmp_path: Path) -> None:
         flying = campaign(tmp_path, *options, "--scheduler", address)
         until(lambda: has_results(tmp_path), flying)
         first.kill()
-        assert flying.poll() is None, "it was to be killed in the middle"
+        assert flying.poll() is None, "the worker must die during the campaign"
         _, errors = flying.communicate(timeout=PATIENCE_S)
     assert (flying.returncode, errors) == (0, "")
     numbers = [result["number"] for result in read_results(tmp_path / "r.ndjson")]
@@ -134,8 +134,8 @@ def test_a_lost_scheduler_is_one_line_and_the_results_are_kept(tmp_path: Path) -
     assert f"lost the scheduler {address}; {kept} results are kept" in one_line(errors)
 
 
-def test_it_waits_for_workers_and_refuses_one_that_is_not_like_us(tmp_path: Path) -> None:
-    """Its results would be others: it joins when the campaign already waits."""
+def test_it_waits_for_workers_and_refuses_one_with_another_version(tmp_path: Path) -> None:
+    """The worker joins while the campaign waits; its results would differ."""
     for package in ("companion", "sim"):
         shutil.copytree(ROOT / package, tmp_path / "other" / package)
     changed = tmp_path / "other" / "sim" / "metrics.py"
@@ -151,13 +151,13 @@ def test_it_waits_for_workers_and_refuses_one_that_is_not_like_us(tmp_path: Path
     assert not has_results(tmp_path)
 
 
-def test_a_scheduler_that_is_away_is_one_line_and_two(tmp_path: Path) -> None:
+def test_a_missing_scheduler_is_one_line_and_exit_code_two(tmp_path: Path) -> None:
     plan = Plan(1, avoiders=("none",))
     run(plan, tmp_path / "r.ndjson", Console(quiet=True), workers=1)
     before = (tmp_path / "r.ndjson").read_bytes()
-    with socket.socket() as nobody:
-        nobody.bind(("127.0.0.1", 0))  # and never listens
-        address = f"127.0.0.1:{nobody.getsockname()[1]}"
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))  # without listening
+        address = f"127.0.0.1:{unused.getsockname()[1]}"
         flying = campaign(tmp_path, "--scheduler", address)
         _, errors = flying.communicate(timeout=PATIENCE_S)
     assert flying.returncode == 2
@@ -172,7 +172,7 @@ def test_a_scheduler_that_is_away_is_one_line_and_two(tmp_path: Path) -> None:
         (("--scheduler", "127.0.0.1:8786", "--workers", "2"), "--workers"),
     ],
 )
-def test_bad_usage_is_one_line_and_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+def test_bad_usage_is_one_line_and_exit_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
     flying = campaign(tmp_path, *options)
     _, errors = flying.communicate(timeout=PATIENCE_S)
     assert flying.returncode == 2

@@ -24,7 +24,7 @@ def companion_sim(*arguments: str, folder: Path) -> subprocess.CompletedProcess[
     )
 
 
-def test_a_campaign_reports_and_goes_on(tmp_path: Path) -> None:
+def test_a_campaign_reports_and_continues(tmp_path: Path) -> None:
     options = ("--seed", "2", "--report", "r.json", "--page", "p.html", "--workers", "2")
     first = companion_sim("campaign", "--encounters", "10", *options, folder=tmp_path)
     assert first.returncode == 0, first.stderr
@@ -40,7 +40,7 @@ def test_a_campaign_reports_and_goes_on(tmp_path: Path) -> None:
 def test_one_encounter_is_shown(tmp_path: Path) -> None:
     shown = companion_sim("encounter", "3", "--seed", "2", "--out", "e.png", folder=tmp_path)
     assert shown.returncode == 0, shown.stderr
-    assert "undisturbed: nearest" in shown.stdout
+    assert "unmitigated: nearest" in shown.stdout
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -54,7 +54,7 @@ def test_one_encounter_is_shown(tmp_path: Path) -> None:
         (("--encounters", "0"), "encounters"),
     ],
 )
-def test_bad_usage_is_one_line_and_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+def test_bad_usage_is_one_line_and_exit_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
     refused = companion_sim("campaign", *options, folder=tmp_path)
     assert refused.returncode == 2
     assert words in refused.stderr

@@ -1,4 +1,4 @@
-"""`companion check CONFIG --link` against fake vehicles over UDP: what it finds, says, and never sends."""
+"""`companion check CONFIG --link` with fake vehicles over UDP: its findings, and that it commands nothing."""
 
 import asyncio
 import contextlib
@@ -16,7 +16,7 @@ from companion.control.state_machine import SupervisorParams
 from companion.geodesy import GeoPoint
 from companion.links import open_link
 from companion.mavlink.dialect import Message, mavlink
-from companion.preflight import Preflight, look
+from companion.preflight import Preflight, run_preflight
 from sim.clock import ScaledClock
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
@@ -30,7 +30,7 @@ MISSION = (takeoff_item(50.0), waypoint_item(GeoPoint(-35.28, 149.1652299, 884.1
 VEHICLES = [FakeArduPlane, FakePx4]
 MISSION_MODE = {FakeArduPlane: "AUTO", FakePx4: "MISSION"}
 
-# Reading, and what any component says of itself; with it nothing can be flown.
+# Messages that only read, or that every component sends; none of them can command the aircraft.
 QUESTIONS = {
     "HEARTBEAT",
     "PARAM_REQUEST_READ",
@@ -53,7 +53,7 @@ def free_port() -> int:
 async def talking(
     vehicle: FakeVehicle, port: int, clock: ScaledClock, stream_rate_hz: float = 2.0
 ) -> AsyncIterator[list[Message]]:
-    """The vehicle at the other end of the link; what it hears."""
+    """Run the vehicle at the other end of the link; returns the messages that it receives."""
     heard: list[Message] = []
     receive = vehicle.receive
 
@@ -72,20 +72,20 @@ async def talking(
         await running
 
 
-async def looked_at(
+async def preflight(
     vehicle: FakeVehicle,
     seconds: float,
     supervisor: SupervisorParams | None = None,
     *,
     stream_rate_hz: float = 2.0,
 ) -> tuple[Preflight, dict[str, str], list[Message]]:
-    """What is found in so many seconds of simulated time, by topic too, and what the vehicle was sent."""
+    """The findings after this simulated time, also by topic, and the messages that the vehicle received."""
     loop = asyncio.get_running_loop()
     port, clock = free_port(), ScaledClock(1.0, start_s=vehicle.time_s, monotonic_s=loop.time)
     config = Config((f"udpin:127.0.0.1:{port}",), supervisor=supervisor or SupervisorParams())
     async with talking(vehicle, port, clock, stream_rate_hz) as heard:
-        found = await look(config, [open_link(config.links[0])], seconds, clock)
-    return found, {finding.topic: finding.words for finding in found.findings}, heard
+        found = await run_preflight(config, [open_link(config.links[0])], seconds, clock)
+    return found, {finding.topic: finding.text for finding in found.findings}, heard
 
 
 def in_the_air(kind: type[FakeArduPlane] | type[FakePx4], **options: Any) -> FakeVehicle:
@@ -100,7 +100,7 @@ def now_s() -> float:
 
 
 async def check(folder: Path, port: int, seconds: float) -> tuple[int, list[str], str]:
-    """The command as a process: exit code, lines, errors."""
+    """Run the command as a process: exit code, lines, errors."""
     config = folder / "c.yaml"
     config.write_text(f"links: [udpin:127.0.0.1:{port}]\n")
     process = await asyncio.create_subprocess_exec(
@@ -117,7 +117,7 @@ async def check(folder: Path, port: int, seconds: float) -> tuple[int, list[str]
     return process.returncode, out.decode().splitlines(), errors.decode()
 
 
-def commands_anything(message: Message) -> bool:
+def is_command(message: Message) -> bool:
     if message.get_type() in ("COMMAND_LONG", "COMMAND_INT"):
         return message.command not in ASKING_COMMANDS
     return message.get_type() not in QUESTIONS
@@ -125,79 +125,81 @@ def commands_anything(message: Message) -> bool:
 
 @pytest.mark.parametrize("kind", VEHICLES)
 @in_virtual_time
-async def test_on_the_ground_it_says_why_it_would_not_fly(kind: type[FakeArduPlane] | type[FakePx4]) -> None:
-    found, said, _ = await looked_at(kind(HOME, now_s(), mission=MISSION), 4.0)
+async def test_on_the_ground_it_reports_why_it_would_not_fly(
+    kind: type[FakeArduPlane] | type[FakePx4],
+) -> None:
+    found, said, _ = await preflight(kind(HOME, now_s(), mission=MISSION), 4.0)
     assert found.heard
     assert said["mode"] == "MANUAL, disarmed"
-    assert said["rates"] == "not measured in so short a time"
-    assert found.hindrances == ("its mode is MANUAL, not AUTO or MISSION", "it is disarmed")
+    assert said["rates"] == "not measured: listen longer"
+    assert found.reasons_not_to_fly == ("its mode is MANUAL, not AUTO or MISSION", "it is disarmed")
 
 
 @in_virtual_time
-async def test_armed_on_the_ground_it_says_how_high_it_would_have_to_be() -> None:
+async def test_armed_on_the_ground_it_reports_the_minimum_height() -> None:
     vehicle = FakeArduPlane(HOME, now_s(), mission=MISSION)
     vehicle.arm()
-    found, _, _ = await looked_at(vehicle, 4.0)
-    assert "it is 0 m above home, below 30 m" in found.hindrances
+    found, _, _ = await preflight(vehicle, 4.0)
+    assert "it is 0 m above home, below 30 m" in found.reasons_not_to_fly
 
 
 @pytest.mark.parametrize("kind", VEHICLES)
 @in_virtual_time
-async def test_in_the_air_it_would_fly_and_commands_nothing_all_the_same(
+async def test_in_the_air_it_would_fly_but_commands_nothing(
     kind: type[FakeArduPlane] | type[FakePx4],
 ) -> None:
-    found, said, heard = await looked_at(in_the_air(kind), 12.0)
-    assert found.hindrances == ()
+    found, said, heard = await preflight(in_the_air(kind), 12.0)
+    assert found.reasons_not_to_fly == ()
     assert said["mode"] == f"{MISSION_MODE[kind]}, armed"
     assert said["autopilot"].startswith(kind.name)
     assert said["position"].startswith("300 m above home, ")
-    assert said["rate GLOBAL_POSITION_INT"].endswith("asked for 10.0 Hz")
+    assert said["rate GLOBAL_POSITION_INT"].endswith("10.0 Hz requested")
     assert said["mission"] == f"{len(MISSION) + kind.first_item} items"
-    assert said["second avoider"] == "none acts"
-    limits = [finding.words for finding in found.findings if finding.topic == "limit"]
-    assert any("(AIRSPEED_MIN" in words or "(FW_AIRSPD_MIN" in words for words in limits)
+    assert said["other avoidance"] == "not active"
+    limits = [finding.text for finding in found.findings if finding.topic == "limit"]
+    assert any("(AIRSPEED_MIN" in text or "(FW_AIRSPD_MIN" in text for text in limits)
     assert heard
-    assert [message for message in heard if commands_anything(message)] == []
+    assert [message for message in heard if is_command(message)] == []
 
 
 @in_virtual_time
-async def test_another_avoider_keeps_it_from_flying() -> None:
-    found, said, _ = await looked_at(in_the_air(FakePx4, parameters={"NAV_TRAFF_AVOID": 2}), 10.0)
-    assert said["second avoider"] == "NAV_TRAFF_AVOID 2"
-    assert said["set otherwise"].startswith("COM_OBL_RC_ACT 0: set 5 (Hold)")
-    assert found.hindrances == ("another avoider acts: NAV_TRAFF_AVOID 2",)
+async def test_it_would_not_fly_beside_another_active_avoidance() -> None:
+    found, said, _ = await preflight(in_the_air(FakePx4, parameters={"NAV_TRAFF_AVOID": 2}), 10.0)
+    assert said["other avoidance"] == "NAV_TRAFF_AVOID 2"
+    assert said["check setting"].startswith("COM_OBL_RC_ACT 0: set 5 (Hold)")
+    assert found.reasons_not_to_fly == ("another avoider acts: NAV_TRAFF_AVOID 2",)
 
 
 @in_virtual_time
-async def test_a_message_that_never_comes_is_shown_as_such() -> None:
+async def test_a_requested_message_that_never_arrives_has_a_rate_of_zero() -> None:
     vehicle = in_the_air(FakeArduPlane)
     vehicle.refuse(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_RESULT_DENIED)
-    _, said, _ = await looked_at(vehicle, 8.0, stream_rate_hz=0.0)
-    assert said["rate GPS_RAW_INT"] == "0.0 Hz, asked for 1.0 Hz"
+    _, said, _ = await preflight(vehicle, 8.0, stream_rate_hz=0.0)
+    assert said["rate GPS_RAW_INT"] == "0.0 Hz, 1.0 Hz requested"
 
 
 @in_virtual_time
-async def test_its_configured_role_keeps_it_from_flying() -> None:
-    found, said, _ = await looked_at(in_the_air(FakeArduPlane), 3.0, SupervisorParams(role="advise"))
+async def test_it_would_not_fly_with_the_role_advise() -> None:
+    found, said, _ = await preflight(in_the_air(FakeArduPlane), 3.0, SupervisorParams(role="advise"))
     assert said["role"] == "advise"
-    assert found.hindrances == ("told to advise only",)
+    assert found.reasons_not_to_fly == ("role is advise",)
 
 
-async def test_the_command_says_all_of_it_and_nothing_else(tmp_path: Path) -> None:
+async def test_the_command_prints_all_findings_and_no_log(tmp_path: Path) -> None:
     vehicle, port = in_the_air(FakePx4), free_port()
     async with talking(vehicle, port, ScaledClock(1.0, start_s=vehicle.time_s)):
         code, lines, errors = await check(tmp_path, port, 6.0)
     assert code == 0
     assert any(line.startswith("autopilot") and "PX4 1.15.0, system 1, fixed wing" in line for line in lines)
-    assert lines[-1] == "would fly: in a conflict it takes the aircraft over"
+    assert lines[-1] == "would fly: in a conflict it takes over the aircraft"
     assert errors == ""
 
 
-async def test_nobody_there_is_a_failure_said_once(tmp_path: Path) -> None:
+async def test_without_an_autopilot_the_command_fails_with_one_line(tmp_path: Path) -> None:
     code, lines, errors = await check(tmp_path, free_port(), 3.0)
     assert code == 1
     assert "autopilot none heard" in [" ".join(line.split()) for line in lines]
-    assert errors == "would not fly: no autopilot is heard\n"
+    assert errors == "would not fly: no autopilot heard\n"
 
 
 async def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:

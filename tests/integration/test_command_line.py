@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from companion import __version__
 from tests.support.paths import CONFIGS, TLOGS
 
 
-def call(*words: str, module: str = "companion") -> subprocess.CompletedProcess[str]:
+def call(*arguments: str, module: str = "companion") -> subprocess.CompletedProcess[str]:
     code = f"from {module}.cli import main; main()"
     return subprocess.run(
-        [sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60, check=False
     )
 
 
@@ -29,7 +30,7 @@ def assert_one_line(result: subprocess.CompletedProcess[str], code: int, words: 
 
 
 @pytest.mark.parametrize("name", ["arduplane.yaml", "px4.yaml", "sitl.yaml"])
-def test_check_shows_what_is_in_effect(name: str) -> None:
+def test_check_prints_the_values_in_effect(name: str) -> None:
     result = call("check", str(CONFIGS / name))
     assert result.returncode == 0
     assert "max_bank_deg: 30" in result.stdout
@@ -47,7 +48,7 @@ def test_check_shows_what_is_in_effect(name: str) -> None:
     ids=["unknown key", "impossible value", "bad link", "contradiction"],
 )
 @pytest.mark.parametrize("command", ["check", "run"])
-def test_bad_configuration_refuses_to_start(tmp_path: Path, command: str, text: str, words: str) -> None:
+def test_a_bad_configuration_is_refused(tmp_path: Path, command: str, text: str, words: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     result = call(command, str(path))
@@ -56,7 +57,7 @@ def test_bad_configuration_refuses_to_start(tmp_path: Path, command: str, text: 
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
-def test_a_bad_obstacle_file_refuses_to_start(tmp_path: Path, command: str) -> None:
+def test_a_bad_obstacle_file_is_refused(tmp_path: Path, command: str) -> None:
     (tmp_path / "masts.yaml").write_text("obstacles:\n- {name: Mast, lat_deg: 47, lon_deg: 8}\n")
     config = tmp_path / "c.yaml"
     config.write_text("links: [udpin:127.0.0.1:14550]\nobstacle_files: [masts.yaml]\n")
@@ -73,19 +74,19 @@ def test_check_counts_the_obstacles(tmp_path: Path) -> None:
     assert "# obstacle_files: 3 obstacles" in call("check", str(config)).stdout
 
 
-def test_missing_files() -> None:
+def test_missing_files_are_refused_in_one_line() -> None:
     assert_one_line(call("run", "nowhere.yaml"), 2, "nowhere.yaml")
     assert_one_line(call("replay", "nowhere.tlog"), 1, "nowhere.tlog")
 
 
-def test_a_log_without_frames_is_one_line(tmp_path: Path) -> None:
+def test_a_log_without_frames_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "noise.tlog"
     path.write_bytes(bytes(5000))
     assert_one_line(call("replay", str(path)), 1, "noise.tlog")
 
 
 @pytest.mark.parametrize("module", ["companion", "sim"])
-def test_help_has_an_example_for_every_command(module: str) -> None:
+def test_the_help_of_every_command_has_an_example(module: str) -> None:
     overview = call("--help", module=module)
     assert overview.returncode == 0
     commands = {"companion": ["run", "check", "replay", "report"], "sim": ["demo", "vehicle", "bench"]}[
@@ -98,17 +99,32 @@ def test_help_has_an_example_for_every_command(module: str) -> None:
         assert "Example:" in text.stdout
 
 
-@pytest.mark.parametrize("words", [["fly"], ["run"], ["replay", "x.tlog", "--unknown"]])
-def test_bad_usage_is_exit_2(words: list[str]) -> None:
-    assert call(*words).returncode == 2
+@pytest.mark.parametrize(("module", "name"), [("companion", "companion"), ("sim", "companion-sim")])
+def test_version_prints_name_and_version(module: str, name: str) -> None:
+    result = call("--version", module=module)
+    assert result.returncode == 0
+    assert result.stdout == f"{name} {__version__}\n"
+
+
+@pytest.mark.parametrize("option", ["--report", "--decisions"])
+def test_a_replay_refuses_an_impossible_output_path_before_it_reads_the_log(
+    tmp_path: Path, option: str
+) -> None:
+    out = tmp_path / "no such folder" / "out"
+    assert_one_line(call("replay", "nowhere.tlog", option, str(out)), 2, "there is no folder")
+
+
+@pytest.mark.parametrize("arguments", [["fly"], ["run"], ["replay", "x.tlog", "--unknown"]])
+def test_bad_usage_is_exit_2(arguments: list[str]) -> None:
+    assert call(*arguments).returncode == 2
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [["demo", "--scenario", "nowhere"], ["demo", "--speedup", "0"], ["vehicle", "--link", "carrier-pigeon"]],
 )
-def test_bad_usage_of_the_simulation_is_exit_2(words: list[str]) -> None:
-    result = call(*words, module="sim")
+def test_bad_usage_of_the_simulation_is_exit_2(arguments: list[str]) -> None:
+    result = call(*arguments, module="sim")
     assert result.returncode == 2
     assert "Traceback" not in result.stderr
 
@@ -129,7 +145,7 @@ def test_replay_writes_report_and_decisions(tmp_path: Path) -> None:
     assert "outer" in result.stdout
 
 
-def test_settings_that_were_saved_go_before_the_configuration(tmp_path: Path) -> None:
+def test_saved_settings_take_precedence_over_the_configuration(tmp_path: Path) -> None:
     config, saved = tmp_path / "companion.yaml", tmp_path / "companion.settings"
     config.write_text(f"links: [udpin:127.0.0.1:14550]\nsettings_file: {saved}\n")
     saved.write_text('{"CA_ROLE": 1, "CA_DOMAIN": 45.5, "CA_OLD": 1}')
@@ -145,9 +161,7 @@ def test_settings_that_were_saved_go_before_the_configuration(tmp_path: Path) ->
     ("text", "words"),
     [(None, "there is no such file"), ("{", "damaged"), ('{"CA_DOMAIN": 999}', "CA_DOMAIN: 999 refused")],
 )
-def test_a_replay_uses_all_of_the_settings_that_are_named(
-    tmp_path: Path, text: str | None, words: str
-) -> None:
+def test_a_replay_refuses_unusable_settings(tmp_path: Path, text: str | None, words: str) -> None:
     log, settings = tmp_path / "flight.tlog", tmp_path / "settings"
     log.write_bytes(b"")
     if text is not None:

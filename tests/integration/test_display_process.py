@@ -1,4 +1,4 @@
-"""The display beside a flight: another process, which may be killed or have no port, and is only watched."""
+"""The display's process beside a flight: it may be killed or fail, and the flight goes on."""
 
 import asyncio
 import contextlib
@@ -35,7 +35,7 @@ def free_tcp_port() -> int:
 async def flight(
     settings: Settings, speedup: float = SPEEDUP
 ) -> AsyncIterator[tuple[DemoState, asyncio.Task[DemoState]]]:
-    """The head-on scenario flown, and looked at."""
+    """Fly the head-on scenario with a display."""
     begun: asyncio.Future[DemoState] = asyncio.get_running_loop().create_future()
     options = DemoOptions(load_scenario("head-on"), speedup=speedup, display=settings)
     flying = asyncio.create_task(fly_demo(options, begun.set_result))
@@ -46,18 +46,18 @@ async def flight(
         await asyncio.gather(flying, return_exceptions=True)
 
 
-async def until(at: Site, path: str, so: Callable[[Answer], bool]) -> Answer:
-    """Ask until the answer is as wanted; nobody listening is no answer."""
+async def until(at: Site, path: str, condition: Callable[[Answer], bool]) -> Answer:
+    """Ask until an answer meets the condition; a refused connection is no answer."""
     async with asyncio.timeout(PATIENCE_S):
         while True:
             with contextlib.suppress(OSError):
                 answer = await at.ask(path)
-                if so(answer):
+                if condition(answer):
                     return answer
             await asyncio.sleep(0.05)
 
 
-async def test_a_flight_is_watched_and_the_watcher_may_die() -> None:
+async def test_a_killed_display_is_restarted_in_flight() -> None:
     port = free_tcp_port()
     at = Site(port, [])
     async with flight(Settings(port=port, token=TOKEN)) as (state, flying):
@@ -88,7 +88,7 @@ async def test_a_flight_is_watched_and_the_watcher_may_die() -> None:
         os.kill(process_id, 0)
 
 
-async def test_a_port_that_is_taken_is_told_once_and_the_flight_goes_on(
+async def test_a_port_in_use_is_logged_once_and_the_flight_goes_on(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with socket.socket() as taken:
@@ -99,17 +99,17 @@ async def test_a_port_that_is_taken_is_told_once_and_the_flight_goes_on(
             await flying
             assert state.passed
             assert state.engaged
-    told = [r.getMessage() for r in caplog.records if r.getMessage().startswith("display:")]
-    assert told[0] == (
+    logged = [r.getMessage() for r in caplog.records if r.getMessage().startswith("display:")]
+    assert logged[0] == (
         f"display: cannot listen on 127.0.0.1:{port}: Address already in use; "
         "flying on without it, trying again"
     )
     assert [r for r in caplog.records if r.levelname == "WARNING" and "display" in r.getMessage()] == [
-        r for r in caplog.records if r.getMessage() == told[0]
+        r for r in caplog.records if r.getMessage() == logged[0]
     ][:1]
 
 
-async def test_the_display_ends_with_a_companion_that_is_killed(tmp_path: Path) -> None:
+async def test_the_display_ends_when_the_companion_is_killed(tmp_path: Path) -> None:
     port, link = free_tcp_port(), free_tcp_port()
     config = tmp_path / "companion.yaml"
     config.write_text(
@@ -136,10 +136,10 @@ async def test_the_display_ends_with_a_companion_that_is_killed(tmp_path: Path) 
     [(None, "cannot be read"), ("short\n", "at least 12 characters")],
     ids=["none", "short"],
 )
-async def test_a_bad_token_is_found_by_check_and_keeps_nobody_from_flying(
+async def test_a_bad_token_fails_the_check_but_not_the_flight(
     token: str | None, said: str, tmp_path: Path
 ) -> None:
-    """Whoever starts again in flight must not fail for a file of the display's."""
+    """A restart in flight must not fail because of a file of the display."""
     config, secret = tmp_path / "companion.yaml", tmp_path / "token"
     if token is not None:
         secret.write_text(token)
@@ -180,12 +180,11 @@ async def test_a_display_that_cannot_be_started_is_tried_again(
     await asyncio.sleep(0.8)
     assert not running.done()
     running.cancel()
-    (told,) = [r.getMessage() for r in caplog.records if r.levelname == "WARNING"]
-    assert told.startswith("display: cannot be started: [Errno 12] Cannot allocate memory; flying on")
+    (logged,) = [r.getMessage() for r in caplog.records if r.levelname == "WARNING"]
+    assert logged.startswith("display: cannot be started: [Errno 12] Cannot allocate memory; flying on")
 
 
-async def test_a_display_is_ended_also_when_it_is_just_ending() -> None:
-    """Told to end while the old process is being waited for, no new one is begun."""
+async def test_cancelling_while_the_old_process_ends_starts_no_new_one() -> None:
     display = Display(Settings(port=free_tcp_port()))
     running = asyncio.create_task(display.run())
     async with asyncio.timeout(PATIENCE_S):
@@ -199,7 +198,7 @@ async def test_a_display_is_ended_also_when_it_is_just_ending() -> None:
     assert running.cancelled()
 
 
-async def test_where_nothing_can_be_recorded_everybody_is_told(tmp_path: Path) -> None:
+async def test_a_failed_recording_is_shown_in_metrics_and_log(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     config, port, link = tmp_path / "companion.yaml", free_tcp_port(), free_tcp_port()
     config.write_text(

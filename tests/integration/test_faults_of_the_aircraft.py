@@ -34,7 +34,7 @@ async def test_with_an_old_position_nothing_is_taken_over(autopilot: Autopilot) 
         flight.receiver.deaf = False
         flight.vehicle.withhold(POSITION, True)
         await flight.until(lambda: flight.engine.decision.layer is Layer.OUTER, 1.9)
-        assert flight.engine.readiness.hindrances(flight.now_s) == ["its position is old"]
+        assert flight.engine.hindrances(flight.now_s) == ["its position is old"]
         await flight.fly(2.0)
         assert flight.notes.commands() == []
         flight.vehicle.withhold(POSITION, False)
@@ -167,7 +167,7 @@ async def test_a_heading_that_is_never_acknowledged_is_told_and_repeated(does: b
         assert asked_lately.count(CHANGE_HEADING) >= 3
         adapter = flight.engine.aircraft.adapter
         assert adapter is not None
-        assert adapter.desk.outcome(CHANGE_HEADING) in (Outcome.PENDING, Outcome.UNANSWERED)
+        assert adapter.commands.outcome(CHANGE_HEADING) in (Outcome.PENDING, Outcome.UNANSWERED)
         await flight.until(lambda: flight.now_s - flight.world.start_s > MEET_AT_S + 2.0, 90.0)
         assert not flight.nmac, "height and speed are still obeyed"
         assert setpoints(flight, flight.now_s - 2.0) >= 8

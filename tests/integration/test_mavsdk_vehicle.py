@@ -1,4 +1,4 @@
-"""The fake vehicles seen by an independent MAVLink implementation: MAVSDK's own library, over real UDP."""
+"""The fake vehicles against an independent MAVLink implementation: MAVSDK's library, over real UDP."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.wire
 
 HOME = GeoPoint(-35.363261, 149.1652299, 584.1)
 SPEEDUP = 10.0
-PATIENCE_S = 15.0  # real seconds: ten times what a loaded machine needed
+PATIENCE_S = 15.0  # real seconds, ten times the time on a loaded machine
 
 T = TypeVar("T")
 
@@ -75,7 +75,7 @@ MISSION = [
     item(2, NAV_WAYPOINT, 500.0, 0.0, 100.0),
     item(3, NAV_WAYPOINT, 4000.0, 500.0, 100.0),
 ]
-# PX4 keeps no home in front.
+# PX4 has no home item.
 PX4_MISSION = [
     item(0, NAV_TAKEOFF, 0.0, 0.0, 60.0, frame=6),
     item(1, NAV_WAYPOINT, 500.0, 0.0, 100.0, frame=6),
@@ -89,7 +89,7 @@ FENCE = [
 
 @asynccontextmanager
 async def connected(vehicle: FakeVehicle, clock: ScaledClock) -> AsyncIterator[Any]:
-    """MAVSDK's view of a vehicle; at the end, nothing that it sent was bad."""
+    """MAVSDK's view of a vehicle; at the end, MAVSDK must have sent no bad bytes."""
     link = open_link("udpin:127.0.0.1:0")
     assert isinstance(link, UdpLink)
     await link.open()
@@ -113,16 +113,16 @@ async def test_mavsdk_reads_uploads_arms_and_flies_a_mission() -> None:
     clock = ScaledClock(SPEEDUP)
     vehicle = FakeArduPlane(HOME, clock.now_s())
     async with connected(vehicle, clock) as system:
-        await check_what_it_reads(TelemetryAsync(system), FlightMode.MANUAL)
+        await check_telemetry(TelemetryAsync(system), FlightMode.MANUAL)
         await check_upload(MissionRawAsync(system), vehicle, MISSION)
         await check_flight(system, vehicle, "AUTO", "RTL")
 
 
-async def test_mavsdk_does_the_same_with_a_px4_and_its_ways() -> None:
+async def test_mavsdk_does_the_same_with_a_px4() -> None:
     clock = ScaledClock(SPEEDUP)
     vehicle = FakePx4(HOME, clock.now_s(), parameters={"FW_AIRSPD_TRIM": 20.0})
     async with connected(vehicle, clock) as system:
-        await check_what_it_reads(TelemetryAsync(system), FlightMode.MANUAL)
+        await check_telemetry(TelemetryAsync(system), FlightMode.MANUAL)
         await check_parameters(ParamAsync(system), vehicle)
         await check_upload(MissionRawAsync(system), vehicle, PX4_MISSION)
         await check_flight(system, vehicle, "MISSION", "RETURN")
@@ -130,7 +130,7 @@ async def test_mavsdk_does_the_same_with_a_px4_and_its_ways() -> None:
 
 
 async def check_parameters(params: Any, vehicle: FakePx4) -> None:
-    """Integers in MAVSDK's hands too are bytes in the float."""
+    """MAVSDK too encodes integers as the bytes of the float."""
     assert await params.get_param_int("SYS_AUTOSTART") == 2100
     await params.set_param_int("COM_OBL_RC_ACT", 5)
     await params.set_param_float("FW_R_LIM", 40.5)
@@ -146,7 +146,7 @@ async def check_hold(system: Any, vehicle: FakePx4) -> None:
     assert vehicle.truth.mode == "HOLD"
 
 
-async def check_what_it_reads(telemetry: Any, mode: Any) -> None:
+async def check_telemetry(telemetry: Any, mode: Any) -> None:
     position = await wait_for(telemetry.subscribe_position())
     assert position.latitude_deg == pytest.approx(HOME.lat_deg, abs=1e-6)
     assert position.longitude_deg == pytest.approx(HOME.lon_deg, abs=1e-6)

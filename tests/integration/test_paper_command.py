@@ -1,4 +1,4 @@
-"""`companion-sim paper` from outside: what it writes, what it says, and how it refuses."""
+"""`companion-sim paper` as a user runs it: files, output and errors."""
 
 import json
 import os
@@ -17,7 +17,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 def paper(*arguments: str) -> "subprocess.CompletedProcess[str]":
     command = [str(Path(sys.executable).with_name("companion-sim")), "paper", *arguments]
-    # A width at which no table is cut.
+    # Wide enough for all tables.
     return subprocess.run(
         command,
         capture_output=True,
@@ -47,7 +47,7 @@ def test_the_experiments_are_flown_and_written(
         assert set(content[name]) == {"none", "outer", "inner", "two_layer"}
         for row in content[name].values():
             assert set(row) >= MEASURES
-        assert content[name]["none"]["collisions"] > 0, "nobody avoids: the scene is one to avoid in"
+        assert content[name]["none"]["collisions"] > 0, "without avoidance the scene has collisions"
         assert content[name]["two_layer"]["arrived"]
         assert content[name]["two_layer"]["collisions"] == 0
     figures = [f"figure-{number:02d}.png" for number in range(7, 13)] + ["minima.png"]
@@ -55,13 +55,13 @@ def test_the_experiments_are_flown_and_written(
         assert (out / figure).read_bytes().startswith(PNG)
         assert (out / figure).stat().st_size > 20_000
     text = (out / "table.md").read_text()
-    assert "1.6192" in text, "the paper's figures stand beside ours"
+    assert "1.6192" in text, "the paper's values are beside ours"
 
 
-def test_the_two_layers_do_as_the_paper_says(
+def test_the_two_layers_reach_the_papers_ratios(
     experiments: "tuple[Path, subprocess.CompletedProcess[str]]",
 ) -> None:
-    """The ratios, or, where one falls short, the words that say so."""
+    """The ratios, or a report of a missed target."""
     out, _ = experiments
     content = json.loads((out / "report.json").read_text())
     single, group = content["single"], content["group"]
@@ -110,7 +110,7 @@ def test_a_small_study_of_the_transition_domain_is_flown_and_written(
         (("--out", "/tmp", "--fields", "0"), "--fields"),
     ],
 )
-def test_bad_usage_is_one_clear_answer(arguments: tuple[str, ...], words: str) -> None:
+def test_bad_usage_is_one_clear_line(arguments: tuple[str, ...], words: str) -> None:
     done = paper(*arguments)
     assert done.returncode == 2
     assert words in done.stderr

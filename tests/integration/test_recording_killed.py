@@ -1,4 +1,4 @@
-"""A process that records is killed at any moment: what it leaves can be read, and lacks a second at most."""
+"""A recording process killed at any moment leaves readable files that lack at most one second."""
 
 import json
 import random
@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from companion.mavlink.tlog import read_tlog
-from companion.recording import complete_all, parts_in, read_mcap
+from companion.recording import parts_in, read_mcap, repair_all
 
-# Records decisions and frames, says which was the newest, and begins new parts now and then.
+# Records decisions and frames in several parts, and prints the number of the newest.
 RECORDS = """
 import asyncio, itertools, json, sys, time
 from pathlib import Path
@@ -42,9 +42,9 @@ def test_killed_at_any_moment(tmp_path: Path, seed: int) -> None:
         process.stdout.readline()
         time.sleep(random.Random(seed).uniform(1.2, 4.0))
         process.kill()
-        told = [line.split() for line in process.stdout.read().splitlines() if line.count(" ") == 1]
-    newest, ended_s = int(told[-1][0]), float(told[-1][1])
-    a_second_before = max(int(number) for number, at_s in told if float(at_s) <= ended_s - 1.25)
+        printed = [line.split() for line in process.stdout.read().splitlines() if line.count(" ") == 1]
+    newest, ended_s = int(printed[-1][0]), float(printed[-1][1])
+    a_second_before = max(int(number) for number, at_s in printed if float(at_s) <= ended_s - 1.25)
 
     names = list(parts_in(tmp_path))
     texts = [name.path(tmp_path, ".jsonl").read_text() for name in names]
@@ -56,16 +56,16 @@ def test_killed_at_any_moment(tmp_path: Path, seed: int) -> None:
         if name.path(tmp_path, ".tlog").stat().st_size
         for time_us, _ in read_tlog(name.path(tmp_path, ".tlog"))
     ]
-    assert logged[:newest] == list(range(1, newest + 1)), "and no frame"
+    assert logged[:newest] == list(range(1, newest + 1)), "a killed process loses no frame"
 
-    def kept() -> list[int]:
+    def states() -> list[int]:
         mcaps = [name.path(tmp_path, ".mcap") for name in names]
         return [e.time_us for path in mcaps for e in read_mcap(path) if e.topic == "/companion/state"]
 
-    before = kept()
+    before = states()
     assert before == list(range(1, len(before) + 1))
     assert len(before) >= a_second_before
-    completed = complete_all(tmp_path)
-    assert len(completed) in (0, 1, 2), "the newest, and one that was full a moment ago"
-    assert kept() == before
-    assert complete_all(tmp_path) == []
+    repaired = repair_all(tmp_path)
+    assert len(repaired) in (0, 1, 2), "the newest, and one that was full a moment ago"
+    assert states() == before
+    assert repair_all(tmp_path) == []

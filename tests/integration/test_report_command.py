@@ -1,5 +1,6 @@
 """`companion report` as a process: pages, notes, exit codes, one-line errors."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ def report(log: Path, out: Path, *words: str) -> subprocess.CompletedProcess[str
     return call("report", str(log), "--out", str(out), *words)
 
 
-def test_of_a_recording(tmp_path: Path) -> None:
+def test_report_of_a_recording(tmp_path: Path) -> None:
     result = report(recording(tmp_path / "a.mcap"), tmp_path / "r.html")
     assert result.returncode == 0, result.stderr
     assert "r.html" in result.stdout
@@ -25,7 +26,7 @@ def test_of_a_recording(tmp_path: Path) -> None:
     assert "N1 (A00001)" in text
 
 
-def test_of_a_recording_that_was_cut_off(tmp_path: Path) -> None:
+def test_report_of_a_truncated_recording(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap", close=False)
     path.write_bytes(path.read_bytes()[:-50])
     result = report(path, tmp_path / "r.html")
@@ -37,18 +38,22 @@ def test_of_a_recording_that_was_cut_off(tmp_path: Path) -> None:
 # What the page says about logs.
 SAID = {
     "px4_fake_two_intruders": ("OWN2 (B00002)", "decided 73 s, not flown"),
-    "first_version": ("nothing is known of a position",),
+    "first_version": ("the log has no own position",),
     "px4_sih_fixed_wing_adsb_two_intruders": ("N51402 (A10001)", "decided 46 s, not flown"),
-    "copter_2021_v2_cut": ("nothing is known of a position",),
+    "copter_2021_v2_cut": ("the log has no own position",),
 }
 
 
 @pytest.mark.parametrize("name", [name for name in SAID if name in TLOGS])
-def test_of_a_tlog(tmp_path: Path, name: str) -> None:
+def test_report_of_a_tlog(tmp_path: Path, name: str) -> None:
     result = report(TLOGS[name], tmp_path / "r.html")
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "r.html").read_text()
     assert all(words in text for words in SAID[name])
+    if name.startswith("px4"):
+        times = re.findall(r"<td>(\d+:\d\d)</td><td>companion</td>", text)
+        assert len(times) > 3
+        assert len(set(times)) > 1, "each text has its own time"
 
 
 def test_errors_are_one_line(tmp_path: Path) -> None:
@@ -78,7 +83,7 @@ def test_a_flown_demonstration_is_recorded_and_reported(tmp_path: Path) -> None:
     mcap = name.path(tmp_path / "rec", ".mcap")
     log = read_mcap(mcap)
     assert {entry.topic for entry in log} >= {"/companion/decision", "/companion/text"}
-    assert log.whole
+    assert log.closed
     result = report(mcap, tmp_path / "r.html")
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "r.html").read_text()

@@ -1,4 +1,4 @@
-"""The fault table, what goes wrong with the companion itself: killed, told to end, its computer's clock."""
+"""Faults of the companion itself: killed, terminated, and a step of its computer's clock."""
 
 import asyncio
 import contextlib
@@ -21,14 +21,11 @@ from tests.support.virtual_time import VirtualTimeLoop, in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-# After its first line the companion takes up the flight in two or three seconds; more on a busy machine.
-BUSY_S = 25.0
-
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 class Aircraft:
-    """A vehicle in real time, and the companion beside it as a process that can be killed."""
+    """A vehicle in real time, and the companion as a process that can be killed."""
 
     vehicle: FakeVehicle
 
@@ -36,33 +33,35 @@ class Aircraft:
         self._config = config
         self._process: asyncio.subprocess.Process | None = None
 
-    async def start(self) -> None:
-        """Start it, and wait until it is there."""
+    async def start(self) -> float:
+        """Start the companion, and wait for its first line of log; returns how long that took [s]."""
+        began_s = time.monotonic()
         self._process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", "companion", "run", str(self._config),
             stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
         )  # fmt: skip
         assert self._process.stderr is not None
         await asyncio.wait_for(self._process.stderr.readline(), 30.0)
+        return time.monotonic() - began_s
 
     async def end(self, number: int) -> tuple[int | None, str]:
-        """Send it a signal; its exit code, and all that it said."""
+        """Send a signal to the companion; returns its exit code and its log."""
         assert self._process is not None
         self._process.send_signal(number)
         _, errors = await asyncio.wait_for(self._process.communicate(), 20.0)
         return self._process.returncode, errors.decode()
 
-    async def kill_what_is_left(self) -> None:
+    async def kill_if_running(self) -> None:
         if self._process is not None and self._process.returncode is None:
             await self.end(signal.SIGKILL)
 
-    async def until(self, so: Callable[[], bool], limit_s: float = 30.0) -> None:
+    async def until(self, condition: Callable[[], bool], limit_s: float = 30.0) -> None:
         async with asyncio.timeout(limit_s):
-            while not so():  # noqa: ASYNC110 - a simulated vehicle sets no events
+            while not condition():  # noqa: ASYNC110 - a simulated vehicle sets no events
                 await asyncio.sleep(0.02)
 
     async def flown(self) -> None:
-        """Wait until the companion flies it, and has for a moment."""
+        """Wait until the companion has flown the aircraft for a second."""
         await self.until(lambda: self.vehicle.truth.companion_flies)
         await asyncio.sleep(1.0)
         assert self.vehicle.truth.companion_flies
@@ -89,16 +88,21 @@ async def aircraft(
     try:
         yield flight
     finally:
-        await flight.kill_what_is_left()
+        await flight.kill_if_running()
         server.close()
         await flying
 
 
+def longest_recovery_s(start_s: float) -> float:
+    """The limit from the first line of log to control of the aircraft; a busy machine also starts slowly."""
+    return 2.0 + 2.0 * start_s
+
+
 @both
-async def test_killed_while_it_flies_and_started_again_it_takes_up_again(
+async def test_a_companion_killed_while_flying_gives_the_aircraft_back_after_a_restart(
     autopilot: Autopilot, tmp_path: Path
 ) -> None:
-    """And told to end while it flies, it gives the aircraft back first."""
+    """Also: a companion terminated while flying gives the aircraft back first."""
     async with aircraft(autopilot, tmp_path) as flight:
         await flight.flown()
         course_rad = flight.vehicle.truth.heading_rad
@@ -108,46 +112,46 @@ async def test_killed_while_it_flies_and_started_again_it_takes_up_again(
         assert truth.mode == {"ardupilot": "GUIDED", "px4": "HOLD"}[autopilot]
         assert not truth.uncontrolled
         if autopilot == "ardupilot":
-            assert abs(truth.heading_rad - course_rad) < 0.6, "it flies on, or on to the course it was told"
-        await flight.start()
+            assert abs(truth.heading_rad - course_rad) < 0.6, "it keeps or reaches its commanded course"
+        start_s = await flight.start()
         started_s = flight.vehicle.time_s
-        # To be given back is to have been taken up; while the conflict lasts it is flown again after that.
+        # Given back after the restart; then flown again, as the conflict still lasts.
         await flight.until(lambda: flight.vehicle.truth.on_mission)
-        assert flight.vehicle.time_s - started_s < BUSY_S
+        assert flight.vehicle.time_s - started_s < longest_recovery_s(start_s)
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
-        code, said = await flight.end(signal.SIGTERM)
+        code, log = await flight.end(signal.SIGTERM)
         assert code == 0
-        assert f"found, giving back to {MISSION[autopilot]}" in said
-        assert "Traceback" not in said
+        assert f"found, giving back to {MISSION[autopilot]}" in log
+        assert "Traceback" not in log
         assert flight.vehicle.truth.on_mission
         assert not flight.vehicle.truth.uncontrolled
         assert not (tmp_path / "state").exists()
 
 
-async def test_px4_left_in_a_climb_has_lost_itself_and_is_recovered_by_the_next_run(tmp_path: Path) -> None:
-    climbs = "avoidance: {weights: {spared_height: 0}}\n"
-    async with aircraft("px4", tmp_path, below_m=30.0, options=climbs) as flight:
+async def test_px4_left_in_a_climb_is_uncontrolled_until_the_next_run_recovers_it(tmp_path: Path) -> None:
+    allow_climb = "avoidance: {weights: {spared_height: 0}}\n"
+    async with aircraft("px4", tmp_path, below_m=30.0, options=allow_climb) as flight:
         await flight.flown()
         await asyncio.sleep(1.5)
         await flight.end(signal.SIGKILL)
         await flight.until(lambda: flight.vehicle.truth.mode == "HOLD")
         assert flight.vehicle.truth.uncontrolled
-        await flight.start()
+        start_s = await flight.start()
         started_s = flight.vehicle.time_s
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
-        assert flight.vehicle.time_s - started_s < BUSY_S
+        assert flight.vehicle.time_s - started_s < longest_recovery_s(start_s)
         await flight.until(lambda: not flight.vehicle.truth.uncontrolled)
         await asyncio.sleep(1.0)
         assert not flight.vehicle.truth.uncontrolled
-        code, said = await flight.end(signal.SIGTERM)
+        code, log = await flight.end(signal.SIGTERM)
         assert code == 0
-        assert "attitude setpoint lost, recovering" in said
+        assert "attitude setpoint lost, recovering" in log
         assert flight.vehicle.truth.on_mission
         assert not flight.vehicle.truth.uncontrolled
 
 
 class SteppedTime:
-    """What `companion.clock` reads: a system clock that is set while it runs, and one that is not."""
+    """The clocks that `companion.clock` reads: a system clock that is set meanwhile, and a monotonic one."""
 
     def __init__(self, monotonic_s: Callable[[], float]) -> None:
         self._monotonic_s = monotonic_s
@@ -163,7 +167,7 @@ class SteppedTime:
 @both
 @pytest.mark.parametrize("error_s", [-3600.0, 3600.0])
 @in_virtual_time
-async def test_a_step_of_the_computers_clock_changes_nothing(
+async def test_a_step_of_the_system_clock_changes_nothing(
     autopilot: Autopilot, error_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loop = asyncio.get_running_loop()

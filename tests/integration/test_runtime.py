@@ -6,6 +6,7 @@ import os
 import socket
 import tty
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from companion.errors import CompanionError
 from companion.links import MemoryLink, memory_pair, open_link
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode
+from companion.mavlink.tlog import read_tlog
 from companion.recording.recorder import Recorder
 from companion.runtime import Runtime
 from companion.watchdog import Watchdog
@@ -69,6 +71,12 @@ class Autopilot:
             await hearing
 
 
+def recorded(folder: Path) -> list[Any]:
+    """The messages of the one log in the folder."""
+    (log,) = folder.glob("*.tlog")
+    return [decode(frame) for _, frame in read_tlog(log)]
+
+
 async def until(runtime: Runtime, *states: State) -> None:
     async with asyncio.timeout(10.0):
         while runtime.engine.supervisor.state not in states:  # noqa: ASYNC110 - the engine sets no events
@@ -108,6 +116,62 @@ async def test_a_bug_gives_the_aircraft_back_before_it_ends_the_service() -> Non
         await asyncio.wait_for(running, 10.0)
     assert autopilot.mode == 10
     flying.cancel()
+
+
+@pytest.mark.parametrize("broken", ["tick", "decide"])
+async def test_a_bug_on_the_pilots_own_heartbeat_is_not_answered_with_a_mode(broken: str) -> None:
+    near, far = memory_pair()
+    runtime, autopilot = Runtime(new_engine(), [near]), Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    engine = runtime.engine
+    part = engine if broken == "tick" else engine.avoider
+    works = getattr(part, broken)
+
+    def fails_when_taken(*arguments: object) -> object:
+        if engine.aircraft.custom_mode == 5:
+            raise ZeroDivisionError("a bug")
+        return works(*arguments)
+
+    setattr(part, broken, fails_when_taken)
+    autopilot.modes_asked.clear()
+    autopilot.mode = 5
+    with pytest.raises(ZeroDivisionError):
+        await asyncio.wait_for(running, 10.0)
+    assert autopilot.modes_asked == []
+    assert autopilot.mode == 5
+    flying.cancel()
+
+
+async def test_an_emergency_release_hears_the_pilot_and_is_recorded(tmp_path: Path) -> None:
+    near, far = memory_pair()
+    recorder = Recorder(tmp_path, 0.0)
+    runtime = Runtime(new_engine(), [near], recorder=recorder)
+    autopilot = Autopilot(far, obeys=False)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    autopilot.modes_asked.clear()
+
+    def broken(_now_s: float) -> list[object]:
+        raise ZeroDivisionError("a bug")
+
+    runtime.engine.tick = broken  # type: ignore[method-assign,assignment]
+    async with asyncio.timeout(5.0):
+        while not autopilot.modes_asked:  # noqa: ASYNC110 - the autopilot sets no events
+            await asyncio.sleep(0.01)
+    autopilot.mode = 5  # the pilot, before our request is obeyed
+    with pytest.raises(ZeroDivisionError):
+        await asyncio.wait_for(running, 10.0)
+    assert autopilot.modes_asked == [10]
+    assert autopilot.mode == 5
+    flying.cancel()
+    messages = recorded(tmp_path)
+    asked = [int(m.param2) for m in messages if getattr(m, "command", None) == 176]
+    assert asked == [15, 10], "what was sent in the emergency is recorded too"
+    heard = [m.custom_mode for m in messages if m.get_type() == "HEARTBEAT" and m.autopilot == 3]
+    assert heard[-1] == 5
 
 
 async def test_an_autopilot_that_never_takes_it_back_is_said() -> None:

@@ -10,15 +10,16 @@ from companion.links.udp import UdpInLink
 from companion.runtime import Runtime
 from sim.clock import ScaledClock
 from sim.metrics import score_of
-from sim.scenario import Autopilot, build_world, load_scenario, scenario_names
+from sim.scenario import Autopilot, load_scenario, scenario_names
 from sim.server import VehicleServer
 from sim.vehicle import Truth
+from sim.world import build_world
 from tests.support.faulty_flight import GUIDED, MISSION, START_S, Notes, free_ports
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-# What comes after is the mission alone; that it is finished is seen in lockstep.
+# Time after the last meeting; the lockstep tests fly the rest of the mission.
 SETTLED_S = 10.0
 
 

@@ -1,4 +1,4 @@
-"""The display's server from outside: what it tells, what it refuses, and that nobody spoils it for others."""
+"""The display's server from outside: what it serves and refuses; viewers do not disturb each other."""
 
 import asyncio
 import contextlib
@@ -13,32 +13,32 @@ import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from companion.web import serving
-from companion.web.app import MOST_VIEWERS
+from companion.web.app import MOST_VIEWERS, STATIC
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
-from companion.web.source import Live
+from companion.web.source import LiveSource
 from tests.support.paths import CONFIGS
-from tests.support.web_bench import TOKEN, Answer, health, live, moment_after, site
+from tests.support.web_bench import TOKEN, Answer, health, live, site, snapshot_after
 
 pytestmark = pytest.mark.wire
 
 ALERTS = CONFIGS / "prometheus" / "alerts.yaml"
-MOMENT = moment_after(40.0)
+SNAPSHOT = snapshot_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
 
-async def show_on(source: Live, interval_s: float = 0.02, moment: LiveSnapshot = MOMENT) -> None:
+async def show_on(source: LiveSource, interval_s: float = 0.02, snapshot: LiveSnapshot = SNAPSHOT) -> None:
     while True:
-        source.show(moment)
+        source.show(snapshot)
         await asyncio.sleep(interval_s)
 
 
-async def test_the_state_is_there_once_there_is_something_to_tell() -> None:
+async def test_the_state_is_served_after_the_first_snapshot() -> None:
     source = live()
     async with site(source) as at:
         assert (await at.ask("/api/state")).status == 503
         assert (await at.ask("/healthz")).status == 503
-        source.show(MOMENT)
+        source.show(SNAPSHOT)
         answer = await at.ask("/api/state")
         assert answer.status == 200
         assert answer.json["decision"]["layer"] == "outer"
@@ -53,8 +53,8 @@ async def test_the_state_is_there_once_there_is_something_to_tell() -> None:
         }
 
 
-async def test_every_answer_forbids_browsers_what_is_not_ours() -> None:
-    async with site(live(MOMENT)) as at:
+async def test_every_answer_has_security_headers() -> None:
+    async with site(live(SNAPSHOT)) as at:
         for path in ("/", "/api/state", "/nothing", "/metrics", "/static/index.html"):
             headers = (await at.ask(path)).headers
             assert "default-src 'self'" in headers["content-security-policy"], path
@@ -62,17 +62,44 @@ async def test_every_answer_forbids_browsers_what_is_not_ours() -> None:
             assert headers["cache-control"] == "no-cache"
 
 
-async def test_nothing_but_the_page_is_served_from_its_folder() -> None:
-    async with site(live(MOMENT)) as at:
-        for path in ("/static/../app.py", "/static/%2e%2e/app.py", "/static//etc/passwd", "/app.py"):
-            assert (await at.ask(path)).status == 404, path
+async def test_every_file_of_the_page_is_served_with_its_type() -> None:
+    """Browsers run no module and apply no style sheet whose content type is wrong."""
+    types = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
+    files = [file for file in STATIC.rglob("*") if file.is_file()]
+    assert {file.parent.name for file in files} == {"static", "core", "map", "panels", "replay"}
+    async with site(live(SNAPSHOT)) as at:
+        for file in files:
+            answer = await at.ask(f"/static/{file.relative_to(STATIC)}")
+            assert (answer.status, answer.body) == (200, file.read_bytes()), file
+            assert answer.headers["content-type"].split(";")[0] == types[file.suffix], file
+            assert "default-src 'self'" in answer.headers["content-security-policy"], file
 
 
-async def test_metrics_are_what_prometheus_reads() -> None:
-    moment = replace(
-        MOMENT, health=health(ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11), ticks_total_s=0.5, unusable=3)
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/app.py",
+        "/static/../app.py",
+        "/static/%2e%2e/app.py",
+        "/static/core/../../app.py",
+        "/static/core/%2e%2e/%2e%2e/app.py",
+        "/static/map/..%2f..%2fapp.py",
+        "/static//etc/passwd",
+        "/static/core",
+        "/static/core/",
+    ],
+)
+async def test_no_file_outside_the_static_folder_is_served(path: str) -> None:
+    async with site(live(SNAPSHOT)) as at:
+        assert (await at.ask(path)).status == 404
+
+
+async def test_metrics_are_in_the_format_of_prometheus() -> None:
+    snapshot = replace(
+        SNAPSHOT,
+        health=health(ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11), ticks_total_s=0.5, unusable=3),
     )
-    async with site(live(moment)) as at:
+    async with site(live(snapshot)) as at:
         text = (await at.ask("/metrics")).body.decode()
     families = {family.name: family for family in text_string_to_metric_families(text)}
     ticks = families["companion_tick_seconds"]
@@ -85,12 +112,12 @@ async def test_metrics_are_what_prometheus_reads() -> None:
     assert families["companion_up"].samples[0].value == 1.0
 
 
-async def test_the_example_alerts_are_about_metrics_that_there_are() -> None:
+async def test_the_example_alerts_use_existing_metrics() -> None:
     rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
-    async with site(live(MOMENT)) as at:
+    async with site(live(SNAPSHOT)) as at:
         text = (await at.ask("/metrics")).body.decode()
     there = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
-    there |= {"companion_frames_total", "companion_frames_lost_total"}  # for each link, and here is none
+    there |= {"companion_frames_total", "companion_frames_lost_total"}  # per link; this snapshot has none
     for rule in rules:
         names = set(re.findall(r"companion_\w+", rule["expr"]))
         assert names, rule["alert"]
@@ -111,9 +138,9 @@ async def test_the_example_alerts_are_about_metrics_that_there_are() -> None:
         ("[", 403),
     ],
 )
-async def test_a_name_that_is_not_ours_is_not_answered(host: str, status: int) -> None:
-    """Or a page of somebody else could point its own name at us and read along."""
-    async with site(live(MOMENT)) as at:
+async def test_unknown_host_names_are_refused(host: str, status: int) -> None:
+    """Otherwise a page of another server could point its own name at us and read along."""
+    async with site(live(SNAPSHOT)) as at:
         assert (await at.ask("/api/state", headers={"Host": host})).status == status
 
 
@@ -127,9 +154,9 @@ async def test_a_name_that_is_not_ours_is_not_answered(host: str, status: int) -
         ("null", False),
     ],
 )
-async def test_the_stream_is_for_our_own_page(origin: str | None, allowed: bool) -> None:
+async def test_the_stream_is_only_for_our_own_page(origin: str | None, allowed: bool) -> None:
     settings = Settings(origins=("https://ground.example",))
-    async with site(live(MOMENT), settings) as at:
+    async with site(live(SNAPSHOT), settings) as at:
         if origin == "ours":
             origin = f"http://127.0.0.1:{at.port}"
         if not allowed:
@@ -140,40 +167,38 @@ async def test_the_stream_is_for_our_own_page(origin: str | None, allowed: bool)
             assert json.loads(await stream.recv())["version"] == 1
 
 
-async def test_the_role_is_changed_by_who_has_the_token_and_by_nobody_else() -> None:
+async def test_only_the_token_allows_a_change_of_role() -> None:
     source = live()
-    showing = asyncio.create_task(show_on(source, moment=replace(MOMENT, role="advise")))
+    showing = asyncio.create_task(show_on(source, snapshot=replace(SNAPSHOT, role="advise")))
     body = b'{"role": "advise"}'
     async with site(source, WITH_TOKEN) as at:
 
-        async def order(token: str | None, body: bytes = body, **headers: str) -> Answer:
+        async def ask_role(token: str | None, body: bytes = body, **headers: str) -> Answer:
             if token is not None:
                 headers["Authorization"] = f"Bearer {token}"
             return await at.ask("/api/role", method="POST", headers=headers, body=body)
 
         await asyncio.sleep(0.1)
-        refused = await order(None)
+        refused = await ask_role(None)
         assert (refused.status, refused.headers["www-authenticate"]) == (401, "Bearer")
-        assert (await order("a-token-of-others")).status == 401
-        assert (await order(TOKEN, Origin="http://evil.example")).status == 403
+        assert (await ask_role("a-token-of-others")).status == 401
+        assert (await ask_role(TOKEN, Origin="http://evil.example")).status == 403
         assert at.roles == []
-        assert (await order(TOKEN)).status == 200
-        assert (await order(TOKEN, b'{"role": "ADVISE"}')).json == {"role": "advise"}
+        assert (await ask_role(TOKEN)).status == 200
+        assert (await ask_role(TOKEN, b'{"role": "ADVISE"}')).json == {"role": "advise"}
         assert at.roles == ["advise", "advise"]
         for junk in (b"", b"{", b"[]", b'{"role": 2}', b'{"role": "pilot"}', b"[" * 1000, b"x" * 5000):
-            assert (await order(TOKEN, junk)).status == 400, junk
+            assert (await ask_role(TOKEN, junk)).status == 400, junk
         assert len(at.roles) == 2
-        assert (await order(TOKEN, b'{"role": "fly"}')).status == 409, (
-            "nothing shows that it came into effect"
-        )
+        assert (await ask_role(TOKEN, b'{"role": "fly"}')).status == 409, "no snapshot shows the role"
         showing.cancel()
         await asyncio.sleep(2.2)
-        assert (await order(TOKEN)).status == 503, "what was long ago shows nothing"
+        assert (await ask_role(TOKEN)).status == 503, "old snapshots do not count"
         assert len(at.roles) == 3
 
 
-async def test_without_a_token_nobody_gives_orders() -> None:
-    async with site(live(MOMENT)) as at:
+async def test_without_a_token_the_display_is_read_only() -> None:
+    async with site(live(SNAPSHOT)) as at:
         answer = await at.ask(
             "/api/role",
             method="POST",
@@ -186,12 +211,12 @@ async def test_without_a_token_nobody_gives_orders() -> None:
         assert (wrong.status, wrong.headers["allow"]) == (405, "POST")
 
 
-async def test_who_says_half_a_word_after_a_whole_one_is_shown_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, "_NEXT_WORD_S", 0.3)
-    async with site(live(MOMENT)) as at:
-        for word in (b"", b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\nG"):
+async def test_idle_connections_are_closed_and_streams_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serving, "_REQUEST_TIMEOUT_S", 0.3)
+    async with site(live(SNAPSHOT)) as at:
+        for part in (b"", b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\nG"):
             reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
-            writer.write(word)
+            writer.write(part)
             async with asyncio.timeout(5.0):
                 with contextlib.suppress(ConnectionResetError):
                     while await reader.read(65_536):
@@ -199,7 +224,7 @@ async def test_who_says_half_a_word_after_a_whole_one_is_shown_out(monkeypatch: 
             writer.close()
         async with websockets.connect(at.stream) as stream:
             await asyncio.sleep(0.6)
-            assert stream.state is websockets.State.OPEN, "who looks on stays"
+            assert stream.state is websockets.State.OPEN, "streams stay open"
 
 
 @pytest.mark.parametrize(
@@ -213,8 +238,8 @@ async def test_who_says_half_a_word_after_a_whole_one_is_shown_out(monkeypatch: 
     ],
     ids=["too long", "bytes", "half a line", "no such method", "empty lines"],
 )
-async def test_broken_requests_are_refused_and_the_others_are_served(request_line: bytes) -> None:
-    async with site(live(MOMENT)) as at:
+async def test_broken_requests_are_refused_and_others_are_served(request_line: bytes) -> None:
+    async with site(live(SNAPSHOT)) as at:
         reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
         writer.write(request_line + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
         async with asyncio.timeout(10.0):
@@ -227,8 +252,8 @@ async def test_broken_requests_are_refused_and_the_others_are_served(request_lin
 @pytest.mark.parametrize(
     "message", ["x" * 100_000, "x" * 1000, b"\x00" * 100, "not JSON", "[[[[", "{}"], ids=lambda m: str(m[:8])
 )
-async def test_messages_of_a_viewer_disturb_nobody(message: str | bytes) -> None:
-    source = live(MOMENT)
+async def test_messages_of_one_viewer_do_not_disturb_another(message: str | bytes) -> None:
+    source = live(SNAPSHOT)
     showing = asyncio.create_task(show_on(source))
     async with site(source) as at, websockets.connect(at.stream, close_timeout=0.2) as other:
         async with websockets.connect(at.stream) as stream:
@@ -247,8 +272,8 @@ async def test_messages_of_a_viewer_disturb_nobody(message: str | bytes) -> None
     showing.cancel()
 
 
-async def test_who_does_not_read_misses_states_and_delays_nobody() -> None:
-    source = live(MOMENT)
+async def test_a_viewer_that_does_not_read_delays_no_other() -> None:
+    source = live(SNAPSHOT)
     async with site(source) as at:
         sleeper = socket.create_connection(("127.0.0.1", at.port))
         sleeper.sendall(
@@ -265,8 +290,8 @@ async def test_who_does_not_read_misses_states_and_delays_nobody() -> None:
         sleeper.close()
 
 
-async def test_so_many_viewers_and_no_more() -> None:
-    async with site(live(MOMENT)) as at:
+async def test_the_number_of_viewers_is_bounded() -> None:
+    async with site(live(SNAPSHOT)) as at:
         viewers = [await websockets.connect(at.stream) for _ in range(MOST_VIEWERS)]
         with pytest.raises(websockets.InvalidStatus):
             await websockets.connect(at.stream)
@@ -282,8 +307,8 @@ async def test_so_many_viewers_and_no_more() -> None:
         await asyncio.gather(*(viewer.close() for viewer in viewers))
 
 
-async def test_a_thousand_connections_are_refused_within_bounds() -> None:
-    async with site(live(MOMENT)) as at, websockets.connect(at.stream) as viewer:
+async def test_the_number_of_connections_is_bounded() -> None:
+    async with site(live(SNAPSHOT)) as at, websockets.connect(at.stream) as viewer:
         crowd = []
         for _ in range(1000):
             one = socket.socket()
@@ -293,7 +318,7 @@ async def test_a_thousand_connections_are_refused_within_bounds() -> None:
             await asyncio.sleep(0)
         await asyncio.sleep(0.5)
         open_ones = sum(still_open(one) for one in crowd)
-        assert open_ones <= 200, "a bound, and what waits to be accepted"
+        assert open_ones <= 200, "the bound, and connections not yet accepted"
         assert json.loads(await viewer.recv())["version"] == 1
         for one in crowd:
             one.close()

@@ -1,4 +1,4 @@
-"""Whoever flies however and is heard with whatever noise: one aircraft is one track, two are two."""
+"""With any motion and realistic noise, one aircraft is one track, and two are two."""
 
 import math
 import random
@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from companion.geodesy import LocalFrame
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, Vec3, adsb_key
-from companion.traffic import OwnMotion, Tracker, TrafficParams
+from companion.traffic import Tracker, TrafficParams
+from companion.traffic.ownship_echo import OwnshipFix
 
 PARAMS = TrafficParams(max_tracks=6, own_uas_id="07")
 ADSB, UTM, SYSTEM = TrafficSource
@@ -27,8 +28,8 @@ def named(source: TrafficSource, number: int, **fields: Any) -> TrafficReport:
     return TrafficReport(source, f"{PREFIX[source]}{number:02X}", icao=icao, **fields)
 
 
-# All within a few hundred metres, so that pairs come and go.
-anything = st.builds(
+# All within a few hundred metres, so that pairs merge and split.
+reports = st.builds(
     named,
     st.sampled_from(TrafficSource),
     st.integers(1, 8),
@@ -45,26 +46,26 @@ anything = st.builds(
     position_sigma_m=maybe(0.0, 50.0),
     altitude_sigma_m=maybe(0.0, 50.0),
 )
-own = st.builds(
-    OwnMotion, st.just(0.0), st.floats(47.0, 47.005), st.floats(8.0, 8.005), st.floats(400.0, 600.0),
+ownship_fixes = st.builds(
+    OwnshipFix, st.just(0.0), st.floats(47.0, 47.005), st.floats(8.0, 8.005), st.floats(400.0, 600.0),
     st.floats(-30.0, 30.0), st.floats(-30.0, 30.0), st.floats(-5.0, 5.0),
 )  # fmt: skip
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(st.tuples(st.floats(-0.5, 3.0), st.none() | own | anything), max_size=60))
-def test_any_history_gives_finite_tracks_of_different_names_and_the_same_again(
-    history: list[tuple[float, TrafficReport | OwnMotion | None]],
+@given(st.lists(st.tuples(st.floats(-0.5, 3.0), st.none() | ownship_fixes | reports), max_size=60))
+def test_any_history_gives_finite_tracks_with_distinct_ids_reproducibly(
+    history: list[tuple[float, TrafficReport | OwnshipFix | None]],
 ) -> None:
     def play() -> list[Any]:
         tracker, now_s, answers = Tracker(PARAMS), 0.0, []
         for step_s, event in history:
             now_s += step_s
-            renewed = None
-            if isinstance(event, OwnMotion):
-                tracker.note_own(event._replace(time_s=now_s))
+            updated = None
+            if isinstance(event, OwnshipFix):
+                tracker.observe_ownship(event._replace(time_s=now_s))
             elif event is not None:
-                renewed = tracker.receive(event, now_s)
+                updated = tracker.receive(event, now_s)
             tracks = tracker.tracks(now_s, LocalFrame(47.0, 8.0))
             ids = [track.track_id for track in tracks]
             assert ids == sorted(set(ids))
@@ -74,16 +75,16 @@ def test_any_history_gives_finite_tracks_of_different_names_and_the_same_again(
                 numbers = (*track.position_m, *track.velocity_mps, track.vertical_uncertainty_m, track.age_s)
                 assert all(map(math.isfinite, numbers))
             assert tracker.without_position(now_s) <= 2 * PARAMS.max_tracks
-            answers.append((renewed, tracks))
+            answers.append((updated, tracks))
         return answers
 
     assert repr(play()) == repr(play())
 
 
-def heard(
+def noisy_report(
     source: TrafficSource, key: str, time_s: float, position_m: Vec3, velocity_mps: Vec3, rng: random.Random
 ) -> TrafficReport:
-    """As receivers report: 10 m and 1 m/s of noise each way, a height in the reference of the source."""
+    """A report with noise of 10 m and 1 m/s on each axis."""
     north_m, east_m, down_m = (p + rng.gauss(0.0, 10.0) for p in position_m)
     north_mps, east_mps = (v + rng.gauss(0.0, 1.0) for v in velocity_mps[:2])
     place = LocalFrame(47.0, 8.0).to_geo(north_m, east_m, down_m)
@@ -106,7 +107,7 @@ def velocity_of(flight: tuple[float, float, float]) -> Vec3:
 
 @settings(max_examples=40, deadline=None)
 @given(flights, st.floats(0.0, 0.9), st.integers(0, 1_000))
-def test_one_aircraft_heard_in_two_ways_with_noise_and_delay_is_soon_one_track(
+def test_one_aircraft_from_two_sources_with_noise_and_delay_is_soon_one_track(
     flight: tuple[float, float, float], delay_s: float, seed: int
 ) -> None:
     rng, tracker, velocity_mps = random.Random(seed), Tracker(), velocity_of(flight)
@@ -114,10 +115,10 @@ def test_one_aircraft_heard_in_two_ways_with_noise_and_delay_is_soon_one_track(
         here = tuple(v * second for v in velocity_mps)
         then = tuple(v * (second - delay_s) for v in velocity_mps)
         tracker.receive(
-            heard(ADSB, "4B1234", second, (here[0], here[1], here[2] - 800), velocity_mps, rng), second
+            noisy_report(ADSB, "4B1234", second, (here[0], here[1], here[2] - 800), velocity_mps, rng), second
         )
         tracker.receive(
-            heard(UTM, "UTM-A1", second, (then[0], then[1], then[2] - 800), velocity_mps, rng), second
+            noisy_report(UTM, "UTM-A1", second, (then[0], then[1], then[2] - 800), velocity_mps, rng), second
         )
         ids = [track.track_id for track in tracker.tracks(second, LocalFrame(47.0, 8.0))]
         assert ids == ["4B1234"] if second >= 25 else "4B1234" in ids
@@ -125,7 +126,7 @@ def test_one_aircraft_heard_in_two_ways_with_noise_and_delay_is_soon_one_track(
 
 @settings(max_examples=40, deadline=None)
 @given(flights, st.floats(150.0, 600.0), st.floats(0.0, 2.0 * math.pi), st.integers(0, 1_000))
-def test_two_in_formation_stay_two_whoever_else_hears_them(
+def test_two_aircraft_in_formation_stay_two_with_reports_of_other_sources(
     flight: tuple[float, float, float], apart_m: float, bearing_rad: float, seed: int
 ) -> None:
     rng, tracker, velocity_mps = random.Random(seed), Tracker(), velocity_of(flight)
@@ -135,15 +136,15 @@ def test_two_in_formation_stay_two_whoever_else_hears_them(
             north_m, east_m, down_m = (v * second for v in velocity_mps)
             position_m = north_m + off_north_m, east_m + off_east_m, down_m - 800.0
             tracker.receive(
-                heard(ADSB, adsb_key(0x4B0000 + number), second, position_m, velocity_mps, rng), second
+                noisy_report(ADSB, adsb_key(0x4B0000 + number), second, position_m, velocity_mps, rng), second
             )
             if number:
-                tracker.receive(heard(UTM, "UTM-A1", second, position_m, velocity_mps, rng), second)
-                tracker.receive(heard(SYSTEM, "SYS-7", second, position_m, velocity_mps, rng), second)
+                tracker.receive(noisy_report(UTM, "UTM-A1", second, position_m, velocity_mps, rng), second)
+                tracker.receive(noisy_report(SYSTEM, "SYS-7", second, position_m, velocity_mps, rng), second)
         tracks = tracker.tracks(second, LocalFrame(47.0, 8.0))
         assert {"4B0000", "4B0001"} <= {track.track_id for track in tracks}
     assert [track.track_id for track in tracks] == ["4B0000", "4B0001"]
     north_m, east_m, _ = (v * 29.0 for v in velocity_mps)
     for track, (off_north_m, off_east_m) in zip(tracks, ((0.0, 0.0), aside_m), strict=True):
         there = north_m + off_north_m, east_m + off_east_m
-        assert math.dist(track.position_m[:2], there) < 45.0, "each where it is"
+        assert math.dist(track.position_m[:2], there) < 45.0, "each at its own position"

@@ -1,4 +1,4 @@
-"""What must hold for every geometry: closest approach, symmetry, invariance, limits, finite answers."""
+"""Properties of decisions in any geometry: closest approach, invariance, limits, finite guidance."""
 
 import math
 
@@ -33,7 +33,7 @@ def decide(own: Ownship, tracks: list[Track], goal: Goal) -> Decision:
 
 
 @st.composite
-def situations(draw: st.DrawFn) -> tuple[Ownship, list[Track], Goal]:
+def cases(draw: st.DrawFn) -> tuple[Ownship, list[Track], Goal]:
     course, airspeed = draw(angles), draw(st.floats(15.0, 30.0))
     velocity = (airspeed * math.cos(course), airspeed * math.sin(course), draw(st.floats(-3.0, 3.0)))
     own = Ownship(0.0, (0.0, 0.0, -draw(st.floats(60.0, 1400.0))), velocity, airspeed, course)
@@ -50,11 +50,11 @@ def situations(draw: st.DrawFn) -> tuple[Ownship, list[Track], Goal]:
 
 
 @settings(max_examples=150, deadline=None)
-@given(situations())
-def test_whatever_comes_the_answer_is_finite_and_within_the_limits(
-    situation: tuple[Ownship, list[Track], Goal],
+@given(cases())
+def test_every_decision_is_finite_and_within_the_limits(
+    case: tuple[Ownship, list[Track], Goal],
 ) -> None:
-    decision = decide(*situation)
+    decision = decide(*case)
     assert (decision.layer is Layer.CLEAR) == (decision.guidance is None)
     if decision.guidance is None:
         return
@@ -67,19 +67,19 @@ def test_whatever_comes_the_answer_is_finite_and_within_the_limits(
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
-@given(situations(), st.floats(-30_000.0, 30_000.0), st.floats(-30_000.0, 30_000.0))
-def test_where_the_frame_lies_decides_nothing(
-    situation: tuple[Ownship, list[Track], Goal], north_m: float, east_m: float
+@given(cases(), st.floats(-30_000.0, 30_000.0), st.floats(-30_000.0, 30_000.0))
+def test_the_origin_of_the_frame_does_not_matter(
+    case: tuple[Ownship, list[Track], Goal], north_m: float, east_m: float
 ) -> None:
-    own, tracks, goal = situation
+    own, tracks, goal = case
 
-    def moved(place: Vec3) -> Vec3:
+    def shifted(place: Vec3) -> Vec3:
         return (place[0] + north_m, place[1] + east_m, place[2])
 
     first = decide(own, tracks, goal)
     second = decide(
-        Ownship(0.0, moved(own.position_m), own.velocity_mps, own.airspeed_mps, own.heading_rad),
-        [Track(t.track_id, t.time_s, moved(t.position_m), t.velocity_mps) for t in tracks],
+        Ownship(0.0, shifted(own.position_m), own.velocity_mps, own.airspeed_mps, own.heading_rad),
+        [Track(t.track_id, t.time_s, shifted(t.position_m), t.velocity_mps) for t in tracks],
         goal,
     )
     assert first.layer is second.layer
@@ -87,7 +87,9 @@ def test_where_the_frame_lies_decides_nothing(
 
 
 @given(st.floats(-89.0, 89.0), st.floats(-180.0, 179.999), lengths, lengths)
-def test_the_local_frame_is_its_own_inverse(lat: float, lon: float, north_m: float, east_m: float) -> None:
+def test_the_local_frame_converts_there_and_back(
+    lat: float, lon: float, north_m: float, east_m: float
+) -> None:
     frame = LocalFrame(lat, lon)
     back = frame.to_ned_m(frame.to_geo(north_m, east_m, -100.0))
     assert np.allclose(back, (north_m, east_m, -100.0), atol=1e-4)

@@ -1,4 +1,4 @@
-"""What must hold everywhere of the collision cone and of the transition domain, its memory."""
+"""Properties of the collision cone, and of the transition domain, its memory."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from tests.support.avoidance_cases import (
 def enter(
     domain: TransitionDomain, ids: Sequence[str], alpha: Array, beta1: Array, reached: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """One look: in whose domain we are."""
+    """Update the domain; in whose cone we are."""
     inside: NDArray[np.bool_] = reached & domain.covers(ids, alpha, beta1)
     domain.keep(ids, inside)
     return inside
@@ -46,7 +46,7 @@ def test_the_cone_is_the_same_on_both_sides(
 
 @settings(deadline=None, derandomize=True)
 @given(places, velocities, st.floats(1.0, 3000.0))
-def test_the_cone_holds_exactly_the_straight_ways_that_hit(
+def test_the_cone_contains_exactly_the_directions_that_collide(
     place: tuple[float, float], velocity: tuple[float, float], radius_m: float
 ) -> None:
     at, moving = np.array(place), np.array(velocity)
@@ -54,7 +54,7 @@ def test_the_cone_holds_exactly_the_straight_ways_that_hit(
     assume(math.hypot(*place) > radius_m)
     along_s = max(float(at @ moving) / float(moving @ moving), 0.0)
     missed_m = math.hypot(*(at - along_s * moving))
-    assume(abs(missed_m - radius_m) > 1e-6 * radius_m)  # a tangent touches
+    assume(abs(missed_m - radius_m) > 1e-6 * radius_m)  # a tangent only touches
     assert in_cone(at, moving, radius_m) is (missed_m < radius_m)
 
 
@@ -71,7 +71,7 @@ def test_the_edges_of_the_cone_are_tangents(distance_m: float, share: float, bea
 
 
 @given(st.floats(0.1, 50_000.0), st.floats(0.1, 5_000.0))
-def test_the_cone_is_that_of_the_tangent(distance_m: float, radius_m: float) -> None:
+def test_the_half_angle_is_that_of_the_tangent(distance_m: float, radius_m: float) -> None:
     beta = float(half_angle_rad(np.array([distance_m]), np.array([radius_m]))[0])
     if distance_m > radius_m:
         assert math.isclose(math.sin(beta), radius_m / distance_m, rel_tol=1e-9)
@@ -92,10 +92,10 @@ IDS = ("A", "B", "C")
         max_size=30,
     )
 )
-def test_each_obstacle_has_its_own_memory_and_loses_it_when_it_leaves(
+def test_each_obstacle_has_its_own_memory_and_loses_it_when_left(
     moments: list[dict[str, tuple[float, bool]]],
 ) -> None:
-    """Between beta1 and beta2 the answer is that obstacle's last one, of whatever others there are."""
+    """Between beta1 and beta2 the result for an obstacle is its last one, independent of others."""
     delta = math.radians(20.0)
     beta1 = dict(zip(IDS, (math.radians(5.0), math.radians(30.0), math.pi), strict=True))
     domain, last = TransitionDomain(delta), dict.fromkeys(IDS, False)
@@ -119,7 +119,7 @@ def test_each_obstacle_has_its_own_memory_and_loses_it_when_it_leaves(
 
 @settings(deadline=None, derandomize=True)
 @given(st.permutations(IDS), st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3))
-def test_the_order_of_the_obstacles_means_nothing(order: list[str], alphas: list[float]) -> None:
+def test_the_order_of_the_obstacles_does_not_matter(order: list[str], alphas: list[float]) -> None:
     beta1, reached = np.full(3, 0.1), np.full(3, True)
     by_id = dict(zip(IDS, alphas, strict=True))
     one, other = TransitionDomain(0.1), TransitionDomain(0.1)
@@ -131,7 +131,7 @@ def test_the_order_of_the_obstacles_means_nothing(order: list[str], alphas: list
 
 @settings(deadline=None, derandomize=True)
 @given(st.lists(st.floats(0.101, 0.199), min_size=2, max_size=30), st.booleans())
-def test_an_angle_that_stays_within_the_domain_never_changes_the_answer(
+def test_an_angle_that_stays_within_the_domain_never_changes_the_result(
     alphas: list[float], entered: bool
 ) -> None:
     domain, beta1, reached = TransitionDomain(0.1), np.array([0.1]), np.array([True])
@@ -140,7 +140,7 @@ def test_an_angle_that_stays_within_the_domain_never_changes_the_answer(
     assert {bool(enter(domain, ["A"], np.array([a]), beta1, reached)[0]) for a in alphas} == {entered}
 
 
-def test_who_comes_back_into_the_list_has_to_enter_again() -> None:
+def test_an_obstacle_that_comes_back_has_to_be_entered_again() -> None:
     domain, beta1, reached = TransitionDomain(0.1), np.array([0.1]), np.array([True])
     within, between = np.array([0.05]), np.array([0.15])
     assert enter(domain, ["A"], within, beta1, reached)[0]
@@ -151,8 +151,8 @@ def test_who_comes_back_into_the_list_has_to_enter_again() -> None:
 
 
 @given(st.lists(st.floats(-math.pi, math.pi), min_size=1, max_size=40))
-def test_within_the_domain_it_never_chatters(alphas: list[float]) -> None:
-    """Between beta1 and beta2 the answer is the last one."""
+def test_within_the_domain_the_result_never_chatters(alphas: list[float]) -> None:
+    """Between beta1 and beta2 the result is the last one."""
     beta1, delta = math.radians(10.0), math.radians(5.0)
     domain, last = TransitionDomain(delta), False
     for alpha in alphas:

@@ -11,7 +11,7 @@ from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import ParameterSet
 from companion.model import Role
 from tests.support.junk_facts import GCS, T0, US, Junk
-from tests.support.moody_aeroplane import ARDUPILOT, PX4, QUESTIONS, Aeroplane
+from tests.support.random_aircraft import ARDUPILOT, PX4, QUERIES, RandomAircraft
 
 GUIDING = {
     mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
@@ -34,13 +34,13 @@ def sent_by(effects: list[Effect]) -> list[Message]:
 def acts(message: Message) -> bool:
     """Whether a message changes what the aircraft does."""
     kind = message.get_type()
-    return kind not in HARMLESS and getattr(message, "command", None) not in QUESTIONS
+    return kind not in HARMLESS and getattr(message, "command", None) not in QUERIES
 
 
 class Referee:
     """Watches every tick."""
 
-    def __init__(self, engine: Engine, aeroplane: Aeroplane) -> None:
+    def __init__(self, engine: Engine, aeroplane: RandomAircraft) -> None:
         self.engine = engine
         self.aeroplane = aeroplane
         self.states: Counter[State] = Counter()
@@ -50,7 +50,7 @@ class Referee:
     def tick(self, now_s: float) -> list[Message]:
         engine = self.engine
         before = engine.supervisor.state
-        ready = not engine.readiness.hindrances(now_s)
+        ready = not engine.hindrances(now_s)
         messages = sent_by(engine.tick(now_s))
         after = engine.supervisor.state
         self.states[after] += 1
@@ -98,20 +98,20 @@ def new_engine(autopilot: int) -> Engine:
 @pytest.mark.parametrize("seed", [0, 15])
 def test_an_aircraft_with_a_will_of_its_own_is_never_commanded_against_it(autopilot: int, seed: int) -> None:
     chance = random.Random(1000 * autopilot + seed)
-    engine, aeroplane = new_engine(autopilot), Aeroplane(chance, autopilot)
+    engine, aeroplane = new_engine(autopilot), RandomAircraft(chance, autopilot)
     referee = Referee(engine, aeroplane)
     for tick in range(1500):
         now_s = T0 + tick / 10
-        aeroplane.live(now_s)
-        for fact in aeroplane.says(now_s, tick):
+        aeroplane.advance(now_s)
+        for fact in aeroplane.facts(now_s, tick):
             if engine.receive(fact, now_s):
                 for message in referee.tick(now_s):
-                    aeroplane.hear(message)
+                    aeroplane.receive(message)
         if chance.random() < 0.01:
             role = chance.choice((0.0, 1.0, 2.0, 2.0, 2.0))
             engine.receive(ParameterSet(GCS, US, "CA_ROLE", role), now_s)
         for message in referee.tick(now_s):
-            aeroplane.hear(message)
+            aeroplane.receive(message)
     assert referee.states[State.OUTER] + referee.states[State.INNER] > 20, "it has been flown"
     assert referee.states[State.HANDS_OFF] > 20, "and taken away"
     gaps_s = [b - a for a, b in zip(referee.beats_s, referee.beats_s[1:], strict=False)]
@@ -123,14 +123,14 @@ def test_an_aircraft_with_a_will_of_its_own_is_never_commanded_against_it(autopi
 @pytest.mark.parametrize("seed", range(2))
 def test_no_fact_makes_it_raise(autopilot: int, seed: int) -> None:
     chance = random.Random(7000 * autopilot + seed)
-    engine, aeroplane, junk = new_engine(autopilot), Aeroplane(chance, autopilot), Junk(chance)
+    engine, aeroplane, junk = new_engine(autopilot), RandomAircraft(chance, autopilot), Junk(chance)
     encoder, now_s = Encoder(), T0
     for tick in range(1000):
         now_s += chance.choice((0.0, 3.0)) if chance.random() < 0.02 else 0.1
-        facts = aeroplane.says(now_s, tick) if tick % 300 < 200 else []
+        facts = aeroplane.facts(now_s, tick) if tick % 300 < 200 else []
         facts += [junk.fact(now_s) for _ in range(chance.choice((0, 0, 1, 5)))]
         chance.shuffle(facts)
         effects = [e for fact in facts if engine.receive(fact, now_s) for e in engine.tick(now_s)]
         for message in sent_by([*effects, *engine.tick(now_s)]):
             encoder.encode(message, 1, 196)
-            aeroplane.hear(message)
+            aeroplane.receive(message)

@@ -1,4 +1,4 @@
-"""The geometry of fences against other ways to compute it, in any frame, for polygons of any simple shape."""
+"""The geometry of fences against other computations, in any frame, for simple polygons of any shape."""
 
 import math
 
@@ -19,7 +19,7 @@ places = st.tuples(st.floats(-1500.0, 1500.0), st.floats(-1500.0, 1500.0))
 
 @st.composite
 def polygons(draw: st.DrawFn) -> tuple[Vec2, ...]:
-    """Simple, mostly concave: a star around some place, in either sense of rotation."""
+    """Simple polygons, mostly concave: a star around some place, of either orientation."""
     centre = draw(places)
     radii = draw(st.lists(st.floats(50.0, 1000.0), min_size=3, max_size=9))
     angles = np.linspace(0.0, 2.0 * math.pi, len(radii), endpoint=False) + draw(st.floats(0.0, 1.0))
@@ -30,7 +30,7 @@ def polygons(draw: st.DrawFn) -> tuple[Vec2, ...]:
 
 
 def winding(place: Vec2, vertices: tuple[Vec2, ...]) -> int:
-    """How often the polygon goes round the place: the sum of the angles that its edges fill."""
+    """How many times the polygon goes round the place: the sum of the angles of its edges."""
     total = 0.0
     for (an, ae), (bn, be) in zip(vertices, (*vertices[1:], vertices[0]), strict=True):
         one, other = complex(an - place[0], ae - place[1]), complex(bn - place[0], be - place[1])
@@ -62,7 +62,7 @@ def inside_m(zone: Zone, place: Vec2) -> float:
 
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(polygons(), places)
-def test_inside_is_what_the_outline_goes_round(vertices: tuple[Vec2, ...], place: Vec2) -> None:
+def test_inside_is_where_the_outline_goes_round(vertices: tuple[Vec2, ...], place: Vec2) -> None:
     inside = inside_m(Zone(True, vertices), place)
     away_m = to_edges_m(place, vertices)
     assert math.isclose(abs(inside), away_m, abs_tol=ROUNDING_M)
@@ -74,7 +74,7 @@ def test_inside_is_what_the_outline_goes_round(vertices: tuple[Vec2, ...], place
 @given(
     polygons(), places, st.floats(-math.pi, math.pi), st.tuples(st.floats(-2e4, 2e4), st.floats(-2e4, 2e4))
 )
-def test_a_turned_and_shifted_frame_changes_nothing(
+def test_a_rotated_and_shifted_frame_changes_nothing(
     vertices: tuple[Vec2, ...], place: Vec2, angle_rad: float, shift: Vec2
 ) -> None:
     def seen(at: Vec2) -> Vec2:
@@ -97,7 +97,7 @@ def test_which_vertex_comes_first_means_nothing(vertices: tuple[Vec2, ...], firs
 
 @settings(deadline=None, derandomize=True)
 @given(polygons(), places, places)
-def test_no_depth_changes_faster_than_one_moves(vertices: tuple[Vec2, ...], one: Vec2, other: Vec2) -> None:
+def test_a_depth_changes_no_faster_than_the_place(vertices: tuple[Vec2, ...], one: Vec2, other: Vec2) -> None:
     zone = Zone(True, vertices)
     assert abs(inside_m(zone, one) - inside_m(zone, other)) <= math.dist(one, other) + ROUNDING_M
 
@@ -121,14 +121,14 @@ zones = st.builds(
 
 
 def is_kept(zone: Zone, place: Array) -> bool:
-    """In the words of the zone, with no margin."""
+    """Whether a place is allowed by a zone without margin."""
     within = inside_m(zone, (place[0], place[1])) >= 0.0 and bool(zone.between_m(-place[2:])[0] >= 0.0)
     return within if zone.inclusion else not within
 
 
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(st.lists(zones, max_size=4), places, st.floats(0.0, 700.0), st.booleans())
-def test_zones_count_together_as_the_words_say(
+def test_zones_count_together_as_documented(
     some: list[Zone], place: Vec2, altitude_m: float, any_inclusion: bool
 ) -> None:
     at = np.array([*place, -altitude_m])
@@ -141,14 +141,14 @@ def test_zones_count_together_as_the_words_say(
     assume(depth_m == 0.0 or depth_m > 1e-6)
     limits_m = [limit for zone in some for limit in (zone.min_altitude_m, zone.max_altitude_m)]
     assume(all(limit_m is None or abs(altitude_m - limit_m) > 1e-6 for limit_m in limits_m))
-    # On the very edge both are true.
+    # Exactly on the edge both results are right.
     assume(all(abs(inside_m(zone, place)) > 1e-6 for zone in some))
     assert (depth_m == 0.0) is kept
 
 
 @settings(deadline=None, derandomize=True)
 @given(st.lists(zones, min_size=1, max_size=4), places, st.floats(0.0, 700.0), st.floats(1.0, 80.0))
-def test_a_wider_margin_is_never_less_strict(
+def test_a_wider_margin_is_at_least_as_strict(
     some: list[Zone], place: Vec2, altitude_m: float, margin_m: float
 ) -> None:
     at = np.array([[*place, -altitude_m]])
@@ -163,10 +163,10 @@ def test_a_wider_margin_is_never_less_strict(
     st.booleans(),
     st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)),
 )
-def test_no_zone_that_a_row_meets_is_left_out(
+def test_no_zone_that_a_row_enters_is_left_out(
     some: list[Zone], course_rad: float, any_inclusion: bool, wind: Vec2
 ) -> None:
-    """What is too far away to matter is not looked at; what was looked at says the same one by one."""
+    """Zones too far away are skipped; the depth of each row is that of its places one by one."""
     own = OwnState(np.array([30.0, -20.0, -300.0]), course_rad, 22.0, 0.0, np.array(wind))
     ways = [
         Guidance(course_rad + turn, 22.0, height)

@@ -1,4 +1,4 @@
-"""What must hold everywhere of the potential field: slopes of potentials, finite, never towards."""
+"""Properties of the potential field: gradients of potentials, finite, never towards an obstacle."""
 
 import math
 
@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance.geometry import Array
-from companion.avoidance.outer import FieldParams, Threats, resultant_rad
-from companion.avoidance.potential import attraction, repulsion, repulsion_magnitude
+from companion.avoidance.outer import RepellingTracks, resultant_rad
+from companion.avoidance.potential import FieldParams, attraction, repulsion, repulsion_magnitude
 from tests.support.avoidance_cases import (
     places,
 )
@@ -23,7 +23,7 @@ def repulsive_potential(own: Array, centre: Array, gain: float) -> float:
     return 0.5 * gain * (1.0 / rho - 1.0 / REACH) ** 2 if rho <= REACH else 0.0
 
 
-def slope(potential: object, own: Array) -> Array:
+def gradient(potential: object, own: Array) -> Array:
     """The negative gradient by central differences."""
     assert callable(potential)
     step = 1e-6
@@ -34,22 +34,22 @@ def slope(potential: object, own: Array) -> Array:
 
 @settings(deadline=None, derandomize=True)
 @given(st.floats(0.05, 1.5), st.floats(-math.pi, math.pi), st.floats(0.1, 20.0))
-def test_repulsion_is_the_slope_of_its_potential(rho: float, bearing_rad: float, gain: float) -> None:
-    assume(abs(rho - REACH) > 1e-3)  # where the potential has a kink
+def test_repulsion_is_the_gradient_of_its_potential(rho: float, bearing_rad: float, gain: float) -> None:
+    assume(abs(rho - REACH) > 1e-3)  # the potential has a kink there
     centre = (rho + RADIUS) * np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
     force = repulsion(centre[None], repulsion_magnitude(np.array([rho]), REACH, gain))
-    wanted = slope(lambda own: repulsive_potential(own, centre, gain), np.zeros(2))
+    wanted = gradient(lambda own: repulsive_potential(own, centre, gain), np.zeros(2))
     assert np.allclose(force, wanted, rtol=1e-4, atol=1e-6 * gain)
 
 
 @settings(deadline=None, derandomize=True)
 @given(places, places, st.floats(0.1, 20.0))
-def test_attraction_is_the_slope_of_half_the_squared_distance(
+def test_attraction_is_the_gradient_of_half_the_squared_distance(
     own: tuple[float, float], goal: tuple[float, float], gain: float
 ) -> None:
-    # In thousands, so that differences of squares keep their digits.
+    # In thousands, so that differences of squares are exact enough.
     at, to = np.array(own) / 1e3, np.array(goal) / 1e3
-    wanted = slope(lambda x: 0.5 * gain * float((x - to) @ (x - to)), at)
+    wanted = gradient(lambda x: 0.5 * gain * float((x - to) @ (x - to)), at)
     assert np.allclose(attraction(at, to, gain), wanted, rtol=1e-5, atol=1e-6 * gain)
 
 
@@ -70,7 +70,7 @@ def test_attraction_is_the_slope_of_half_the_squared_distance(
 def test_forces_are_finite_everywhere(
     threats: list[tuple[float, float, float]], gain: float, goal_distance: float
 ) -> None:
-    """At the centre, at the surface, within, and a thousand kilometres away."""
+    """At the centre, at the surface, inside, and a thousand kilometres away."""
     offset = np.array([[d * math.cos(a), d * math.sin(a)] for d, a, _ in threats])
     surface = np.array([d - radius for d, _, radius in threats])
     magnitude = repulsion_magnitude(surface / 1500.0, 1.0, gain)
@@ -82,7 +82,7 @@ def test_forces_are_finite_everywhere(
     course = resultant_rad(
         0.3,
         goal_distance,
-        Threats(offset, np.zeros_like(offset), surface, np.full(len(threats), 1500.0)),
+        RepellingTracks(offset, np.zeros_like(offset), surface, np.full(len(threats), 1500.0)),
         FieldParams(5.0, gain),
     )
     assert math.isfinite(course)
@@ -90,7 +90,7 @@ def test_forces_are_finite_everywhere(
 
 @settings(deadline=None, derandomize=True)
 @given(st.floats(0.001, 2.0), st.floats(0.001, 2.0))
-def test_who_is_nearer_is_pushed_no_less(one: float, other: float) -> None:
+def test_a_nearer_obstacle_pushes_at_least_as_hard(one: float, other: float) -> None:
     near, far = repulsion_magnitude(np.array(sorted((one, other))), 1.0, 1.0)
     assert near >= far
 

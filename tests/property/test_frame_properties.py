@@ -1,55 +1,68 @@
-"""Where the frame lies, and which way it is turned, decides nothing."""
+"""The position and the orientation of the frame do not affect decisions."""
 
 import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from numpy.typing import NDArray
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.assess import Survey
-from companion.avoidance.cost import Priced, Situation
-from companion.avoidance.trajectory import Tracks
+from companion.avoidance.cost import Conflict, EvaluatedRows
+from companion.avoidance.geometry import Mask
+from companion.avoidance.inner import InnerLayer
+from companion.avoidance.policies import LayerPolicy, OuterPolicy
 from companion.model import Layer, Ownship, Vec3
 from companion.units import wrap_pi
 from tests.support.avoidance_cases import (
-    ALL_STRATEGIES,
+    ALL_VARIANTS,
     Case,
     cases,
     frames,
     later,
-    named,
     seen_from,
+    variant_name,
 )
 
 
-class Listening(Avoider):
-    """Keeps the prices of its last decision."""
+class RecordingLayers:
+    """A layer policy that keeps the rows of its last choice."""
 
-    priced: Priced | None = None
+    def __init__(self, layers: LayerPolicy) -> None:
+        self._layers = layers
+        self.holding_layer, self.cooperates = layers.holding_layer, layers.cooperates
+        self.conflict = layers.conflict
+        self.rows: EvaluatedRows | None = None
 
-    def _priced(self, situation: Situation, survey: Survey, pressing: Tracks) -> tuple[Layer, Priced]:
-        layer, self.priced = super()._priced(situation, survey, pressing)
-        return layer, self.priced
+    def choose(
+        self, conflict: Conflict, outer: OuterPolicy, inner: InnerLayer, last: Layer
+    ) -> tuple[Layer, EvaluatedRows]:
+        layer, self.rows = self._layers.choose(conflict, outer, inner, last)
+        return layer, self.rows
 
 
-def without_u_turns(priced: Priced, own: Ownship) -> NDArray[np.bool_]:
-    """Rows that are no turn by exactly 180 degrees: that goes either way round, as rounding has it."""
+def recording_avoider(params: AvoidanceParams) -> tuple[Avoider, RecordingLayers]:
+    avoider = Avoider(params)
+    layers = RecordingLayers(avoider._policy.layers)
+    avoider._policy = avoider._policy._replace(layers=layers)
+    return avoider, layers
+
+
+def without_u_turns(rows: EvaluatedRows, own: Ownship) -> Mask:
+    """Rows that do not turn by exactly 180 degrees: rounding would choose the side of such a turn."""
     course_rad = math.atan2(own.velocity_mps[1], own.velocity_mps[0])
-    turn_rad = np.abs((priced.commands.course_rad - course_rad + math.pi) % (2.0 * math.pi) - math.pi)
-    grounds: NDArray[np.bool_] = turn_rad < math.pi - 1e-6
-    return grounds[priced.commands.ground_of]
+    turn_rad = np.abs((rows.commands.course_rad - course_rad + math.pi) % (2.0 * math.pi) - math.pi)
+    grounds: Mask = turn_rad < math.pi - 1e-6
+    return grounds[rows.commands.ground_of]
 
 
-def clear_choice(priced: Priced, usable: NDArray[np.bool_], gap: float) -> bool:
-    """Whether every row that flies differently from the best one is dearer by more than rounding is worth."""
-    best = priced.best()
+def has_clear_choice(rows: EvaluatedRows, usable: Mask, gap: float) -> bool:
+    """Whether all rows that differ from the best one cost more than it by at least the gap."""
+    best = rows.best
     if not usable[best]:
         return False
-    chosen = priced.commands.row(best)
-    for row in np.flatnonzero(priced.cost < priced.cost[best] + gap).tolist():
-        other = priced.commands.row(row)
+    chosen = rows.best_guidance
+    for row in np.flatnonzero(rows.cost < rows.cost[best] + gap).tolist():
+        other = rows.commands.row(row)
         if abs(wrap_pi(other.course_rad - chosen.course_rad)) > 1e-6 or (
             other.airspeed_mps,
             other.altitude_m,
@@ -59,20 +72,20 @@ def clear_choice(priced: Priced, usable: NDArray[np.bool_], gap: float) -> bool:
 
 
 # Single precision of a prediction over some kilometres, times the price of depth.
-PRICE_ROUNDING = 0.05
+COST_ROUNDING = 0.05
 
 
-@pytest.mark.parametrize("params", ALL_STRATEGIES, ids=named)
+@pytest.mark.parametrize("params", ALL_VARIANTS, ids=variant_name)
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(case=cases(), frame=frames())
-def test_a_turned_and_shifted_frame_turns_every_guidance(
+def test_a_rotated_and_shifted_frame_rotates_every_guidance(
     params: AvoidanceParams, case: Case, frame: tuple[float, Vec3]
 ) -> None:
-    """Two decisions, so that memory (cones entered, guidance held, rule's course) is turned too.
+    """Two decisions, so that the memory (cones entered, last guidance, course of the rule) rotates too.
 
-    Where two rows that fly differently cost the same, rounding may choose: then prices are compared alone.
+    If two different rows cost the same, rounding may choose between them. Then only costs are compared.
     """
-    one, other = Listening(params), Listening(params)
+    (one, one_layers), (other, other_layers) = recording_avoider(params), recording_avoider(params)
     for moment_s in (0.0, 1.0):
         case_now = later(case, moment_s)
         own = case_now[0]
@@ -83,13 +96,12 @@ def test_a_turned_and_shifted_frame_turns_every_guidance(
         if first.guidance is None or second.guidance is None:
             assert first.guidance is second.guidance
             continue
-        clear = True
-        if one.priced is not None and other.priced is not None and first.threats:
-            usable = without_u_turns(one.priced, own)
-            assert np.allclose(one.priced.cost[usable], other.priced.cost[usable], atol=PRICE_ROUNDING)
-            clear = clear_choice(one.priced, usable, 2.0 * PRICE_ROUNDING)
-        if not clear:
-            return
+        if one_layers.rows is not None and other_layers.rows is not None and first.threats:
+            usable = without_u_turns(one_layers.rows, own)
+            costs = one_layers.rows.cost[usable], other_layers.rows.cost[usable]
+            assert np.allclose(*costs, atol=COST_ROUNDING)
+            if not has_clear_choice(one_layers.rows, usable, 2.0 * COST_ROUNDING):
+                return
         turn_rad = second.guidance.course_rad - first.guidance.course_rad
         assert abs(wrap_pi(turn_rad - frame[0])) < 1e-6
         assert math.isclose(first.guidance.airspeed_mps, second.guidance.airspeed_mps)

@@ -1,4 +1,4 @@
-"""What must hold of groups: one answer for all, the best one, in every order and frame."""
+"""Properties of groups: one joint response for all members, the best one, in every order and frame."""
 
 import itertools
 import math
@@ -15,7 +15,7 @@ from companion.avoidance.group.formation import (
     RESPONSES,
     FormationParams,
     MemberState,
-    group_of,
+    group_around,
     joint_response,
 )
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
@@ -26,7 +26,7 @@ from tests.support.avoidance_cases import (
     TIMES_S,
     degrees,
     frames,
-    turned,
+    rotated,
     within_limits,
 )
 
@@ -35,7 +35,7 @@ FORMATION = FormationParams(influence_m=2000.0, separation_m=300.0, reach_m=2000
 
 @st.composite
 def groups(draw: st.DrawFn, least: int = 2, most: int = 3) -> list[MemberState]:
-    """Members on their ways through one neighbourhood, in generic positions."""
+    """Members on their ways through one area, in general positions."""
     states = []
     for i in range(draw(st.integers(least, most))):
         to_rad, bearing_rad = draw(degrees(0.137 + 0.1 * i)), draw(degrees(0.471 + 0.1 * i))
@@ -54,7 +54,7 @@ def groups(draw: st.DrawFn, least: int = 2, most: int = 3) -> list[MemberState]:
 def combination_values(
     states: Sequence[MemberState], params: FormationParams
 ) -> dict[tuple[int, int], tuple[float, float]]:
-    """Value and smallest distance of every combination of two members' responses, one after the other."""
+    """Value and smallest distance of every combination of two members' responses, by brute force."""
     paths, calm = [], []
     for state in states:
         course = math.atan2(state.velocity_mps[1], state.velocity_mps[0])
@@ -95,7 +95,7 @@ def combination_values(
 
 
 def rows_of(guidance: Guidance, state: MemberState) -> list[int]:
-    """Which responses of a member fly this."""
+    """The responses of a member that have this guidance."""
     goal = state.member.goal
     assert goal.position_m is not None
     bearing = math.atan2(goal.position_m[1] - state.position_m[1], goal.position_m[0] - state.position_m[0])
@@ -114,21 +114,23 @@ def rows_of(guidance: Guidance, state: MemberState) -> list[int]:
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(groups(least=2, most=2))
-def test_two_choose_the_best_that_keeps_separation_and_goals(states: list[MemberState]) -> None:
-    answer = joint_response(states, FORMATION)
-    assert answer is not None
+def test_two_members_choose_the_best_combination_that_keeps_separation_and_goals(
+    states: list[MemberState],
+) -> None:
+    response = joint_response(states, FORMATION)
+    assert response is not None
     values = combination_values(states, FORMATION)
-    first, second = (rows_of(answer.guidance[state.member_id], state)[0] for state in states)
+    first, second = (rows_of(response.guidance[state.member_id], state)[0] for state in states)
     chosen = (first, second)
     value, closest = values[chosen]
-    assert answer.closest_m == pytest.approx(closest)
+    assert response.closest_m == pytest.approx(closest)
     short = {
         rows
         for rows in values
         if all(RESPONSES[row].path_ratio <= FORMATION.largest_path_ratio for row in rows)
     }
     kept = {rows for rows, (_, least) in values.items() if least >= FORMATION.separation_m}
-    # On the edge of the separation rounding may decide.
+    # Exactly at the separation, rounding may decide.
     assume(all(abs(least - FORMATION.separation_m) > 1e-6 for _, least in values.values()))
     if kept & short:
         assert chosen in kept & short
@@ -142,7 +144,7 @@ def test_two_choose_the_best_that_keeps_separation_and_goals(states: list[Member
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(groups(least=2, most=5), st.randoms(use_true_random=False))
-def test_the_group_answers_the_same_in_every_order(states: list[MemberState], chance: object) -> None:
+def test_the_joint_response_is_the_same_in_every_order(states: list[MemberState], chance: object) -> None:
     first = joint_response(states, FORMATION)
     shuffled = list(states)
     chance.shuffle(shuffled)  # type: ignore[attr-defined]
@@ -151,20 +153,20 @@ def test_the_group_answers_the_same_in_every_order(states: list[MemberState], ch
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(groups(least=2, most=4))
-def test_every_member_flies_within_what_it_told(states: list[MemberState]) -> None:
-    answer = joint_response(states, FORMATION)
-    assert answer is not None
-    assert set(answer.guidance) == {state.member_id for state in states}
+def test_every_member_flies_within_its_reported_limits(states: list[MemberState]) -> None:
+    response = joint_response(states, FORMATION)
+    assert response is not None
+    assert set(response.guidance) == {state.member_id for state in states}
     for state in states:
-        guidance = answer.guidance[state.member_id]
+        guidance = response.guidance[state.member_id]
         assert state.member.min_airspeed_mps <= guidance.airspeed_mps <= state.member.max_airspeed_mps
         assert guidance.altitude_m == 300.0
         assert 0.0 <= guidance.course_rad < 2.0 * math.pi
-        assert rows_of(guidance, state), "one of the responses set in advance"
+        assert rows_of(guidance, state), "one of the defined responses"
 
 
 @pytest.mark.parametrize("airspeed_mps", [5.0, 45.0])
-def test_no_member_is_asked_for_the_speed_of_a_goal_that_it_cannot_fly(airspeed_mps: float) -> None:
+def test_no_member_gets_the_airspeed_of_its_goal_if_it_cannot_fly_it(airspeed_mps: float) -> None:
     states = [
         MemberState(
             name,
@@ -174,9 +176,9 @@ def test_no_member_is_asked_for_the_speed_of_a_goal_that_it_cannot_fly(airspeed_
         )
         for name, east_m in (("A", 0.0), ("B", 400.0))
     ]
-    answer = joint_response(states, FORMATION)
-    assert answer is not None
-    assert all(16.0 <= guidance.airspeed_mps <= 28.0 for guidance in answer.guidance.values())
+    response = joint_response(states, FORMATION)
+    assert response is not None
+    assert all(16.0 <= guidance.airspeed_mps <= 28.0 for guidance in response.guidance.values())
 
 
 @pytest.mark.parametrize("altitude_m", [50.0, 700.0])
@@ -187,8 +189,8 @@ def test_a_member_keeps_its_floor_and_ceiling(altitude_m: float) -> None:
     assert within_limits(decision.guidance)
 
 
-def members_view(places: Sequence[tuple[float, float]], who: int, altitude_m: float = 300.0) -> Decision:
-    """What one member decides, who sees the others; all fly north, at slightly different speeds."""
+def members_view(places: Sequence[tuple[float, float]], viewer: int, altitude_m: float = 300.0) -> Decision:
+    """The decision of one member that sees the others. All fly north, at slightly different speeds."""
     goal = Goal(0.0, 21.0, altitude_m)
     owns = [
         Ownship(0.0, (north, east, -300.0), (20.0 + i, 0.0, 0.0), 20.0 + i, 0.0, (0.0, 0.0))
@@ -204,9 +206,9 @@ def members_view(places: Sequence[tuple[float, float]], who: int, altitude_m: fl
             protected_vertical_m=40.0, member=avoiders[i].member(own, goal),
         )
         for i, own in enumerate(owns)
-        if i != who
+        if i != viewer
     ]  # fmt: skip
-    return avoiders[who].decide(0.0, owns[who], tracks, goal)
+    return avoiders[viewer].decide(0.0, owns[viewer], tracks, goal)
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -215,8 +217,8 @@ def members_view(places: Sequence[tuple[float, float]], who: int, altitude_m: fl
         lambda some: [(20.0 * n + 0.3 * i, 20.0 * e) for i, (n, e) in enumerate(some)]
     )
 )
-def test_every_member_comes_to_the_same_answer_from_where_it_is(group: list[tuple[float, float]]) -> None:
-    """Bit for bit: what one decides is what all the others think that it decides."""
+def test_every_member_computes_the_same_joint_response(group: list[tuple[float, float]]) -> None:
+    """Bit for bit: the decision of each member is what all others compute for it."""
     assume(min(math.dist(a, b) for a, b in itertools.combinations(group, 2)) > 100.0)
     params = replace(FORMATION, own_id="U0")
     goal = Goal(0.0, 21.0, 300.0)
@@ -225,22 +227,26 @@ def test_every_member_comes_to_the_same_answer_from_where_it_is(group: list[tupl
         MemberState(f"U{i}", (north, east, -300.0), (20.0 + i, 0.0, 0.0), member)
         for i, (north, east) in enumerate(group)
     ]
-    answer = joint_response(states, params)
-    for who in range(len(group)):
-        decision = members_view(group, who)
-        if answer is None or answer.closest_m < params.smallest_m or answer.unanswered_m >= 2000.0:
+    response = joint_response(states, params)
+    for viewer in range(len(group)):
+        decision = members_view(group, viewer)
+        if (
+            response is None
+            or response.closest_m < params.smallest_m
+            or response.straight_closest_m >= 2000.0
+        ):
             assert not decision.because.startswith("group: ")
         else:
-            assert decision.guidance == answer.guidance[f"U{who}"]
+            assert decision.guidance == response.guidance[f"U{viewer}"]
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(groups(least=2, most=5), st.integers(50, 900))
-def test_all_of_a_group_find_the_same_group(states: list[MemberState], reach_m: int) -> None:
-    """Who is within reach of somebody, who is within reach of somebody; brute force by spreading."""
+def test_all_members_of_a_group_find_the_same_group(states: list[MemberState], reach_m: int) -> None:
+    """Compared with brute force, which spreads from member to member within reach."""
     found = {
         state.member_id: {
-            one.member_id for one in group_of([state, *(s for s in states if s is not state)], reach_m)
+            one.member_id for one in group_around([state, *(s for s in states if s is not state)], reach_m)
         }
         for state in states
     }
@@ -257,45 +263,45 @@ def test_all_of_a_group_find_the_same_group(states: list[MemberState], reach_m: 
 
 
 def abreast(first: str, second: str, north_m: float = 0.0) -> dict[str, Guidance]:
-    """Two on mirrored ways; left and right cost the same."""
+    """The guidance of two members on mirrored paths, for which left and right cost the same."""
     member = Member(Goal(0.0, 20.0, 300.0), 16.0, 28.0, 0.3)
     states = [
         MemberState(first, (north_m, -500.0, -300.0), (20.0, 0.0, 0.0), member),
         MemberState(second, (north_m, 500.0, -300.0), (20.0, 0.0, 0.0), member),
     ]
-    answer = joint_response(states, FORMATION)
-    assert answer is not None
-    return dict(answer.guidance)
+    response = joint_response(states, FORMATION)
+    assert response is not None
+    return dict(response.guidance)
 
 
-def test_of_equal_answers_the_ids_decide_not_the_places() -> None:
+def test_between_equal_combinations_the_ids_decide_and_not_the_positions() -> None:
     once, swapped = abreast("A", "B"), abreast("B", "A")
     assert once["A"].course_rad == pytest.approx(-swapped["A"].course_rad % (2.0 * math.pi))
     assert once["A"].airspeed_mps == swapped["A"].airspeed_mps
     assert once["B"].airspeed_mps == swapped["B"].airspeed_mps
 
 
-def test_of_equal_answers_the_same_is_chosen_wherever_the_frame_lies() -> None:
-    """Bit for bit: the rounding of large coordinates must not choose between equals."""
+def test_between_equal_combinations_the_origin_of_the_frame_does_not_decide() -> None:
+    """Bit for bit: the rounding of large coordinates must not choose."""
     assert all(abreast("A", "B", 1e4 * shift + 7.0) == abreast("A", "B") for shift in range(1, 30))
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(groups(least=2, most=2), frames())
-def test_a_turned_and_shifted_frame_turns_the_answer_of_the_group(
+def test_a_rotated_and_shifted_frame_rotates_the_joint_response(
     states: list[MemberState], frame: tuple[float, Vec3]
 ) -> None:
     moved = []
     for state in states:
         goal = state.member.goal
         assert goal.position_m is not None
-        told = replace(state.member, goal=replace(goal, position_m=turned(goal.position_m, *frame)))
+        report = replace(state.member, goal=replace(goal, position_m=rotated(goal.position_m, *frame)))
         moved.append(
             MemberState(
                 state.member_id,
-                turned(state.position_m, *frame),
-                turned(state.velocity_mps, frame[0]),
-                told,
+                rotated(state.position_m, *frame),
+                rotated(state.velocity_mps, frame[0]),
+                report,
             )
         )
     first, second = joint_response(states, FORMATION), joint_response(moved, FORMATION)

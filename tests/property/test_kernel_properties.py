@@ -9,24 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance.cone import approach_angle_rad
-from companion.avoidance.cost import CostWeights
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.geometry import Array, relative_motion
+from companion.avoidance.maneuvers import IntruderManeuvers
+from companion.avoidance.params import CostWeights
+from companion.avoidance.separation import heights_to_pass, losses, outcomes, separation
+from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
     Commands,
     OwnState,
     Paths,
-    Surprises,
-    Tracks,
     fly_ahead,
     ground_velocity_mps,
-    heights_to_pass,
-    losses,
-    moment_at,
-    outcomes,
-    separation,
+    index_at,
 )
 from companion.compiled import kernels
 from companion.model import Guidance, Vec2, Vec3
@@ -163,14 +160,14 @@ def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: fl
     rng = np.random.default_rng(seed)
     tracks = some_tracks(rng)
     paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
-    kept = separation(paths, tracks, horizon_s=horizon_s, shells=True)
+    kept = separation(paths, tracks, horizon_s=horizon_s, buffers=True)
     count = max(int((horizon_s >= TIMES_S).sum()), 2)
     ratio = plain_ratio(paths, tracks)[..., :count]
     share = STEPS_S[: count - 1] / HORIZON_S
     assert kept.closest == pytest.approx(ratio.min(axis=2), rel=1e-9)
     depth = np.maximum(1.0 - ratio[..., 1:], 0.0)
     assert kept.exposure == pytest.approx(depth @ share, rel=1e-9, abs=1e-12)
-    volumes = (tracks.protected_horizontal_m / np.maximum(tracks.shell_m, 1.0))[:, None]
+    volumes = (tracks.protected_horizontal_m / np.maximum(tracks.buffer_m, 1.0))[:, None]
     in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0)
     assert kept.nearness == pytest.approx(in_shell @ share, rel=1e-9, abs=1e-9)
     within = ratio < 1.0
@@ -206,13 +203,13 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
     assert closest == pytest.approx(kept.closest.min(axis=1, initial=math.inf)), "by what is predicted alone"
 
 
-def some_surprises(rng: np.random.Generator, tracks: int) -> Surprises:
+def some_surprises(rng: np.random.Generator, tracks: int) -> IntruderManeuvers:
     count = int(rng.integers(0, 6)) if tracks else 0
     of = rng.integers(0, max(tracks, 1), count).astype(np.intp)
-    return Surprises(of, rng.normal(0.0, 0.05, count), rng.normal(0.0, 3.0, count), rng.random(count))
+    return IntruderManeuvers(of, rng.normal(0.0, 0.05, count), rng.normal(0.0, 3.0, count), rng.random(count))
 
 
-def come_true(tracks: Tracks, surprises: Surprises) -> list[tuple[Tracks, float]]:
+def come_true(tracks: Tracks, surprises: IntruderManeuvers) -> list[tuple[Tracks, float]]:
     """Each of them as a track of its own, and how likely it is."""
     made = []
     for of, turn_radps, sink_mps, likely in zip(*surprises, strict=True):
@@ -227,7 +224,7 @@ def test_outcomes_are_distances_then_and_the_closest_approach_of_flying_on_from_
     seed: int, then_s: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    tracks, own, then = some_tracks(rng), some_own(rng), moment_at(then_s)
+    tracks, own, then = some_tracks(rng), some_own(rng), index_at(then_s)
     paths = fly_ahead(own, some_commands(rng), Envelope())
     onward_mps = ground_velocity_mps(1.0, 22.0, own.wind_mps)
     mission_m = rng.normal(0.0, 500.0, 2)
@@ -257,7 +254,7 @@ def test_efforts_are_what_the_plain_maths_has_them(seed: int) -> None:
     commands, mission = some_commands(rng), some_guidance(rng)
     held = some_guidance(rng) if rng.random() < 0.5 else None
     if held is not None:
-        commands = commands.after(held)
+        commands = commands.preceded_by(held)
     weights, flown_rad = CostWeights(*rng.uniform(0.0, 9.0, 15).tolist()), float(rng.uniform(-4.0, 4.0))
     to_the_right, spares = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
     of_outcome, before = rng.random(len(commands.course_rad)), rng.random(len(commands))
@@ -390,7 +387,7 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     with pytest.raises(ValueError, match="do not match"):
         kernels.repulsion(np.zeros((3, 2)), np.zeros(2))
     for of, turns, sinks, shares in ((len(tracks), 1, 1, 1), (0, 2, 1, 1), (0, 1, 2, 1), (0, 1, 1, 2)):
-        some = Surprises(np.array([of]), np.zeros(turns), np.zeros(sinks), np.zeros(shares))
+        some = IntruderManeuvers(np.array([of]), np.zeros(turns), np.zeros(sinks), np.zeros(shares))
         with pytest.raises(ValueError, match="do not match"):
             losses(paths, tracks, some, CostWeights(), 0.8, horizon_s=90.0, soon_s=40.0)
 
@@ -403,7 +400,7 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         ("turn_radps", np.zeros(1)),
         ("protected_horizontal_m", np.zeros(3)),
         ("protected_vertical_m", np.zeros(1)),
-        ("shell_m", np.zeros(3)),
+        ("buffer_m", np.zeros(3)),
         ("grounded", np.zeros(1, dtype=bool)),
     ],
 )

@@ -1,4 +1,4 @@
-"""Whatever becomes of an MCAP file's bytes, reading gives a beginning of what was written."""
+"""Properties of damaged MCAP files: reading gives a prefix of the written messages."""
 
 import tempfile
 from pathlib import Path
@@ -6,15 +6,15 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.recording import DECISION, TEXT, Entry, McapFile, Note, complete, read_mcap
+from companion.recording import DECISION, TEXT, Entry, McapMessage, McapWriter, read_mcap, repair_file
 
 
 def recorded() -> tuple[bytes, list[Entry]]:
     with tempfile.TemporaryDirectory() as folder:
-        file = McapFile(Path(folder) / "a.mcap")
+        file = McapWriter(Path(folder) / "a.mcap")
         for chunk in range(6):
-            file.flush([Note(DECISION, 100 * chunk + i, f'{{"n":{chunk}}}') for i in range(5)])
-            file.flush([Note(TEXT, 100 * chunk, "{}")])
+            file.write([McapMessage(DECISION, 100 * chunk + i, f'{{"n":{chunk}}}') for i in range(5)])
+            file.write([McapMessage(TEXT, 100 * chunk, "{}")])
         file.close()
         return file.path.read_bytes(), list(read_mcap(file.path))
 
@@ -27,14 +27,14 @@ def read(raw: bytes) -> list[Entry]:
         path = Path(folder) / "a.mcap"
         path.write_bytes(raw)
         entries = list(read_mcap(path))
-        if complete(path):
+        if repair_file(path):
             assert list(read_mcap(path)) == entries
         return entries
 
 
 @settings(deadline=None)
 @given(st.integers(8, len(RAW)))
-def test_any_beginning_of_a_file_reads_as_a_beginning(size: int) -> None:
+def test_any_prefix_of_a_file_reads_as_a_prefix(size: int) -> None:
     entries = read(RAW[:size])
     assert entries == ENTRIES[: len(entries)]
     if size == len(RAW):
@@ -50,5 +50,5 @@ def test_damage_ends_the_file_or_changes_nothing(at: int, junk: bytes) -> None:
 
 @settings(deadline=None)
 @given(st.binary(max_size=400))
-def test_any_bytes_behind_the_magic_are_survived(junk: bytes) -> None:
+def test_any_bytes_after_the_magic_are_read_without_error(junk: bytes) -> None:
     read(RAW[:8] + junk)

@@ -14,7 +14,7 @@ from sim.paper.scene import Scene, Sphere, Uav
 
 
 def random_flight(seed: int, uavs: int, obstacles: int, samples: int) -> Flight:
-    """Arrays of chance: what is measured need not be flown."""
+    """A flight of random positions; measures do not require that it can be flown."""
     chance = np.random.default_rng(seed)
     scene = Scene(
         "chance", 400.0, 1.0, 5.0, 1.5, 5.0, 10.0, 0.1, 0.25,
@@ -46,7 +46,9 @@ def stone(flight: Flight, obstacle: int, sample: int) -> tuple[float, float, flo
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("obstacles", [1, 4])
-def test_the_safety_value_of_one_is_its_mean_distance_to_the_obstacles(seed: int, obstacles: int) -> None:
+def test_the_safety_value_of_a_single_uav_is_its_mean_distance_to_the_obstacles(
+    seed: int, obstacles: int
+) -> None:
     flight = random_flight(seed, 1, obstacles, 15)
     every = [
         sum(math.dist(where(flight, 0, t), stone(flight, m, t)) for m in range(obstacles)) / obstacles
@@ -59,7 +61,7 @@ def test_the_safety_value_of_one_is_its_mean_distance_to_the_obstacles(seed: int
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("uavs", [2, 3, 5])
 @pytest.mark.parametrize("obstacles", [0, 2])
-def test_the_safety_value_of_several_is_the_mean_distance_between_them(
+def test_the_safety_value_of_several_uavs_is_the_mean_distance_between_them(
     seed: int, uavs: int, obstacles: int
 ) -> None:
     flight = random_flight(seed, uavs, obstacles, 12)
@@ -78,7 +80,7 @@ def between(start: Sequence[float], end: Sequence[float], share: float) -> list[
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("uavs", "obstacles"), [(1, 3), (3, 0), (2, 2)])
-def test_collisions_are_those_of_definition_4_between_the_samples_too(
+def test_collisions_are_those_of_definition_4_also_between_samples(
     seed: int, uavs: int, obstacles: int
 ) -> None:
     flight, samples, fine = random_flight(seed, uavs, obstacles, 10), 10, 100
@@ -96,7 +98,7 @@ def test_collisions_are_those_of_definition_4_between_the_samples_too(
             ]
             closest[-1] = min(closest[-1], math.dist(*ends))
     assert contacts(flight) == pytest.approx(limits)
-    # Nothing may be nearer than what is measured, and walking in steps comes nearly as near.
+    # No sampled distance is smaller than the measured one, and the smallest sampled one is nearly as small.
     measured = closest_distances(flight)
     assert (measured <= np.array(closest) + 1e-12).all()
     assert measured == pytest.approx(closest, abs=0.02)

@@ -1,4 +1,4 @@
-"""Whatever is set in whatever order: answered, nothing raises, and it is a flyable configuration always."""
+"""Any sequence of PARAM_SET is answered without error, and the configuration stays valid."""
 
 import struct
 from typing import Any
@@ -30,12 +30,12 @@ anything = st.tuples(
 @given(
     st.lists(st.tuples(st.one_of(in_range, anything), st.sampled_from([9, 9, 9, 1, 6, 10, 255])), max_size=40)
 )
-def test_junk_on_the_wire_leaves_a_configuration_that_would_load(
-    wishes: list[tuple[tuple[str, float], int]],
+def test_any_parameter_requests_leave_a_valid_configuration(
+    requests: list[tuple[tuple[str, float], int]],
 ) -> None:
     engine, encoder, splitter = Engine(), Encoder(), FrameSplitter()
     saved: dict[str, float] = {}
-    for count, ((name, value), kind) in enumerate(wishes):
+    for count, ((name, value), kind) in enumerate(requests):
         message = mavlink.MAVLink_param_set_message(*US, name.encode(), value, kind)
         (frame,) = splitter.feed_datagram(encoder.encode(message, 255, 190))
         now_s = count / 10
@@ -59,7 +59,7 @@ def test_junk_on_the_wire_leaves_a_configuration_that_would_load(
         for effect in effects:
             if isinstance(effect, Save):
                 saved = dict(effect.values)
-    # Whoever starts with what was saved last goes on with the same.
+    # A start with the settings saved last gives the same configuration.
     assert saved == values_changed(engine.operator.settings.config, EngineConfig())
     again, refused = with_values(EngineConfig(), saved)
     assert (again, refused) == (engine.operator.settings.config, [])

@@ -1,4 +1,4 @@
-"""Whatever is reported, and whenever: tracks stay finite, bounded, ordered and reproducible."""
+"""For any reports at any times, tracks are finite, bounded, ordered and reproducible."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ reports = st.builds(
     callsign=st.sampled_from([None, "ONE"]),
     kind=st.sampled_from(TrafficKind),
 )
-# Either a report at some time, or a question at some time; clocks go anywhere.
+# A report, or only a query, at any time; the clock may jump.
 events = st.lists(st.tuples(st.floats(-1e3, 1e3), st.none() | reports), max_size=40)
 
 
@@ -57,7 +57,7 @@ def play(history: list[tuple[float, TrafficReport | None]]) -> list[tuple[Track,
 
 
 @given(events)
-def test_any_history_gives_finite_bounded_ordered_tracks_and_the_same_again(
+def test_any_history_gives_finite_bounded_ordered_tracks_reproducibly(
     history: list[tuple[float, TrafficReport | None]],
 ) -> None:
     answers = play(history)
@@ -87,7 +87,7 @@ def test_any_history_gives_finite_bounded_ordered_tracks_and_the_same_again(
     period_s=st.sampled_from([0.2, 0.5, 1.0, 2.0]),
     velocity_known=st.booleans(),
 )
-def test_straight_flight_is_found_anywhere_at_any_rate(
+def test_straight_flight_is_tracked_anywhere_at_any_report_rate(
     lat_deg: float,
     lon_deg: float,
     course_rad: float,
@@ -102,7 +102,7 @@ def test_straight_flight_is_found_anywhere_at_any_rate(
     flown_s = 30.0
     for step in range(round(flown_s / period_s) + 1):
         now_s = step * period_s
-        # Towards the origin, where the flat frame is true.
+        # Towards the origin, where the flat frame is exact.
         to_go_s = now_s - flown_s
         place = frame.to_geo(
             velocity_mps[0] * to_go_s, velocity_mps[1] * to_go_s, -1000.0 - climb_mps * now_s
@@ -120,22 +120,22 @@ def test_straight_flight_is_found_anywhere_at_any_rate(
         tracker.receive(report, now_s)
     (track,) = tracker.tracks(flown_s + 0.5, frame)
     truth_m = 0.5 * velocity_mps[0], 0.5 * velocity_mps[1], -1000.0 - climb_mps * (flown_s + 0.5)
-    # A flat frame bends straight lines: 4.5 km at 70 degrees of latitude is most of this.
+    # Most of the error is the curvature of a straight line of 4.5 km in the flat frame at 70 degrees north.
     assert math.dist(track.position_m, truth_m) < (3.0 if velocity_known else 6.0)
 
 
 @given(
     dlat_deg=st.floats(-0.05, 0.05),
     dlon_deg=st.floats(-0.05, 0.05),
-    reports_heard=st.lists(reports, max_size=8),
+    received=st.lists(reports, max_size=8),
 )
-def test_the_place_of_a_track_does_not_depend_on_the_frame(
-    dlat_deg: float, dlon_deg: float, reports_heard: list[TrafficReport]
+def test_the_velocity_and_age_of_a_track_do_not_depend_on_the_frame(
+    dlat_deg: float, dlon_deg: float, received: list[TrafficReport]
 ) -> None:
     tracker = Tracker()
-    for second, report in enumerate(reports_heard):
+    for second, report in enumerate(received):
         tracker.receive(replace(report, time_s=float(second)), float(second))
-    now_s = float(len(reports_heard))
+    now_s = float(len(received))
     other = LocalFrame(FRAME.lat_deg + dlat_deg, FRAME.lon_deg + dlon_deg)
     before = tracker.tracks(now_s, FRAME)
     there = tracker.tracks(now_s, other)

@@ -1,4 +1,4 @@
-"""Whatever comes over the wire, the fake vehicles neither raise nor say what cannot be packed."""
+"""On any input the fake vehicles neither raise nor send a message that cannot be packed."""
 
 import math
 import random

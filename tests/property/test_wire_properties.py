@@ -1,4 +1,4 @@
-"""What holds for all bytes and all messages."""
+"""Properties of all bytes and all messages."""
 
 import math
 import struct
@@ -24,7 +24,7 @@ from companion.mavlink.framing import (
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED, frame_to_fact, to_fact
 
-# The same examples every time, and no clock: a busy machine is no failure.
+# The same examples every time, and no deadline, so that a busy machine fails no test.
 settings.register_profile(
     "wire", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -63,7 +63,7 @@ def one(raw: bytes) -> Frame:
 
 @given(st.lists(JUNK, max_size=5))
 @settings(WIRE)
-def test_no_bytes_upset_a_stream_and_every_byte_is_accounted_for(pieces: list[bytes]) -> None:
+def test_a_stream_accepts_any_bytes_and_accounts_for_each(pieces: list[bytes]) -> None:
     splitter = FrameSplitter()
     frames = [frame for piece in pieces for frame in splitter.feed(piece)]
     assert len(splitter._kept) <= MAX_FRAME_BYTES
@@ -76,7 +76,7 @@ def test_no_bytes_upset_a_stream_and_every_byte_is_accounted_for(pieces: list[by
 
 @given(raw_frames())
 @settings(WIRE)
-def test_every_frame_that_pymavlink_packs_is_read_and_decodes(raw: bytes) -> None:
+def test_every_frame_packed_by_pymavlink_is_read_and_decoded(raw: bytes) -> None:
     frame = one(raw)
     assert frame.raw == raw
     theirs = ardupilotmega.MAVLink(None).decode(bytearray(raw))
@@ -90,7 +90,7 @@ def test_every_frame_that_pymavlink_packs_is_read_and_decodes(raw: bytes) -> Non
 
 @given(st.lists(st.tuples(JUNK, raw_frames()), min_size=1, max_size=4), JUNK, st.data())
 @settings(WIRE, max_examples=60)
-def test_frames_come_through_whatever_lies_between(
+def test_frames_are_read_with_any_bytes_between_them(
     parts: list[tuple[bytes, bytes]], tail: bytes, data: st.DataObject
 ) -> None:
     stream = b"".join(junk + raw for junk, raw in parts) + tail
@@ -106,7 +106,7 @@ def test_frames_come_through_whatever_lies_between(
 
 @given(raw_frames(), st.integers(0, 10_000), st.integers(1, 255))
 @settings(WIRE)
-def test_a_damaged_frame_is_never_taken_for_the_original(raw: bytes, at: int, change: int) -> None:
+def test_a_damaged_frame_is_never_accepted(raw: bytes, at: int, change: int) -> None:
     frame = one(raw)
     at %= len(raw) - (13 if frame.signed else 0)
     damaged = raw[:at] + bytes((raw[at] ^ change,)) + raw[at + 1 :]
@@ -115,7 +115,7 @@ def test_a_damaged_frame_is_never_taken_for_the_original(raw: bytes, at: int, ch
 
 @given(WANTED_FRAMES, st.floats(0.0, 1e9))
 @settings(WIRE, max_examples=400)
-def test_any_content_translates_the_same_both_ways_without_a_trace_of_nan(raw: bytes, now_s: float) -> None:
+def test_any_content_gives_the_same_finite_fact_in_both_ways(raw: bytes, now_s: float) -> None:
     frame = one(raw)
     fact = frame_to_fact(frame, now_s)
     assert fact == to_fact(decode(frame), now_s)
@@ -131,7 +131,7 @@ def numbers_in(value: object) -> list[float]:
     return [number for name in names for number in numbers_in(getattr(value, name))]
 
 
-def through_the_wire(message: Any) -> Fact | None:
+def sent_and_received(message: Any) -> Fact | None:
     return frame_to_fact(one(Encoder().encode(message, 1, 1)), 1000.0)
 
 
@@ -147,7 +147,7 @@ def through_the_wire(message: Any) -> Fact | None:
     squawk=st.lists(st.integers(0, 7), min_size=4, max_size=4),
 )
 @settings(WIRE)
-def test_a_traffic_report_can_be_turned_back_into_its_message(
+def test_a_traffic_report_has_the_values_of_its_message(
     icao: int,
     lat: int,
     lon: int,
@@ -162,7 +162,7 @@ def test_a_traffic_report_can_be_turned_back_into_its_message(
     message = mavlink.MAVLink_adsb_vehicle_message(
         icao, lat, lon, 1, altitude, heading, speed, climb, b"A", 1, tslc, 0xBF, code
     )
-    fact = through_the_wire(message)
+    fact = sent_and_received(message)
     assert isinstance(fact, Traffic)
     report = fact.report
     assert None not in (report.lat_deg, report.lon_deg, report.altitude_m, report.course_rad)
@@ -180,7 +180,7 @@ def test_a_traffic_report_can_be_turned_back_into_its_message(
 @settings(WIRE)
 def test_own_velocity_and_altitude_keep_their_signs(velocity_cmps: tuple[int, int, int], alt_mm: int) -> None:
     message = mavlink.MAVLink_global_position_int_message(0, 1, 1, alt_mm, alt_mm, *velocity_cmps, 0)
-    fact = through_the_wire(message)
+    fact = sent_and_received(message)
     assert isinstance(fact, OwnPosition)
     assert tuple(round(speed * 100) for speed in fact.velocity_mps) == velocity_cmps
     assert round(fact.altitude_m * 1000) == round(fact.height_above_home_m * 1000) == alt_mm
@@ -188,14 +188,14 @@ def test_own_velocity_and_altitude_keep_their_signs(velocity_cmps: tuple[int, in
 
 @given(st.integers(-(2**22), 1_065_353_215))
 @settings(WIRE)
-def test_an_integer_parameter_arrives_as_itself_however_it_is_sent(value: int) -> None:
+def test_an_integer_parameter_is_read_in_both_encodings(value: int) -> None:
     (as_bits,) = struct.unpack("<f", struct.pack("<i", value))
     for wire_value, expected in (
         (as_bits, value),
         (float(value), struct.unpack("<f", struct.pack("<f", value))[0]),
     ):
         message = mavlink.MAVLink_param_value_message(b"P", wire_value, mavlink.MAV_PARAM_TYPE_INT32, 1, 0)
-        fact = through_the_wire(message)
+        fact = sent_and_received(message)
         assert isinstance(fact, Parameter)
         assert fact.value == expected
 
@@ -207,7 +207,7 @@ def log_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @given(st.lists(JUNK | raw_frames(), max_size=8))
 @settings(WIRE, max_examples=100)
-def test_no_bytes_upset_the_reader_of_logs(log_path: Path, pieces: list[bytes]) -> None:
+def test_the_log_reader_accepts_any_bytes(log_path: Path, pieces: list[bytes]) -> None:
     log_path.write_bytes(b"".join(pieces))
     try:
         reader = read_tlog(log_path)

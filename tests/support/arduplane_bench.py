@@ -20,17 +20,18 @@ MISSION = [takeoff_item(60.0), waypoint(4000.0, 0.0), waypoint(4000.0, 3000.0)]
 
 
 class PlaneBench(Bench):
-    """With the mode that takes commands."""
+    """A bench with an ArduPlane."""
 
     vehicle: FakeArduPlane
 
     def guided(self) -> None:
+        """Enter GUIDED."""
         assert self.by_long(SET_MODE, 1, Mode.GUIDED) == ACCEPTED
 
 
 def airborne(**options: Any) -> PlaneBench:
-    """At 300 m above home on the way north, in AUTO; `channels` and `rate_hz` are the bench's."""
-    heard = {name: options.pop(name) for name in ("channels", "rate_hz") if name in options}
+    """A plane in AUTO, northbound 300 m above home; `channels` and `rate_hz` are the bench's."""
+    bench = {name: options.pop(name) for name in ("channels", "rate_hz") if name in options}
     vehicle = FakeArduPlane.airborne(
         HOME,
         START_S,
@@ -40,7 +41,7 @@ def airborne(**options: Any) -> PlaneBench:
         sequence=options.pop("sequence", 2),
         **options,
     )
-    return PlaneBench(vehicle, **heard)
+    return PlaneBench(vehicle, **bench)
 
 
 def on_ground(**options: Any) -> PlaneBench:

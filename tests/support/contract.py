@@ -1,4 +1,4 @@
-"""What others rely on, and more than one test looks at."""
+"""Contracts that several tests check."""
 
 # Keys of the report of `companion-sim paper`, for every method.
 MEASURES = {

@@ -1,4 +1,4 @@
-"""A small closed loop for the avoider alone: a point mass follows guidance among straight flyers."""
+"""A small closed loop for the avoider alone: a point mass follows its guidance among intruders."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ GOAL_M: Vec3 = (5000.0, 0.0, -ALTITUDE_M)
 
 @dataclass
 class Aircraft:
-    """Bank, climb and speed follow with lags; limits as in numbers.md: 30 degrees, 2.5 m/s."""
+    """Bank, climb and speed follow with lags; the limits are 30 degrees and 2.5 m/s."""
 
     position_m: list[float] = field(default_factory=lambda: [0.0, 0.0, -ALTITUDE_M])
     course_rad: float = 0.0
@@ -46,9 +46,10 @@ class Aircraft:
 
 @dataclass
 class Outcome:
-    """`well_clear` is the smallest of max(horizontal / 609.6 m, vertical / 76.2 m); below 1 it was lost.
+    """The result of a flight.
 
-    `near_miss` is the same of 152.4 m and 30.5 m; `outside_m` how far it was beyond the fence itself.
+    `well_clear` is the minimum of max(horizontal / 609.6 m, vertical / 76.2 m); below 1 it was lost.
+    `near_miss` is the same with 152.4 m and 30.5 m; `outside_m` is the largest distance beyond the fence.
     """
 
     well_clear: float = math.inf
@@ -76,7 +77,7 @@ def straight(
     meet_s: float = 90.0,
     own_mps: float = 22.0,
 ) -> Traffic:
-    """An aircraft that meets us `meet_s` from now, from a direction (0 head-on, clockwise)."""
+    """An intruder in straight flight that meets us at `meet_s`, from a direction (0 head-on, clockwise)."""
     course_rad = math.radians(from_deg) + math.pi
     velocity = (speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad), -climb_mps)
     aside = (-math.sin(course_rad), math.cos(course_rad))
@@ -99,7 +100,7 @@ def fly(
     fence: Fence | None = None,
     aircraft: Aircraft | None = None,
 ) -> Outcome:
-    """Fly north to the goal among the traffic, deciding once a second on perfect tracks."""
+    """Fly north to the goal among the traffic, with a decision a second on perfect tracks."""
     aircraft, outcome, avoider = aircraft or Aircraft(), Outcome(), Avoider(params or AvoidanceParams())
     avoider.fence = fence
     edge = None if fence is None else replace(fence, margin_m=0.0, vertical_margin_m=0.0)

@@ -1,4 +1,4 @@
-"""A flight over real UDP on loopback with something wrong: vehicle, receiver, faulty relay and companion.
+"""A flight over real UDP on loopback with faults: vehicle, receiver, faulty relay and companion.
 
 All share the time of a `VirtualTimeLoop`.
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.cost import CostWeights
+from companion.avoidance.params import CostWeights
 from companion.clock import Clock
 from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig
@@ -27,20 +27,21 @@ from sim.faults import Faults
 from sim.files import checked_from
 from sim.metrics import FlightScore
 from sim.relay import Relay
-from sim.scenario import Autopilot, Scenario, World, build_world
+from sim.scenario import Autopilot, Scenario
 from sim.server import VehicleServer
 from sim.traffic import AdsbReceiver
 from sim.vehicle import FakeVehicle, Truth
+from sim.world import World, build_world
 
 START_S = 1_700_000_000.0
 GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 MISSION = {"ardupilot": "AUTO", "px4": "MISSION"}
 HOLD = 5  # COM_OBL_RC_ACT, as recommended
-# Also a PX4 that loses itself in climbs climbs, where that is the cheapest way.
+# Climbs are allowed for a PX4 whose setpoint can become invalid in them, if they are the cheapest way.
 CLIMBS = EngineConfig(avoidance=AvoidanceParams(weights=CostWeights(spared_height=0.0)))
-_ASKING = frozenset({511, 512})  # for rates and single messages: commands that command nothing
+_QUERIES = frozenset({511, 512})  # requests for rates and messages, which change no flight
 
-# So far ahead that a turn is enough: who loses himself in climbs does not climb unless he is asked to.
+# Late enough for a turn to suffice, so that no climb is needed.
 MEET_AT_S = 70.0
 HEAD_ON: dict[str, Any] = {
     "description": "One aircraft head-on at our height.",
@@ -55,7 +56,7 @@ HEAD_ON: dict[str, Any] = {
 
 
 class Notes(Recorder):
-    """Remembers instead of writing: every message that the companion sent, with its time."""
+    """A recorder in memory: every message that the companion sent, with its time."""
 
     def __init__(self) -> None:
         self.sent_messages: list[tuple[float, Message]] = []
@@ -65,7 +66,7 @@ class Notes(Recorder):
         return None
 
     def received(self, time_us: int, raw: bytes) -> None:
-        """Not of interest."""
+        """Ignored."""
 
     def sent(self, time_us: int, raw: bytes) -> None:
         (frame,) = FrameSplitter().feed(raw)
@@ -74,56 +75,56 @@ class Notes(Recorder):
         self.sent_messages.append((time_us / 1e6, message))
 
     def decision(self, time_us: int, line: str) -> None:
-        """Not of interest."""
+        """Ignored."""
 
     def state(self, time_us: int, line: str) -> None:
-        """Not of interest."""
+        """Ignored."""
 
     def text(self, time_us: int, severity: int, text: str) -> None:
-        """Not of interest."""
+        """Ignored."""
 
     async def run(self) -> None:
         await asyncio.Event().wait()
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
     def commands(self, since_s: float = 0.0) -> list[Message]:
-        """What was commanded: mode, setpoints, guidance, parameters; not what was merely asked for."""
+        """The commands sent: mode, setpoints, guidance, parameters; without requests for messages."""
         return [
             message
             for sent_s, message in self.sent_messages
             if sent_s >= since_s
             and message.get_type().startswith(("COMMAND_LONG", "COMMAND_INT", "SET_", "PARAM_SET"))
-            and getattr(message, "command", None) not in _ASKING
+            and getattr(message, "command", None) not in _QUERIES
         ]
 
     def texts(self) -> list[str]:
-        """What the operator was told, chunks put together."""
-        told: list[str] = []
+        """The operator's texts, chunks joined."""
+        texts: list[str] = []
         for _, message in self.sent_messages:
             if message.get_type() == "STATUSTEXT":
                 text = message.text if isinstance(message.text, str) else message.text.decode()
                 if message.id and message.chunk_seq:
-                    told[-1] += text
+                    texts[-1] += text
                 else:
-                    told.append(text)
-        return told
+                    texts.append(text)
+        return texts
 
 
 class DeafReceiver(AdsbReceiver):
-    """An ADS-B receiver that hears nothing while it is `deaf`."""
+    """An ADS-B receiver that receives nothing while it is `deaf`."""
 
     deaf = False
 
-    def reports(self, now_s: float, where_m: Vec3 | None = None) -> list[Message]:
-        heard = super().reports(now_s, where_m)
+    def reports(self, now_s: float, own_m: Vec3 | None = None) -> list[Message]:
+        heard = super().reports(now_s, own_m)
         return [] if self.deaf else heard
 
 
 @dataclass
 class FaultyFlight:
-    """What a test sees of the flight, and what it may break."""
+    """A flight as a test observes and disturbs it."""
 
     autopilot: Autopilot
     world: World
@@ -132,7 +133,7 @@ class FaultyFlight:
     relay: Relay
     runtime: Runtime
     notes: Notes
-    modes: list[str] = field(default_factory=list)  # each once, in the order of their change
+    modes: list[str] = field(default_factory=list)  # one entry per change
     was_uncontrolled: bool = False
     engagements: int = 0
 
@@ -157,7 +158,7 @@ class FaultyFlight:
 
     @property
     def guided(self) -> bool:
-        """Whether the aircraft itself is in the mode that obeys the companion."""
+        """True if the aircraft is in the mode that obeys the companion."""
         return self.vehicle.truth.companion_flies
 
     @property
@@ -175,20 +176,20 @@ class FaultyFlight:
         self.was_uncontrolled |= truth.uncontrolled
         self._score.update(truth.time_s, truth.position_m)
 
-    async def until(self, so: Callable[[], bool], limit_s: float = 60.0) -> None:
-        """Fly on until something is so; the test fails when that takes too long."""
+    async def until(self, condition: Callable[[], bool], limit_s: float = 60.0) -> None:
+        """Fly until a condition is true; the test fails after the limit."""
         async with asyncio.timeout(limit_s):
-            while not so():  # noqa: ASYNC110 - a simulated vehicle sets no events
+            while not condition():  # noqa: ASYNC110 - a simulated vehicle sets no events
                 await asyncio.sleep(0.05)
 
     async def engaged(self) -> None:
-        """Fly on until the companion flies, and has for a moment."""
+        """Fly until the companion has flown for a moment."""
         await self.until(lambda: self.guided and self.engine.supervisor.flying)
         await asyncio.sleep(3.0)
         assert self.engine.supervisor.flying
 
     async def resumed(self, limit_s: float = 120.0) -> None:
-        """Fly on until the mission is flown again, and for some more time."""
+        """Fly until the mission has been resumed for some time."""
         await self.until(lambda: self.vehicle.truth.on_mission, limit_s)
         await asyncio.sleep(6.0)
         assert self.vehicle.truth.on_mission
@@ -199,7 +200,7 @@ class FaultyFlight:
 
 
 def free_ports(count: int) -> list[int]:
-    """Ports of loopback that nobody uses at the moment."""
+    """Unused ports on loopback."""
     with contextlib.ExitStack() as open_sockets:
         sockets = [open_sockets.enter_context(socket.socket(type=socket.SOCK_DGRAM)) for _ in range(count)]
         for each in sockets:
@@ -210,7 +211,7 @@ def free_ports(count: int) -> list[int]:
 def world_of(
     autopilot: Autopilot, *, below_m: float = 0.0, lost_stream: int = HOLD, start_s: float = START_S
 ) -> tuple[World, DeafReceiver]:
-    """The aircraft on its mission, and one that comes head-on, so much below: then it climbs away."""
+    """The aircraft on its mission with a head-on intruder, `below_m` lower, which makes it climb."""
     (intruder,) = HEAD_ON["intruders"]
     scenario = HEAD_ON | {"intruders": [intruder | {"miss_height_m": -below_m}]}
     world = build_world(checked_from(scenario, Scenario, "test"), start_s, autopilot=autopilot)
@@ -231,9 +232,9 @@ async def faulty_flight(
     below_m: float = 0.0,
     clock: Clock | None = None,
 ) -> AsyncIterator[FaultyFlight]:
-    """Fly while the block runs; at its end the companion is told to stop, and must have given back.
+    """Fly while the block runs; at its end the companion is stopped and must release the aircraft.
 
-    `forth` are the faults on the way from the vehicle to the companion. `clock` is the companion's own.
+    `forth` are the faults from the vehicle to the companion. `clock` is the companion's own clock.
     """
     loop = asyncio.get_running_loop()
     world, receiver = world_of(autopilot, below_m=below_m, lost_stream=lost_stream)

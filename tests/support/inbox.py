@@ -1,4 +1,4 @@
-"""What the tests of links share: frames to send, and a place where they arrive."""
+"""What the tests of links share: frames to send, and an inbox for received ones."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,15 +15,15 @@ def frame(number: int = 0) -> bytes:
 
 
 class Inbox:
-    """Keeps what a link hands over, and lets a test wait for it."""
+    """Stores what a link hands over, and lets a test wait for it."""
 
     def __init__(self) -> None:
         self.batches: list[list[bytes]] = []
-        self._news = asyncio.Event()
+        self._arrived = asyncio.Event()
 
     def __call__(self, frames: list[Frame], _link: Link) -> None:
         self.batches.append([one.raw for one in frames])
-        self._news.set()
+        self._arrived.set()
 
     @property
     def raws(self) -> list[bytes]:
@@ -32,12 +32,12 @@ class Inbox:
     async def until(self, count: int) -> None:
         async with asyncio.timeout(5.0):
             while len(self.raws) < count:
-                self._news.clear()
-                await self._news.wait()
+                self._arrived.clear()
+                await self._arrived.wait()
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    """Wait for what sets no event; the limit only ends a test that has failed."""
+    """Wait for a condition that sets no event; the timeout only ends a test that has failed."""
     async with asyncio.timeout(10.0):
         while not condition():  # noqa: ASYNC110 - see above
             await asyncio.sleep(0.005)

@@ -21,8 +21,8 @@ from companion.mavlink.facts import (
     MissionCount,
     MissionItem,
     MissionProgress,
-    MissionTalk,
     NavigationTarget,
+    OtherMissionMessage,
     OwnPosition,
     Parameter,
     ParameterRequest,
@@ -148,7 +148,7 @@ class Junk:
                 ),
                 MissionCount(sender, target, kind, pick.choice((0, 1, 3, 65535))),
                 MissionAck(sender, target, kind, pick.randrange(20)),
-                MissionTalk(sender, target, kind),
+                OtherMissionMessage(sender, target, kind),
             )
         )  # fmt: skip
 

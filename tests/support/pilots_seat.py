@@ -45,7 +45,7 @@ class Seat:
             EngineConfig(engine=EngineParams(autopilot_system_id=1), supervisor=rules or SupervisorParams())
         )
         self.autopilot = autopilot
-        self.mode = AUTO if autopilot == ARDUPILOT else MISSION
+        self.prior_mode = self.mode = AUTO if autopilot == ARDUPILOT else MISSION
         self.armed, self.status, self.finite = True, 4, True
         self.positions = self.heartbeats = self.intruder = True
         self.meet_s = T0 + 40.0

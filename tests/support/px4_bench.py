@@ -1,4 +1,4 @@
-"""A fake PX4 under test, and a hand that streams setpoints to it."""
+"""A fake PX4 under test, with a stream of setpoints."""
 
 import math
 from typing import Any
@@ -24,7 +24,7 @@ MISSION = [takeoff_item(40.0), waypoint(4000.0, 0.0), waypoint(4000.0, 3000.0)]
 
 
 class Px4Bench(Bench):
-    """Streams at 10 Hz, as a companion does."""
+    """A bench with a PX4; it streams setpoints at 10 Hz, as a companion does."""
 
     vehicle: FakePx4
 
@@ -38,7 +38,8 @@ class Px4Bench(Bench):
         north_mps, east_mps, _ = self.vehicle.truth.velocity_mps
         return math.degrees(math.atan2(east_mps, north_mps)) % 360.0
 
-    def ask_mode(self, mode: Px4Mode) -> int:
+    def request_mode(self, mode: Px4Mode) -> int:
+        """Send DO_SET_MODE; the result."""
         return self.by_long(176, 1, mode >> 16 & 0xFF, mode >> 24)
 
     def setpoint(
@@ -51,7 +52,7 @@ class Px4Bench(Bench):
         speed_mps: float = 14.0,
         acceleration_mps2: tuple[float, float] = (0.0, 0.0),
     ) -> Message:
-        """At our own place, in that direction; height above home, by default the present one."""
+        """A setpoint at the present position; height above home, by default the present one."""
         place = self.vehicle.truth.place
         height_m = self.height_m() if height_m is None else height_m
         course_rad = math.radians(course_deg)
@@ -79,21 +80,21 @@ class Px4Bench(Bench):
             self.fly(RATE_S)
 
     def engage(self) -> None:
-        """The right way in: velocity only, the mode, its confirmation, and then position and velocity."""
+        """Enter OFFBOARD correctly: velocity only, mode request, confirmation, then position and velocity."""
         self.stream(0.5, VELOCITY)
-        assert self.ask_mode(Px4Mode.OFFBOARD) == 0
+        assert self.request_mode(Px4Mode.OFFBOARD) == 0
         self.stream(0.3, VELOCITY)
         assert self.mode() == "OFFBOARD"
         self.stream(0.1)
 
     def release(self, mode: Px4Mode = Px4Mode.MISSION) -> None:
-        """The right way out: level for a moment, and then the mode."""
+        """Leave OFFBOARD correctly: level for a moment, then the mode request."""
         self.stream(0.4, course_deg=self.course_deg())
-        assert self.ask_mode(mode) == 0
+        assert self.request_mode(mode) == 0
 
 
 def airborne(*, quiet: bool = True, **options: Any) -> Px4Bench:
-    """At 100 m above home on the way north, in MISSION, at 14 m/s."""
+    """An aircraft in MISSION, northbound 100 m above home at 14 m/s."""
     parameters = {"FW_AIRSPD_TRIM": 14.0, **options.pop("parameters", {})}
     vehicle = FakePx4.airborne(
         HOME,

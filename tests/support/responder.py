@@ -1,4 +1,4 @@
-"""An autopilot reduced to its parameters and lists, behind a link that loses, repeats and delays."""
+"""An autopilot reduced to its parameters and mission lists, and a lossy line to it."""
 
 import random
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ MISSION, FENCE = 0, 1
 
 @dataclass(frozen=True)
 class Item:
-    """A mission item as it is stored; `place_deg` is latitude and longitude."""
+    """A stored mission item; `place_deg` is latitude and longitude."""
 
     command: int
     place_deg: tuple[float, float] = (0.0, 0.0)
@@ -25,7 +25,7 @@ class Item:
 
 
 def as_fact(message: Message, sender: Sender = AUTOPILOT, now_s: float = 0.0) -> Fact | None:
-    """The fact that a receiver makes of a message, over the bytes of the wire."""
+    """The fact of a message after packing and unpacking."""
     raw = Encoder().encode(message, sender.system_id, sender.component_id)
     (frame,) = FrameSplitter().feed(raw)
     return frame_to_fact(frame, now_s)
@@ -33,14 +33,14 @@ def as_fact(message: Message, sender: Sender = AUTOPILOT, now_s: float = 0.0) ->
 
 @dataclass
 class Responder:
-    """Answers parameter and mission requests; unknown names with silence, as ArduPilot does."""
+    """Answers parameter and mission requests; unknown names get no answer, as from ArduPilot."""
 
     parameters: dict[str, float] = field(default_factory=dict)
     lists: dict[int, Sequence[Item]] = field(default_factory=lambda: {MISSION: (), FENCE: ()})
     heard: list[Message] = field(default_factory=list)
 
     def answer(self, message: Message, asker: Sender = US) -> list[Message]:
-        """What it says to a message."""
+        """The answers to a message."""
         self.heard.append(message)
         kind = message.get_type()
         if kind == "PARAM_REQUEST_READ":
@@ -75,25 +75,25 @@ def item_message(item: Item, sequence: int, address: tuple[int, int], mission_ty
 
 
 class Line:
-    """Carries messages one way at `now_s`; with `loss`, also repeats and delays them, by one seed."""
+    """A one-way line for messages; with `loss` it also repeats and delays some, by its seed."""
 
     def __init__(self, seed: int = 0, *, loss: float = 0.0) -> None:
         self._random = random.Random(seed)
         self._loss = loss
-        self._under_way: list[tuple[float, int, Message]] = []
+        self._in_flight: list[tuple[float, int, Message]] = []
         self._count = 0
 
     def put(self, message: Message, now_s: float) -> None:
-        """Send a message; it may get lost, come twice, and be overtaken."""
+        """Send a message; it may be lost, repeated or overtaken."""
         if self._random.random() < self._loss:
             return
         for _ in range(2 if self._random.random() < 0.3 * self._loss else 1):
             late_s = self._random.uniform(0.0, 1.5) if self._random.random() < self._loss else 0.0
             self._count += 1
-            self._under_way.append((now_s + late_s, self._count, message))
+            self._in_flight.append((now_s + late_s, self._count, message))
 
     def take(self, now_s: float) -> list[Message]:
-        """What arrives now."""
-        arrived = sorted(entry for entry in self._under_way if entry[0] <= now_s)
-        self._under_way = [entry for entry in self._under_way if entry[0] > now_s]
+        """The messages that have arrived."""
+        arrived = sorted(entry for entry in self._in_flight if entry[0] <= now_s)
+        self._in_flight = [entry for entry in self._in_flight if entry[0] > now_s]
         return [message for _, _, message in arrived]

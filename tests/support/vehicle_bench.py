@@ -1,4 +1,4 @@
-"""A fake vehicle under test, and all that it said."""
+"""A fake vehicle under test, and the messages received from it."""
 
 from collections.abc import Sequence
 
@@ -12,27 +12,27 @@ CHANGE_SPEED, CHANGE_ALTITUDE, CHANGE_HEADING = 43000, 43001, 43002
 
 
 class Bench:
-    """A vehicle and all that it said, by channel."""
+    """A vehicle and the messages received from it, by channel."""
 
     def __init__(self, vehicle: FakeVehicle, channels: Sequence[int] = (0,), rate_hz: float = 0.0) -> None:
         self.vehicle = vehicle
-        self.said: list[tuple[int, Message]] = []
+        self.received: list[tuple[int, Message]] = []
         for channel in channels:
             vehicle.add_channel(channel, stream_rate_hz=rate_hz)
 
     def fly(self, seconds: float) -> None:
-        self.said += self.vehicle.step(self.vehicle.time_s + seconds)
+        self.received += self.vehicle.step(self.vehicle.time_s + seconds)
 
     def send(self, message: Message, sender: tuple[int, int] = GCS, channel: int = 0) -> None:
         message.get_header().srcSystem, message.get_header().srcComponent = sender
         self.vehicle.receive(message, self.vehicle.time_s, channel)
-        self.said += self.vehicle.step(self.vehicle.time_s)
+        self.received += self.vehicle.step(self.vehicle.time_s)
 
-    def heard(self, kind: str, channel: int = 0) -> list[Message]:
-        return [m for c, m in self.said if c == channel and m.get_type() == kind]
+    def messages(self, kind: str, channel: int = 0) -> list[Message]:
+        return [m for c, m in self.received if c == channel and m.get_type() == kind]
 
     def texts(self) -> list[str]:
-        return [m.text for m in self.heard("STATUSTEXT")]
+        return [m.text for m in self.messages("STATUSTEXT")]
 
     def by_long(
         self, command: int, *params: float, target: tuple[int, int] = (1, 1), channel: int = 0
@@ -50,9 +50,9 @@ class Bench:
         )
 
     def _result(self, message: Message, command: int, channel: int = 0) -> int:
-        before = len(self.heard("COMMAND_ACK", channel))
+        before = len(self.messages("COMMAND_ACK", channel))
         self.send(message, channel=channel)
-        answers = self.heard("COMMAND_ACK", channel)[before:]
+        answers = self.messages("COMMAND_ACK", channel)[before:]
         if not answers:
             return -1
         (answer,) = answers

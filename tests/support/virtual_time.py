@@ -1,4 +1,4 @@
-"""An event loop whose time is simulated: real sockets, but nobody waits for a clock."""
+"""An event loop with simulated time: real sockets, but no waiting for timers."""
 
 import asyncio
 import functools
@@ -7,12 +7,12 @@ from collections.abc import Callable, Coroutine
 from typing import Any, ParamSpec
 
 _P = ParamSpec("_P")
-# Threads (names are looked up in one) take real time.
-_LOOK_AGAIN_S = 0.001
+# Threads (name lookups run in one) take real time.
+_POLL_S = 0.001
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Where no socket has anything to say, the wait until the next timer is over at once."""
+    """When no socket is ready, skips the wait until the next timer."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -24,13 +24,13 @@ class _JumpingSelector(selectors.DefaultSelector):
         if ready or timeout == 0:
             return ready
         if self.threads or timeout is None:
-            return super().select(_LOOK_AGAIN_S)
+            return super().select(_POLL_S)
         self.passed_s += timeout
         return []
 
 
 class VirtualTimeLoop(asyncio.SelectorEventLoop):
-    """Loopback delivers at once, so that whatever was sent has arrived when time goes on."""
+    """Loopback delivers at once: everything sent has arrived before time advances."""
 
     def __init__(self) -> None:
         self._jumping = _JumpingSelector()
@@ -41,7 +41,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         return self._jumping.passed_s
 
     def run_in_executor(self, executor: Any, func: Any, *args: Any) -> asyncio.Future[Any]:
-        """Time stands still while a thread is at work."""
+        """Time stands still while a thread is working."""
         self._jumping.threads += 1
         future = super().run_in_executor(executor, func, *args)
         future.add_done_callback(self._thread_done)
@@ -52,7 +52,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 
 
 def in_virtual_time(test: Callable[_P, Coroutine[Any, Any, None]]) -> Callable[_P, None]:
-    """Run a test coroutine on a loop of its own, as fast as the machine can."""
+    """Run a test coroutine on a loop of its own, without waiting."""
 
     @functools.wraps(test)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> None:

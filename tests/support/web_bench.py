@@ -1,4 +1,4 @@
-"""The display's application on a port of loopback, and the few ways in which tests ask it."""
+"""The display's application on a loopback port, with helpers for requests and snapshots."""
 
 import asyncio
 import contextlib
@@ -10,11 +10,11 @@ from typing import Any
 
 from companion.engine import Engine
 from companion.web.app import build
-from companion.web.live_snapshot import Health, LiveSnapshot, live_snapshot_of
-from companion.web.loop_times import LoopTimes
+from companion.web.health import Health, LoopTimes
+from companion.web.live_snapshot import LiveSnapshot, live_snapshot_of
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
-from companion.web.source import Live, Source
+from companion.web.source import LiveSource, Source
 from sim.closed_loop import ClosedLoop
 from sim.scenario import load_scenario
 
@@ -23,7 +23,7 @@ TOKEN = "a-token-of-tests"
 
 @dataclass
 class Answer:
-    """What came back over HTTP."""
+    """An answer over HTTP."""
 
     status: int
     headers: dict[str, str]
@@ -36,7 +36,7 @@ class Answer:
 
 @dataclass
 class Site:
-    """A server that runs, and what it was asked for."""
+    """A running server, and the roles that were asked for."""
 
     port: int
     roles: list[str]
@@ -44,7 +44,7 @@ class Site:
     async def ask(
         self, path: str, *, method: str = "GET", headers: Mapping[str, str] | None = None, body: bytes = b""
     ) -> Answer:
-        """One request, by another implementation of HTTP."""
+        """Send one request, by an independent implementation of HTTP."""
         return await asyncio.to_thread(self._ask, path, method, dict(headers or {}), body)
 
     def _ask(self, path: str, method: str, headers: dict[str, str], body: bytes) -> Answer:
@@ -62,25 +62,25 @@ class Site:
 
 @contextlib.asynccontextmanager
 async def site(source: Source, settings: Settings | None = None, port: int = 0) -> AsyncIterator[Site]:
-    """The application over a source, until the block ends."""
+    """Serve a source until the block ends."""
     settings = replace(settings or Settings(), port=port)
-    opened = listen(settings)
+    listening = listen(settings)
     roles: list[str] = []
-    running = asyncio.create_task(serve(build(source, settings, roles.append), opened))
+    running = asyncio.create_task(serve(build(source, settings, roles.append), listening))
     try:
-        yield Site(opened.getsockname()[1], roles)
+        yield Site(listening.getsockname()[1], roles)
     finally:
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
 
 
 def health(**changes: Any) -> Health:
-    """A service that does well."""
+    """The health of a service without trouble."""
     return replace(Health.of(12.0, LoopTimes(), ()), **changes)
 
 
-def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> LiveSnapshot:
-    """What there is to be seen so long after a scenario began."""
+def snapshot_after(seconds: float, scenario: str = "head-on", **changes: Any) -> LiveSnapshot:
+    """The snapshot some seconds after the start of a scenario."""
     engine = Engine()
     loop = ClosedLoop(load_scenario(scenario), engine)
     loop.run(seconds)
@@ -88,9 +88,9 @@ def moment_after(seconds: float, scenario: str = "head-on", **changes: Any) -> L
     return replace(live_snapshot_of(engine, now_s, health()), **changes)
 
 
-def live(moment: LiveSnapshot | None = None) -> Live:
-    """A flight of which one moment is known."""
-    source = Live()
-    if moment is not None:
-        source.show(moment)
+def live(snapshot: LiveSnapshot | None = None) -> LiveSource:
+    """A live source with at most one snapshot."""
+    source = LiveSource()
+    if snapshot is not None:
+        source.show(snapshot)
     return source

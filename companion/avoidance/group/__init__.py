@@ -1,1 +1,1 @@
-"""Joint avoidance for the members of a formation."""
+"""Joint avoidance among the members of a group."""

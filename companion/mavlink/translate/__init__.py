@@ -1,8 +1,8 @@
-"""From messages to facts: the one place that knows the wire's units, sentinels, flags and traps.
+"""From messages to facts: the one place for the units, sentinels, flags and traps of MAVLink fields.
 
-Whatever a sender marked as invalid, left unset, or could not mean becomes `None`; a message that says nothing
-usable becomes no fact at all. No message that can be decoded makes this raise. One file for each noun; a new
-source of traffic is a new file and a line in `_TRANSLATIONS`.
+A field that its sender marked as invalid, left unset, or filled with an implausible value becomes `None`; a
+message without anything usable gives no fact. No message that can be decoded raises an error. One file for
+each protocol; a new source of traffic is a new file and an entry in `_TRANSLATIONS`.
 """
 
 import functools
@@ -15,12 +15,12 @@ from typing import Any
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, Sender
 from companion.mavlink.framing import Frame
-from companion.mavlink.translate import adsb, air, altitudes, answers, control, missions, systems, target, utm
+from companion.mavlink.translate import adsb, commands, missions, parameters, telemetry, utm
 from companion.mavlink.translate.wire import Translation
 
 
 def to_fact(message: Message, received_s: float) -> Fact | None:
-    """What a message said; `None` if it is none of `WANTED`, or says nothing that can be used."""
+    """The fact in a message; `None` if its id is not in `WANTED`, or nothing in it is usable."""
     translate = _TRANSLATIONS.get(message.get_msgId())
     if translate is None:
         return None
@@ -28,7 +28,7 @@ def to_fact(message: Message, received_s: float) -> Fact | None:
 
 
 def frame_to_fact(frame: Frame, received_s: float) -> Fact | None:
-    """The same straight from a frame, several times as fast as by way of pymavlink's message."""
+    """The fact in a frame: several times as fast as by way of a pymavlink message."""
     translate = _TRANSLATIONS.get(frame.message_id)
     if translate is None:
         return None
@@ -40,9 +40,9 @@ def frame_to_fact(frame: Frame, received_s: float) -> Fact | None:
 
 
 def _with_arrays(values: tuple[Any, ...], lengths: tuple[int, ...]) -> list[Any]:
-    """Fields in a row with those of each array put together; `lengths` has 0 for what is no array."""
-    left = iter(values)
-    return [list(islice(left, length)) if length else next(left) for length in lengths]
+    """A flat row of fields with the items of each array in a list; `lengths` is 0 for other fields."""
+    remaining = iter(values)
+    return [list(islice(remaining, length)) if length else next(remaining) for length in lengths]
 
 
 @functools.lru_cache(maxsize=256)
@@ -51,13 +51,10 @@ def _sender(system_id: int, component_id: int) -> Sender:
 
 
 _TRANSLATIONS: dict[int, Translation] = {
-    **systems.TRANSLATIONS,
-    **air.TRANSLATIONS,
-    **altitudes.TRANSLATIONS,
-    **target.TRANSLATIONS,
+    **telemetry.TRANSLATIONS,
     **missions.TRANSLATIONS,
-    **answers.TRANSLATIONS,
-    **control.TRANSLATIONS,
+    **commands.TRANSLATIONS,
+    **parameters.TRANSLATIONS,
     **adsb.TRANSLATIONS,
     **utm.TRANSLATIONS,
 }
@@ -67,9 +64,9 @@ _Layout = tuple[struct.Struct, Any, tuple[int, ...]]
 
 
 def _layout(message_id: int) -> _Layout:
-    """How to unpack a payload, into what, and the lengths of its arrays (none: empty).
+    """The layout of a payload, the named tuple for its fields, and the lengths of its arrays, if any.
 
-    An array of bytes stays one field, as a text does.
+    An array of bytes stays one field, like a text.
     """
     kind = mavlink.mavlink_map[message_id]
     layout = struct.Struct(re.sub(r"(\d+)B", r"\1s", kind.unpacker.format))
@@ -83,4 +80,4 @@ _BYTEWISE = frozenset({"char", "uint8_t"})
 _LAYOUTS: dict[int, _Layout] = {wanted: _layout(wanted) for wanted in _TRANSLATIONS} | missions.LAYOUTS
 
 WANTED: frozenset[int] = frozenset(_TRANSLATIONS)
-"""Ids of the messages worth decoding."""
+"""Ids of the messages that can give a fact."""

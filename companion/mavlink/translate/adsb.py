@@ -1,4 +1,4 @@
-"""Traffic heard by an ADS-B receiver: ADSB_VEHICLE; our own transponder: UAVIONIX_ADSB_OUT_CFG."""
+"""Traffic from an ADS-B receiver (ADSB_VEHICLE), and our own transponder (UAVIONIX_ADSB_OUT_CFG)."""
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, OwnTransponder, Sender, Traffic
@@ -8,7 +8,7 @@ from companion.mavlink.translate.wire import (
     Translation,
     altitude_m,
     angle_rad,
-    place_deg,
+    position_deg,
     printable,
     speed_mps,
 )
@@ -25,29 +25,29 @@ _KINDS = {
 
 
 def _own_transponder(message: Message, sender: Sender, _received_s: float) -> Fact | None:
-    """An address is 24 bits, and 0 is none."""
+    """An address has 24 bits; 0 means none."""
     return OwnTransponder(sender, message.ICAO) if 0 < message.ICAO <= 0xFF_FFFF else None
 
 
 def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
-    """A field counts if its flag is set and it does not hold its "unknown" value.
+    """A field is used if its flag is set and it does not have its "unknown" value.
 
     `heading` is the course over ground, `ver_velocity` is positive up, `squawk` is four octal digits written
-    in decimal. Receivers without a fix set the flag all the same and send 0, 0. Geometric heights are
-    above the ellipsoid, as DO-260B has them.
+    in decimal. Receivers without a fix send 0, 0 with the flag set. Geometric altitudes are above the
+    ellipsoid, as in DO-260B.
     """
     flags = message.flags
-    place = None
+    position = None
     if flags & mavlink.ADSB_FLAGS_VALID_COORDS:
-        place = place_deg(message.lat, message.lon)
+        position = position_deg(message.lat, message.lon)
     geometric = message.altitude_type == mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
     report = TrafficReport(
         source=TrafficSource.ADSB,
         key=adsb_key(message.ICAO_address),
         icao=message.ICAO_address,
         time_s=received_s - message.tslc,
-        lat_deg=None if place is None else place[0],
-        lon_deg=None if place is None else place[1],
+        lat_deg=None if position is None else position[0],
+        lon_deg=None if position is None else position[1],
         altitude_m=altitude_m(message.altitude) if flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE else None,
         altitude_reference=AltitudeReference.GEOMETRIC if geometric else AltitudeReference.BAROMETRIC,
         course_rad=angle_rad(message.heading) if flags & mavlink.ADSB_FLAGS_VALID_HEADING else None,
@@ -68,7 +68,7 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
 
 
 def _squawk(code: int) -> int | None:
-    """A transponder code has four digits of 0 to 7; anything else was garbled on its way."""
+    """A transponder code of four digits from 0 to 7; `None` for any other value."""
     digits = f"{code:04d}"
     return code if len(digits) == 4 and max(digits) <= "7" else None
 

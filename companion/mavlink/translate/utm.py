@@ -1,10 +1,10 @@
-"""Traffic heard by way of unmanned traffic management: UTM_GLOBAL_POSITION."""
+"""Traffic from unmanned traffic management: UTM_GLOBAL_POSITION."""
 
 import math
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, Sender, Traffic
-from companion.mavlink.translate.wire import UINT16_MAX, Translation, altitude_m, place_deg
+from companion.mavlink.translate.wire import UINT16_MAX, Translation, altitude_m, position_deg
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
 from companion.units import wrap_two_pi
 
@@ -12,15 +12,15 @@ _SHOWN_DIGITS = 6
 
 
 def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
-    """A field counts if its flag is set; `alt` is above the ellipsoid, velocities are north-east-down.
+    """A field is used if its flag is set; `alt` is above the ellipsoid, velocities are north-east-down.
 
-    `relative_alt` is above ground that only the sender knows, so it says nothing. `time` is the sender's
-    clock, of which nobody knows how it differs from ours: the time of reception counts.
+    `relative_alt` is above a ground level that is not sent, so it is not used. `time` is the sender's
+    clock, whose offset from ours is unknown: the time of reception is used.
     """
     flags = message.flags
-    place = None
+    position = None
     if flags & mavlink.UTM_DATA_AVAIL_FLAGS_POSITION_AVAILABLE:
-        place = place_deg(message.lat, message.lon)
+        position = position_deg(message.lat, message.lon)
     speed_mps = course_rad = climb_mps = None
     if flags & mavlink.UTM_DATA_AVAIL_FLAGS_HORIZONTAL_VELO_AVAILABLE:
         speed_mps = math.hypot(message.vx, message.vy) / 100.0
@@ -33,8 +33,8 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
         source=TrafficSource.UTM,
         key=f"UTM-{name}",
         time_s=received_s,
-        lat_deg=None if place is None else place[0],
-        lon_deg=None if place is None else place[1],
+        lat_deg=None if position is None else position[0],
+        lon_deg=None if position is None else position[1],
         altitude_m=altitude_m(message.alt) if known_altitude else None,
         altitude_reference=AltitudeReference.GEOMETRIC,
         course_rad=course_rad,
@@ -50,7 +50,7 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
 
 
 def _name(message: Message, sender: Sender) -> str:
-    """Its id in hexadecimal, less the zeros that fill it up; if it has none, its sender's address."""
+    """Its id in hexadecimal without trailing zeros, or else the address of its sender."""
     if message.flags & mavlink.UTM_DATA_AVAIL_FLAGS_UAS_ID_AVAILABLE:
         uas_id = bytes(message.uas_id).rstrip(b"\0")
         if uas_id:
@@ -59,7 +59,7 @@ def _name(message: Message, sender: Sender) -> str:
 
 
 def _sigma_m(accuracy_mm: int) -> float | None:
-    """A standard deviation [m]; 0 and UINT16_MAX were never measured."""
+    """A standard deviation [m]; `None` for 0 and UINT16_MAX, which mean unknown."""
     return None if accuracy_mm in (0, UINT16_MAX) else accuracy_mm / 1000.0
 
 

@@ -1,50 +1,48 @@
-// The page: states come in from the stream, one of them is shown, on the scope and in the panels.
+// The page: receives states and draws one of them, on the map and in the panels.
 
-import { Controls } from "./controls.js";
-import { DecisionBar } from "./decision.js";
-import { DecisionList } from "./decisions.js";
-import { bearingOf, DetailsPanel } from "./details.js";
-import { find, mark, put, show } from "./dom.js";
-import { FlightPanel } from "./flight.js";
-import { HealthPanels } from "./health.js";
-import { listenToKeys } from "./keys.js";
-import { Past } from "./past.js";
-import { Path } from "./path.js";
-import { Replay } from "./replay.js";
-import { RolePanel } from "./role.js";
-import { Scope } from "./scope.js";
-import { Settings } from "./settings.js";
-import { byUrgency, nameOf, readState } from "./state.js";
-import { Stream } from "./stream.js";
-import { ReplayControls, Timeline } from "./timeline.js";
-import { TrafficTable } from "./traffic_table.js";
+import { find, setAttribute, setData, setText, show } from "./core/dom.js";
+import { Settings } from "./core/settings.js";
+import { readState } from "./core/state.js";
+import { Stream } from "./core/stream.js";
+import { bearingOf, byUrgency, nameOf } from "./core/tracks.js";
+import { FlownPath } from "./map/plan.js";
+import { Scope } from "./map/scope.js";
+import { Controls, listenToKeys } from "./panels/controls.js";
+import { DecisionBar, DecisionList } from "./panels/decision.js";
+import { DetailsPanel } from "./panels/details.js";
+import { FlightPanel } from "./panels/flight.js";
+import { HealthPanels } from "./panels/health.js";
+import { RolePanel } from "./panels/role.js";
+import { TrafficTable } from "./panels/traffic_table.js";
+import { LiveMoments, ReplayMoments } from "./replay/moments.js";
+import { ReplayControls, Timeline } from "./replay/timeline.js";
 
-const TABLE_EVERY_MS = 500; // faster than that nobody reads a table
+const TABLE_EVERY_MS = 500; // tables that change faster cannot be read
 const STALE_S = 1.5;
 
 class Display {
   constructor() {
-    this.newest = null; // the last state that came
+    this.newest = null; // the last state received
     this.selected = "own";
     this.selectedName = null;
     this.follow = null;
     this.statesDrawn = 0;
     this.tablesDrawnAt_ms = -Infinity;
-    this.drawn = null; // the state that is on the canvas
-    this.waiting = false; // for the next picture of the screen
-    this.tablesWait = false; // for their turn
+    this.drawn = null; // the state on the canvas
+    this.frameRequested = false; // a drawing is due at the next animation frame
+    this.tablesDue = false; // the last state came too soon for the tables
     this.settings = new Settings((name) => this.settingChanged(name));
     this.scope = new Scope(find("canvas"), this.settings, {
       redraw: () => this.redraw(),
       onSelect: (key) => this.select(key),
     });
-    this.path = new Path();
-    this.moments = new Past(() => this.redraw());
+    this.flownPath = new FlownPath();
+    this.moments = new LiveMoments(() => this.redraw());
     this.makePanels();
     listenToKeys(this);
     this.stream = new Stream(new URL("ws", document.baseURI.replace(/^http/, "ws")), {
       onFrame: (text) => this.receive(text),
-      onOpen: () => this.ask(),
+      onOpen: () => this.readInfo(),
       expecting: () => this.expecting,
     });
     setInterval(() => this.watch(), 250);
@@ -66,26 +64,26 @@ class Display {
     find("select-own").addEventListener("click", () => this.select("own"));
   }
 
-  /** What kind of stream it is; asked at every connection, for the server may have been started anew. */
-  async ask() {
+  /** Reads the kind of stream: at every connection, since the server may have been restarted as another kind. */
+  async readInfo() {
     const info = await getJson("api/info");
     if (info === null) return;
-    put(find("title"), typeof info.title === "string" ? info.title : "");
+    setText(find("title"), typeof info.title === "string" ? info.title : "");
     document.title = info.title ? `${info.title} – Companion` : "Companion";
     this.settings.suggest("height", info.height_unit);
     this.role.offer(info.may_command === true && info.kind === "live");
-    if ((info.kind === "replay") !== this.moments instanceof Replay) this.changeKind(info);
+    if ((info.kind === "replay") !== this.moments instanceof ReplayMoments) this.changeKind(info);
     if (info.kind === "replay") this.moments.setLayers((await getJson("api/timeline"))?.layers);
   }
 
   changeKind(info) {
-    this.path = new Path();
+    this.flownPath = new FlownPath();
     const changed = () => this.redraw();
     if (info.kind === "replay") {
-      this.moments = new Replay((message) => this.stream.send(message), info.duration_s, changed);
+      this.moments = new ReplayMoments((message) => this.stream.send(message), info.duration_s, changed);
       this.replayControls ??= new ReplayControls(this.moments);
       this.replayControls.replay = this.moments;
-    } else this.moments = new Past(changed);
+    } else this.moments = new LiveMoments(changed);
     show(find("replay-controls"), info.kind === "replay");
     this.timeline.source = this.moments;
     this.redraw();
@@ -97,12 +95,12 @@ class Display {
     this.newest = state;
     const at_s = state.replay?.at_s ?? performance.now() / 1000;
     this.moments.record(state, at_s);
-    this.path.record(state.own, at_s);
+    this.flownPath.record(state.own, at_s);
     this.bar.announce(state);
     this.redraw();
   }
 
-  /** Should states be coming? A replay that stands still says nothing. */
+  /** False while no states are due: a paused replay sends none. */
   get expecting() {
     return this.newest?.replay?.playing !== false;
   }
@@ -111,12 +109,12 @@ class Display {
     return this.moments.shown ?? this.newest;
   }
 
-  /** Draws once before the next picture of the screen, however often it is asked. */
+  /** Draws at the next animation frame, once for any number of calls. */
   redraw() {
-    if (this.waiting || this.timeline === undefined) return;
-    this.waiting = true;
+    if (this.frameRequested || this.timeline === undefined) return;
+    this.frameRequested = true;
     requestAnimationFrame(() => {
-      this.waiting = false;
+      this.frameRequested = false;
       this.draw();
     });
   }
@@ -126,17 +124,17 @@ class Display {
     if (state === null) return;
     const ordered = byUrgency(state);
     const { selected, follow } = this;
-    this.scope.draw(state, { ordered, selected, follow, flown: this.path.until(this.moments.at_s) });
+    this.scope.draw(state, { ordered, selected, follow, flown: this.flownPath.until(this.moments.at_s) });
     this.bar.update(state);
     this.flight.update(state);
     this.timeline.draw(this.scope.palette);
     this.replayControls?.update();
     this.drawBanners(state);
-    this.tablesWait = performance.now() - this.tablesDrawnAt_ms < TABLE_EVERY_MS;
-    if (!this.tablesWait) this.drawTables(state, ordered);
+    this.tablesDue = performance.now() - this.tablesDrawnAt_ms < TABLE_EVERY_MS;
+    if (!this.tablesDue) this.drawTables(state, ordered);
     if (state !== this.drawn) this.statesDrawn += 1;
     this.drawn = state;
-    mark(document.documentElement, "ready", true);
+    setData(document.documentElement, "ready", true);
   }
 
   drawTables(state, ordered) {
@@ -149,9 +147,9 @@ class Display {
     this.health.update(state);
     this.role.update(this.newest.companion.role);
     this.decisions.update(this.moments.changes, this.moments.at_s);
-    mark(document.documentElement, "selected", entry === undefined ? "own" : "other");
+    setData(document.documentElement, "selected", entry === undefined ? "own" : "other");
     this.controls.updateRange();
-    find("canvas").setAttribute("aria-label", this.describe(state));
+    setAttribute(find("canvas"), "aria-label", this.describe(state));
   }
 
   describe(state) {
@@ -161,37 +159,37 @@ class Display {
 
   drawBanners(state) {
     const { isPast, label } = this.moments;
-    mark(document.documentElement, "past", isPast);
+    setData(document.documentElement, "past", isPast);
     show(find("past"), isPast);
     if (isPast) {
-      put(find("past-label"), `PAST ${label}`);
+      setText(find("past-label"), `PAST ${label}`);
       const { layer } = this.newest.decision;
-      put(find("past-now"), `now: ${(layer ?? "unknown").toUpperCase()}`);
-      mark(find("past-now"), "alarm", layer === "outer" || layer === "inner");
+      setText(find("past-now"), `now: ${(layer ?? "unknown").toUpperCase()}`);
+      setData(find("past-now"), "alarm", layer === "outer" || layer === "inner");
     }
     show(find("no-position"), state.own === null);
-    put(find("no-position"), "NO POSITION: where our own aircraft is, is not known");
+    setText(find("no-position"), "NO POSITION: our own position is unknown");
   }
 
-  /** Says when nothing comes any more: an old picture must not look like a new one. The tables get their turn even when
-   * nothing follows the state that was too soon for them. */
+  /** Marks the page as stale when no data arrives: an old picture must not look like a new one. Also draws tables that
+   * are still due when no further state follows. */
   watch() {
     const silent_s = this.stream.silent_s;
     const stale = !this.stream.open || (silent_s > STALE_S && this.expecting);
     const visible = stale && silent_s > STALE_S;
     if (visible !== this.timeline.stale) {
-      put(find("announcer"), visible ? "No data" : "Data again");
+      setText(find("announcer"), visible ? "No data" : "Data received again");
       this.timeline.stale = visible;
       this.redraw();
-    } else if (this.tablesWait) this.redraw();
-    mark(document.documentElement, "stale", visible);
+    } else if (this.tablesDue) this.redraw();
+    setData(document.documentElement, "stale", visible);
     show(find("no-data"), visible);
-    if (visible) put(find("no-data"), this.staleWords(Math.floor(silent_s)));
+    if (visible) setText(find("no-data"), this.staleText(Math.floor(silent_s)));
   }
 
-  staleWords(silent_s) {
+  staleText(silent_s) {
     const { retryIn_s, open } = this.stream;
-    if (open) return `NO DATA FOR ${silent_s} s: connected, but nothing comes`;
+    if (open) return `NO DATA FOR ${silent_s} s: connected, but nothing received`;
     const doing = retryIn_s === null ? "connecting" : `trying again in ${retryIn_s.toFixed(1)} s`;
     return `NO DATA FOR ${silent_s} s: ${doing}`;
   }
@@ -203,7 +201,7 @@ class Display {
     this.redrawAll();
   }
 
-  /** The words at once, that a key is answered however busy the screen is; the picture as soon as it can be. */
+  /** Draws the tables at once, so that keys feel immediate on a slow screen; the map at the next animation frame. */
   redrawAll() {
     const state = this.shown;
     if (state !== null) this.drawTables(state, byUrgency(state));
@@ -216,7 +214,7 @@ class Display {
     this.redrawAll();
   }
 
-  /** The aircraft after the selected one in the order of urgency; ours comes before the first. */
+  /** Selects the next (+1) or previous (-1) aircraft by urgency; ours comes before the first. */
   selectNext(by) {
     if (this.shown === null) return;
     const keys = ["own", ...byUrgency(this.shown).map(({ track }) => track.track)];
@@ -239,7 +237,7 @@ async function getJson(path) {
     const answer = await fetch(path, { cache: "no-store" });
     return answer.ok ? await answer.json() : null;
   } catch {
-    return null; // asked again at the next connection
+    return null; // read again at the next connection
   }
 }
 

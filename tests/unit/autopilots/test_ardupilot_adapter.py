@@ -1,4 +1,4 @@
-"""What is sent to ArduPlane: what it obeys, on change, and repeated slowly."""
+"""What is sent to ArduPlane: commands on change, repeated slowly, and a stream of position targets."""
 
 import math
 from collections import Counter
@@ -7,7 +7,7 @@ import pytest
 
 from companion.autopilots import ArduPlane, Px4FixedWing, choose
 from companion.autopilots.adapter import GuidanceCommand, RefusedValue
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import CommandResult, Sender
@@ -18,7 +18,7 @@ PLACE = GeoPoint(-35.0, 149.0, 600.0)
 GUIDANCE = Guidance(math.radians(40.0), 22.0, 680.0)
 
 
-def flown(guidance: Guidance = GUIDANCE) -> GuidanceCommand:
+def guidance_command(guidance: Guidance = GUIDANCE) -> GuidanceCommand:
     return GuidanceCommand(guidance, PLACE, (24.0, 0.0, 0.0), 22.0, math.radians(30.0))
 
 
@@ -39,14 +39,14 @@ def stream(adapter: ArduPlane, seconds: float, *, urgent: bool = False) -> list[
     sent = []
     for tick in range(round(seconds * 10)):
         now_s = 100.0 + tick / 10
-        messages = adapter.command(flown(), now_s, urgent=urgent) + adapter.tick(now_s)
+        messages = adapter.command(guidance_command(), now_s, urgent=urgent) + adapter.tick(now_s)
         accept_all(adapter, messages, now_s)
         sent += messages
     return sent
 
 
-def test_first_command_holds_everything() -> None:
-    messages = ArduPlane(TARGET).command(flown(), 100.0, urgent=False)
+def test_the_first_command_sends_heading_speed_height_and_position() -> None:
+    messages = ArduPlane(TARGET).command(guidance_command(), 100.0, urgent=False)
     assert kinds(messages) == {
         "COMMAND_INT 43002": 1,
         "COMMAND_INT 43000": 1,
@@ -62,49 +62,49 @@ def test_steady_guidance_is_streamed_at_5_hz_and_the_heading_every_two_seconds()
     assert counts["COMMAND_INT 43000"] == counts["COMMAND_INT 43001"] == 1
 
 
-def test_urgent_setpoints_never_exceed_10_hz() -> None:
+def test_urgent_setpoints_stay_below_10_hz() -> None:
     adapter = ArduPlane(TARGET)
     sent = [
         message
         for tick in range(200)
-        for message in adapter.command(flown(), 100.0 + tick * 0.02, urgent=True)
+        for message in adapter.command(guidance_command(), 100.0 + tick * 0.02, urgent=True)
         if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
     ]
     assert 35 <= len(sent) <= 44, "in four seconds"
 
 
-def test_a_change_goes_out_at_once_and_a_trifle_does_not() -> None:
+def test_a_change_is_sent_at_once_unless_it_is_tiny() -> None:
     adapter = ArduPlane(TARGET)
-    accept_all(adapter, adapter.command(flown(), 100.0, urgent=False), 100.0)
-    trifle = Guidance(GUIDANCE.course_rad + math.radians(0.5), 22.1, 680.4)
-    assert "COMMAND_INT 43002" not in kinds(adapter.command(flown(trifle), 100.1, urgent=False))
+    accept_all(adapter, adapter.command(guidance_command(), 100.0, urgent=False), 100.0)
+    tiny = Guidance(GUIDANCE.course_rad + math.radians(0.5), 22.1, 680.4)
+    assert "COMMAND_INT 43002" not in kinds(adapter.command(guidance_command(tiny), 100.1, urgent=False))
     turned = Guidance(GUIDANCE.course_rad + math.radians(5.0), 22.0, 680.0)
-    counts = kinds(adapter.command(flown(turned), 100.2, urgent=False))
+    counts = kinds(adapter.command(guidance_command(turned), 100.2, urgent=False))
     assert counts["COMMAND_INT 43002"] == 1
     assert counts["COMMAND_INT 43000"] == counts["COMMAND_INT 43001"] == 0
 
 
-def test_slow_drifts_add_up_to_a_change() -> None:
+def test_slow_drifts_add_up_to_changes() -> None:
     adapter = ArduPlane(TARGET)
     headings = 0
     for tick in range(15):
         wanted = Guidance(math.radians(40.0 + 0.2 * tick), 22.0, 680.0)
-        messages = adapter.command(flown(wanted), 100.0 + tick / 10, urgent=False)
+        messages = adapter.command(guidance_command(wanted), 100.0 + tick / 10, urgent=False)
         accept_all(adapter, messages, 100.0)
         headings += kinds(messages)["COMMAND_INT 43002"]
     assert headings == 3
 
 
-def test_the_heading_command_is_what_the_autopilot_understands() -> None:
-    first = ArduPlane(TARGET).command(flown(Guidance(-0.0, 22.0, 680.0)), 100.0, urgent=False)[0]
+def test_the_heading_command_has_course_type_course_and_acceleration() -> None:
+    first = ArduPlane(TARGET).command(guidance_command(Guidance(-0.0, 22.0, 680.0)), 100.0, urgent=False)[0]
     assert (first.target_system, first.target_component) == (1, 1)
     assert first.param1 == 0, "course over ground"
     assert 0.0 <= first.param2 < 360.0
     assert first.param3 == pytest.approx(9.80665 * math.tan(math.radians(30.0)))
 
 
-def test_the_position_target_is_whole() -> None:
-    messages = ArduPlane(TARGET).command(flown(), 100.0, urgent=False)
+def test_the_position_target_is_complete() -> None:
+    messages = ArduPlane(TARGET).command(guidance_command(), 100.0, urgent=False)
     target = next(m for m in messages if m.get_type() == "SET_POSITION_TARGET_GLOBAL_INT")
     north_m = (target.lat_int / 1e7 - PLACE.lat_deg) * 110_940.0
     east_m = (target.lon_int / 1e7 - PLACE.lon_deg) * 91_290.0
@@ -119,11 +119,11 @@ def test_the_position_target_is_whole() -> None:
     assert target.type_mask == 0b1001_1100_0000
 
 
-def test_everything_can_be_packed() -> None:
+def test_all_messages_can_be_packed() -> None:
     adapter = ArduPlane(TARGET)
     messages = [
         adapter.set_mode(adapter.guided_mode),
-        *adapter.command(flown(), 1.7e9, urgent=True),
+        *adapter.command(guidance_command(), 1.7e9, urgent=True),
         adapter.set_mode(adapter.fallback_mode),
         Px4FixedWing(TARGET).set_mode(4 << 16 | 4 << 24),
         adapter.request_interval(33, 0.1),
@@ -133,17 +133,17 @@ def test_everything_can_be_packed() -> None:
         assert Encoder().encode(message, 1, 196)
 
 
-def test_after_standing_back_everything_is_sent_again() -> None:
+def test_after_standing_back_all_values_are_sent_again() -> None:
     adapter = ArduPlane(TARGET)
-    adapter.command(flown(), 100.0, urgent=False)
-    adapter.stand_back()
-    assert kinds(adapter.command(flown(), 101.1, urgent=False))["COMMAND_INT 43001"] == 1
+    adapter.command(guidance_command(), 100.0, urgent=False)
+    adapter.drop_commands()
+    assert kinds(adapter.command(guidance_command(), 101.1, urgent=False))["COMMAND_INT 43001"] == 1
 
 
-def test_standing_back_repeats_nothing() -> None:
+def test_after_standing_back_no_command_is_repeated() -> None:
     adapter = ArduPlane(TARGET)
-    adapter.command(flown(), 100.0, urgent=False)
-    adapter.stand_back()
+    adapter.command(guidance_command(), 100.0, urgent=False)
+    adapter.drop_commands()
     assert adapter.tick(105.0) == []
 
 
@@ -168,27 +168,27 @@ def refuse(adapter: ArduPlane, command: int, now_s: float) -> None:
 
 
 def commands(adapter: ArduPlane, now_s: float, guidance: Guidance = GUIDANCE) -> dict[int, Message]:
-    messages = adapter.command(flown(guidance), now_s, urgent=False)
+    messages = adapter.command(guidance_command(guidance), now_s, urgent=False)
     return {message.command: message for message in messages if hasattr(message, "command")}
 
 
-def test_a_speed_refused_is_asked_for_once_more_within_the_limits_and_then_given_up() -> None:
+def test_a_refused_speed_is_moderated_once_and_then_given_up() -> None:
     adapter = ArduPlane(TARGET)
     fast = Guidance(GUIDANCE.course_rad, 28.0, GUIDANCE.altitude_m)
     speed = mavlink.MAV_CMD_GUIDED_CHANGE_SPEED
     assert commands(adapter, 100.0, fast)[speed].param2 == 28.0
     refuse(adapter, speed, 100.1)
     assert adapter.refused_values() == []
-    assert commands(adapter, 100.2, fast)[speed].param2 == 27.0  # a little towards the 22 m/s flown
+    assert commands(adapter, 100.2, fast)[speed].param2 == 27.0  # moderated towards the 22 m/s flown
     refuse(adapter, speed, 100.3)
     assert adapter.refused_values() == [RefusedValue(Control.SPEED, 28.0)]
     assert adapter.refused_values() == []
     assert speed not in commands(adapter, 100.4, fast)
     slower = Guidance(GUIDANCE.course_rad, 25.0, GUIDANCE.altitude_m)
-    assert commands(adapter, 100.5, slower)[speed].param2 == 25.0  # another value is another question
+    assert commands(adapter, 100.5, slower)[speed].param2 == 25.0  # another value is sent as usual
 
 
-def test_a_height_refused_is_moved_aside() -> None:
+def test_a_refused_height_is_moderated() -> None:
     adapter = ArduPlane(TARGET)
     at_zero = Guidance(GUIDANCE.course_rad, 22.0, 0.0)
     height = mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE
@@ -197,7 +197,7 @@ def test_a_height_refused_is_moved_aside() -> None:
     assert commands(adapter, 100.2, at_zero)[height].z == 2.0
 
 
-def test_what_was_accepted_is_not_refused_by_a_late_answer() -> None:
+def test_a_late_refusal_of_an_accepted_command_is_ignored() -> None:
     adapter = ArduPlane(TARGET)
     speed = mavlink.MAV_CMD_GUIDED_CHANGE_SPEED
     commands(adapter, 100.0)
@@ -207,23 +207,23 @@ def test_what_was_accepted_is_not_refused_by_a_late_answer() -> None:
     assert adapter.refused_values() == []
 
 
-def test_who_was_in_guided_before_is_sent_to_his_target_again() -> None:
+def test_guided_is_given_back_with_its_former_target() -> None:
     adapter = ArduPlane(TARGET)
-    (message,) = adapter.give_back(PriorFlightState(15, target=GeoPoint(-35.1, 149.2, 650.0)))
+    (message,) = adapter.restore_mode(PriorFlightState(15, target=GeoPoint(-35.1, 149.2, 650.0)))
     assert (message.get_type(), message.command) == ("COMMAND_INT", 192)
     assert (message.param2, message.x, message.y, message.z) == (1.0, -351_000_000, 1_492_000_000, 650.0)
-    (mission,) = adapter.give_back(PriorFlightState(10, target=GeoPoint(-35.1, 149.2, 650.0)))
+    (mission,) = adapter.restore_mode(PriorFlightState(10, target=GeoPoint(-35.1, 149.2, 650.0)))
     assert (mission.command, mission.param2) == (176, 10)
 
 
-def test_modes_are_asked_for_by_their_numbers() -> None:
+def test_modes_are_requested_by_number() -> None:
     plane = ArduPlane(TARGET).set_mode(15)
     assert (plane.command, plane.param1, plane.param2) == (176, 1, 15)
     px4 = Px4FixedWing(TARGET).set_mode(4 << 16 | 4 << 24)
     assert (px4.command, px4.param1, px4.param2, px4.param3) == (176, 1, 4, 4)
 
 
-def test_adapters_are_chosen_by_the_heartbeat() -> None:
+def test_the_heartbeat_selects_the_adapter() -> None:
     assert isinstance(choose(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, TARGET), ArduPlane)
     assert isinstance(choose(mavlink.MAV_AUTOPILOT_PX4, TARGET), Px4FixedWing)
     assert choose(mavlink.MAV_AUTOPILOT_GENERIC, TARGET) is None

@@ -1,4 +1,4 @@
-"""Commands under way: sent again until answered."""
+"""Commands under way: repeated until they are answered."""
 
 import pytest
 
@@ -18,33 +18,33 @@ def answer(result: int, number: int = SET_MODE) -> CommandResult:
     return CommandResult(AUTOPILOT, number, result, None)
 
 
-def sent_until(desk: CommandRetrier, until_s: float, from_s: float = 0.0) -> list[tuple[float, int]]:
+def sent_until(commands: CommandRetrier, until_s: float, from_s: float = 0.0) -> list[tuple[float, int]]:
     sent = []
     for tenth in range(round(from_s * 10) + 1, round(until_s * 10) + 1):
-        sent += [(tenth / 10, message.confirmation) for message in desk.due(tenth / 10)]
+        sent += [(tenth / 10, message.confirmation) for message in commands.due(tenth / 10)]
     return sent
 
 
-def test_repeated_with_rising_confirmation_until_it_gives_up() -> None:
-    desk = CommandRetrier()
-    desk.ask(command(), 0.0)
-    assert desk.outcome(SET_MODE) is Outcome.PENDING
-    assert sent_until(desk, 10.0) == [(0.5, 1), (1.0, 2), (1.5, 3), (2.0, 4), (2.5, 5)]
-    assert desk.outcome(SET_MODE) is Outcome.UNANSWERED
+def test_a_command_is_repeated_with_rising_confirmation_and_then_given_up() -> None:
+    commands = CommandRetrier()
+    commands.ask(command(), 0.0)
+    assert commands.outcome(SET_MODE) is Outcome.PENDING
+    assert sent_until(commands, 10.0) == [(0.5, 1), (1.0, 2), (1.5, 3), (2.0, 4), (2.5, 5)]
+    assert commands.outcome(SET_MODE) is Outcome.UNANSWERED
 
 
-def test_one_that_is_renewed_all_the_time_is_found_unanswered_too() -> None:
-    desk = CommandRetrier()
-    told: list[str] = []
+def test_a_command_that_is_renewed_often_is_found_unanswered() -> None:
+    commands = CommandRetrier()
+    refusals: list[str] = []
     for second in range(6):
-        desk.ask(command(), float(second))
-        sent_until(desk, second + 0.9, float(second))
-        told += desk.refusals()
-    assert told[0] == "DO_SET_MODE not answered"
-    desk.ask(command(), 7.0)
-    desk.answered(answer(mavlink.MAV_RESULT_ACCEPTED), 7.1)
-    desk.ask(command(), 8.0)
-    assert sent_until(desk, 11.0, 8.0) == [(8.5, 1), (9.0, 2), (9.5, 3), (10.0, 4), (10.5, 5)]
+        commands.ask(command(), float(second))
+        sent_until(commands, second + 0.9, float(second))
+        refusals += commands.refusals()
+    assert refusals[0] == "DO_SET_MODE not answered"
+    commands.ask(command(), 7.0)
+    commands.answered(answer(mavlink.MAV_RESULT_ACCEPTED), 7.1)
+    commands.ask(command(), 8.0)
+    assert sent_until(commands, 11.0, 8.0) == [(8.5, 1), (9.0, 2), (9.5, 3), (10.0, 4), (10.5, 5)]
 
 
 @pytest.mark.parametrize(
@@ -57,49 +57,49 @@ def test_one_that_is_renewed_all_the_time_is_found_unanswered_too() -> None:
         (6, Outcome.REFUSED, ["DO_SET_MODE cancelled"]),
     ],
 )
-def test_an_answer_ends_it(result: int, outcome: Outcome, words: list[str]) -> None:
-    desk = CommandRetrier()
-    desk.ask(command(), 0.0)
-    desk.answered(answer(result), 0.1)
-    assert desk.outcome(SET_MODE) is outcome
-    assert desk.refusals() == words
-    assert desk.refusals() == [], "told once"
-    assert sent_until(desk, 5.0) == []
+def test_an_answer_ends_a_command(result: int, outcome: Outcome, words: list[str]) -> None:
+    commands = CommandRetrier()
+    commands.ask(command(), 0.0)
+    commands.answered(answer(result), 0.1)
+    assert commands.outcome(SET_MODE) is outcome
+    assert commands.refusals() == words
+    assert commands.refusals() == [], "returned once"
+    assert sent_until(commands, 5.0) == []
 
 
-def test_in_progress_extends_the_wait() -> None:
-    desk = CommandRetrier()
-    desk.ask(command(), 0.0)
-    desk.answered(answer(mavlink.MAV_RESULT_IN_PROGRESS), 0.1)
-    assert sent_until(desk, 5.0) == []
-    assert sent_until(desk, 5.2, 5.0) == [(5.1, 1)]
+def test_in_progress_delays_the_repetition() -> None:
+    commands = CommandRetrier()
+    commands.ask(command(), 0.0)
+    commands.answered(answer(mavlink.MAV_RESULT_IN_PROGRESS), 0.1)
+    assert sent_until(commands, 5.0) == []
+    assert sent_until(commands, 5.2, 5.0) == [(5.1, 1)]
 
 
-def test_temporarily_rejected_is_asked_again() -> None:
-    desk = CommandRetrier()
-    desk.ask(command(), 0.0)
-    desk.answered(answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED), 0.1)
-    assert sent_until(desk, 0.6) == [(0.5, 1)]
+def test_a_temporarily_rejected_command_is_repeated() -> None:
+    commands = CommandRetrier()
+    commands.ask(command(), 0.0)
+    commands.answered(answer(mavlink.MAV_RESULT_TEMPORARILY_REJECTED), 0.1)
+    assert sent_until(commands, 0.6) == [(0.5, 1)]
 
 
-def test_a_newer_command_of_the_kind_replaces_the_older() -> None:
-    desk = CommandRetrier()
-    desk.ask(command(), 0.0)
-    newer = desk.ask(command(), 0.3)
-    assert desk.due(0.6) == []
-    assert desk.due(0.8) == [newer]
+def test_a_newer_command_of_a_kind_replaces_the_older() -> None:
+    commands = CommandRetrier()
+    commands.ask(command(), 0.0)
+    newer = commands.ask(command(), 0.3)
+    assert commands.due(0.6) == []
+    assert commands.due(0.8) == [newer]
 
 
-def test_what_is_forgotten_is_never_sent() -> None:
-    desk = CommandRetrier()
-    desk.ask(command(), 0.0)
-    desk.forget()
-    assert sent_until(desk, 5.0) == []
-    assert desk.outcome(SET_MODE) is None
+def test_a_dropped_command_is_not_repeated() -> None:
+    commands = CommandRetrier()
+    commands.ask(command(), 0.0)
+    commands.forget()
+    assert sent_until(commands, 5.0) == []
+    assert commands.outcome(SET_MODE) is None
 
 
-def test_answers_to_nothing_are_ignored() -> None:
-    desk = CommandRetrier()
-    desk.answered(answer(mavlink.MAV_RESULT_DENIED), 0.0)
-    assert desk.outcome(SET_MODE) is None
-    assert desk.refusals() == []
+def test_answers_without_a_command_are_ignored() -> None:
+    commands = CommandRetrier()
+    commands.answered(answer(mavlink.MAV_RESULT_DENIED), 0.0)
+    assert commands.outcome(SET_MODE) is None
+    assert commands.refusals() == []

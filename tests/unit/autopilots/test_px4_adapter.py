@@ -1,4 +1,4 @@
-"""What is sent to PX4: a stream that it flies, entered and left so that its controller survives."""
+"""What is sent to PX4: a stream of setpoints that keeps its attitude setpoint valid, and the speed."""
 
 import math
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from companion.model import Guidance, PriorFlightState
 TARGET = Sender(1, 1)
 PLACE = GeoPoint(47.4, 8.5, 600.0)
 GUIDANCE = Guidance(math.radians(40.0), 18.0, 680.0)
-FLOWN = GuidanceCommand(GUIDANCE, PLACE, (0.0, 15.0, 0.0), 15.0, math.radians(30.0))
+COMMAND = GuidanceCommand(GUIDANCE, PLACE, (0.0, 15.0, 0.0), 15.0, math.radians(30.0))
 VELOCITY_ONLY, POSITION_AND_VELOCITY = 3527, 3520
 HOLD, MISSION = 4 << 16 | 3 << 24, 4 << 16 | 4 << 24
 
@@ -39,12 +39,12 @@ def masks(adapter: Px4FixedWing, first_s: float, seconds: float, *, urgent: bool
     return [
         message.type_mask
         for now_s in ticks(first_s, seconds)
-        for message in setpoints(adapter.command(FLOWN, now_s, urgent=urgent))
+        for message in setpoints(adapter.command(COMMAND, now_s, urgent=urgent))
     ]
 
 
-def test_it_is_entered_with_velocity_alone_along_the_course_flown(adapter: Px4FixedWing) -> None:
-    sent = [message for now_s in ticks(10.0, 1.0) for message in adapter.entering(FLOWN, now_s)]
+def test_offboard_is_entered_with_velocity_alone_along_the_present_course(adapter: Px4FixedWing) -> None:
+    sent = [message for now_s in ticks(10.0, 1.0) for message in adapter.entering(COMMAND, now_s)]
     assert len(sent) == 10, "10 Hz"
     assert {message.type_mask for message in sent} == {VELOCITY_ONLY}
     assert {message.coordinate_frame for message in sent} == {5}
@@ -52,14 +52,14 @@ def test_it_is_entered_with_velocity_alone_along_the_course_flown(adapter: Px4Fi
     assert sent[0].vy > 5.0
 
 
-def test_in_offboard_it_goes_over_to_position_with_velocity_once_and_for_all(adapter: Px4FixedWing) -> None:
-    adapter.entering(FLOWN, 10.0)
+def test_in_offboard_position_with_velocity_follows(adapter: Px4FixedWing) -> None:
+    adapter.entering(COMMAND, 10.0)
     assert masks(adapter, 10.1, 2.0) == [VELOCITY_ONLY] + [POSITION_AND_VELOCITY] * 19
 
 
-def test_the_setpoint_is_the_line_through_ourselves_at_the_height_wanted(adapter: Px4FixedWing) -> None:
+def test_the_setpoint_is_a_line_through_our_position_at_the_commanded_height(adapter: Px4FixedWing) -> None:
     for now_s in ticks(10.0, 0.5):
-        messages = setpoints(adapter.command(FLOWN, now_s, urgent=False))
+        messages = setpoints(adapter.command(COMMAND, now_s, urgent=False))
     (message,) = messages
     assert (message.lat_int, message.lon_int, message.alt) == (474_000_000, 85_000_000, 680.0)
     assert math.atan2(message.vy, message.vx) == pytest.approx(GUIDANCE.course_rad)
@@ -67,9 +67,9 @@ def test_the_setpoint_is_the_line_through_ourselves_at_the_height_wanted(adapter
     assert message.vz == 0.0
 
 
-def test_it_is_left_level_where_it_is(adapter: Px4FixedWing) -> None:
+def test_offboard_is_left_level_at_the_present_height(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
-    sent = [message for now_s in ticks(11.0, 0.5) for message in adapter.leaving(FLOWN, now_s)]
+    sent = [message for now_s in ticks(11.0, 0.5) for message in adapter.leaving(COMMAND, now_s)]
     assert {message.type_mask for message in sent} == {POSITION_AND_VELOCITY}
     assert {message.alt for message in sent} == {600.0}
     assert math.atan2(sent[0].vy, sent[0].vx) == pytest.approx(math.radians(90.0))
@@ -77,7 +77,7 @@ def test_it_is_left_level_where_it_is(adapter: Px4FixedWing) -> None:
     assert adapter.entry_s >= 0.5
 
 
-def test_an_attitude_setpoint_that_is_no_number_is_cured(adapter: Px4FixedWing) -> None:
+def test_velocity_alone_recovers_an_invalid_attitude_setpoint(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
     for now_s in ticks(11.0, 0.5):
         adapter.observe(AttitudeTarget(TARGET, finite=False), now_s)
@@ -88,7 +88,7 @@ def test_an_attitude_setpoint_that_is_no_number_is_cured(adapter: Px4FixedWing) 
     assert set(masks(adapter, 13.1, 1.0)) == {POSITION_AND_VELOCITY}
 
 
-def test_one_bad_message_is_no_poison(adapter: Px4FixedWing) -> None:
+def test_one_invalid_attitude_setpoint_does_not_count(adapter: Px4FixedWing) -> None:
     adapter.observe(AttitudeTarget(TARGET, finite=False), 11.0)
     assert not adapter.setpoint_invalid(11.1)
     adapter.observe(AttitudeTarget(TARGET, finite=True), 11.2)
@@ -104,102 +104,102 @@ def trims(adapter: Px4FixedWing, first_s: float, seconds: float) -> list[float]:
     ]
 
 
-def test_the_speed_is_a_parameter_asked_for_until_it_is_so_and_put_back(adapter: Px4FixedWing) -> None:
+def test_the_speed_parameter_is_set_until_confirmed_and_restored(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
     assert trims(adapter, 11.0, 2.5) == [18.0, 18.0, 18.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 13.5)
     assert trims(adapter, 13.6, 3.0) == []
-    assert adapter.borrowed == {"FW_AIRSPD_TRIM": 15.0}
-    adapter.stand_back()
+    assert adapter.changed_parameters == {"FW_AIRSPD_TRIM": 15.0}
+    adapter.drop_commands()
     assert trims(adapter, 17.0, 1.0) == [15.0]
-    assert adapter.borrowed == {"FW_AIRSPD_TRIM": 15.0}, "until it is confirmed"
+    assert adapter.changed_parameters == {"FW_AIRSPD_TRIM": 15.0}, "until the autopilot confirms it"
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 18.0)
-    assert adapter.borrowed == {}
+    assert adapter.changed_parameters == {}
     assert trims(adapter, 19.0, 3.0) == []
 
 
-def test_a_speed_that_is_not_known_is_not_changed() -> None:
+def test_an_unknown_speed_is_not_changed() -> None:
     adapter = Px4FixedWing(TARGET)
     masks(adapter, 10.0, 1.0)
     assert trims(adapter, 11.0, 3.0) == []
 
 
-def test_a_trifle_of_speed_is_not_worth_a_parameter(adapter: Px4FixedWing) -> None:
+def test_a_tiny_change_of_speed_is_not_sent(adapter: Px4FixedWing) -> None:
     near = GuidanceCommand(Guidance(0.0, 15.4, 680.0), PLACE, (0.0, 15.0, 0.0), 15.0, 0.5)
     for now_s in ticks(10.0, 1.0):
         adapter.command(near, now_s, urgent=False)
     assert trims(adapter, 11.0, 1.0) == []
 
 
-def test_what_a_killed_companion_borrowed_is_put_back() -> None:
+def test_a_speed_that_a_former_run_changed_is_restored() -> None:
     adapter = Px4FixedWing(TARGET)
-    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    adapter.restore_parameters({"FW_AIRSPD_TRIM": 15.0})
     assert trims(adapter, 0.0, 1.0) == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 1.0)
-    assert adapter.borrowed == {}
+    assert adapter.changed_parameters == {}
 
 
-def test_nobody_answers_and_patience_grows(adapter: Px4FixedWing) -> None:
+def test_unanswered_changes_are_dropped_and_restorations_repeated(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
-    assert len(trims(adapter, 11.0, 60.0)) <= 5, "a change that is not taken is dropped"
-    adapter.stand_back()
-    assert 5 < len(trims(adapter, 80.0, 100.0)) < 15, "putting back is not"
+    assert len(trims(adapter, 11.0, 60.0)) <= 5, "a change is dropped"
+    adapter.drop_commands()
+    assert 5 < len(trims(adapter, 80.0, 100.0)) < 15, "a restoration is not"
 
 
-def test_hold_is_entered_where_it_was_held(adapter: Px4FixedWing) -> None:
-    (message,) = adapter.give_back(PriorFlightState(HOLD, target=GeoPoint(47.41, 8.52, 640.0)))
+def test_hold_is_given_back_at_its_former_place(adapter: Px4FixedWing) -> None:
+    (message,) = adapter.restore_mode(PriorFlightState(HOLD, target=GeoPoint(47.41, 8.52, 640.0)))
     assert (message.command, message.param2) == (mavlink.MAV_CMD_DO_REPOSITION, 1.0)
     assert (message.x, message.y, message.z) == (474_100_000, 85_200_000, 640.0)
-    (mission,) = adapter.give_back(PriorFlightState(MISSION, target=GeoPoint(47.41, 8.52, 640.0)))
+    (mission,) = adapter.restore_mode(PriorFlightState(MISSION, target=GeoPoint(47.41, 8.52, 640.0)))
     assert (mission.command, mission.param2, mission.param3) == (mavlink.MAV_CMD_DO_SET_MODE, 4, 4)
 
 
 @pytest.mark.parametrize(
     ("action", "mode"), [(5.0, HOLD), (3.0, 4 << 16 | 5 << 24), (0.0, None), (2.0, None)]
 )
-def test_what_a_lost_stream_leaves(action: float, mode: int | None) -> None:
+def test_the_mode_after_the_last_setpoint(action: float, mode: int | None) -> None:
     adapter = Px4FixedWing(TARGET)
     adapter.observe(Parameter(TARGET, "COM_OBL_RC_ACT", action), 0.0)
-    assert adapter.left_behind_mode() == mode
+    assert adapter.setpoint_loss_mode() == mode
 
 
-def test_everything_can_be_packed(adapter: Px4FixedWing) -> None:
+def test_all_messages_can_be_packed(adapter: Px4FixedWing) -> None:
     encoder = Encoder()
-    messages = [*adapter.entering(FLOWN, 1.0), *adapter.command(FLOWN, 2.0, urgent=True)]
-    messages += adapter.command(FLOWN, 2.2, urgent=True) + adapter.leaving(FLOWN, 3.0) + adapter.tick(3.0)
-    messages += adapter.give_back(PriorFlightState(HOLD, target=PLACE))
+    messages = [*adapter.entering(COMMAND, 1.0), *adapter.command(COMMAND, 2.0, urgent=True)]
+    messages += adapter.command(COMMAND, 2.2, urgent=True) + adapter.leaving(COMMAND, 3.0) + adapter.tick(3.0)
+    messages += adapter.restore_mode(PriorFlightState(HOLD, target=PLACE))
     assert len(messages) >= 5
     for message in messages:
         assert encoder.encode(message, 1, 196)
 
 
-def test_answers_about_commands_reach_the_desk(adapter: Px4FixedWing) -> None:
-    adapter.desk.ask(adapter.select_item(3), 1.0)
+def test_an_answer_ends_the_repetition_of_a_command(adapter: Px4FixedWing) -> None:
+    adapter.commands.ask(adapter.select_item(3), 1.0)
     adapter.observe(CommandResult(TARGET, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0, None), 1.1)
     assert adapter.tick(5.0) == []
 
 
-def test_a_speed_that_comes_again_after_it_was_put_back_is_put_back_again(adapter: Px4FixedWing) -> None:
+def test_a_late_change_after_the_restoration_is_restored_again(adapter: Px4FixedWing) -> None:
     masks(adapter, 10.0, 1.0)
-    (asked,) = [m for m in adapter.tick(11.0) if m.get_type() == "PARAM_SET"]
-    assert asked.param_value == 18.0
-    adapter.stand_back()
+    (change,) = [m for m in adapter.tick(11.0) if m.get_type() == "PARAM_SET"]
+    assert change.param_value == 18.0
+    adapter.drop_commands()
     assert [m.param_value for m in adapter.tick(11.1)] == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 11.2)
-    assert adapter.borrowed == {}
+    assert adapter.changed_parameters == {}
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 12.0)  # a datagram that came twice
     assert [m.param_value for m in adapter.tick(12.1)] == [15.0]
     adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), 12.2)
-    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 40.0)  # that is somebody's wish
+    adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 18.0), 40.0)  # a ground station set it
     assert adapter.tick(40.1) == []
 
 
 @pytest.mark.parametrize(
     ("version", "loses"), [(None, True), ((1, 16), True), ((1, 17), False), ((2, 0), False)]
 )
-def test_which_versions_lose_themselves_in_climbs(
+def test_the_versions_that_climbs_make_invalid(
     adapter: Px4FixedWing, version: tuple[int, int] | None, loses: bool
 ) -> None:
     if version is not None:
         adapter.observe(AutopilotVersion(TARGET, "", *version, capabilities=0), 1.0)
-    assert adapter.loses_itself_in_climbs is loses
+    assert adapter.invalid_after_climbs is loses

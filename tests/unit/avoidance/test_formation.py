@@ -1,4 +1,4 @@
-"""Groups in the avoider: when a joint answer is flown, what is never believed, and how it ends."""
+"""Groups in the avoider: when a joint response is flown, which reports are rejected, and how it ends."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
-from companion.avoidance.group.formation import FormationParams, MemberState, is_sound, joint_response
+from companion.avoidance.group.formation import FormationParams, MemberState, is_valid, joint_response
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Decision, Goal, Layer, Member, Ownship, Track, Vec3
 
@@ -25,7 +25,7 @@ def member(
     name: str,
     place: tuple[float, float],
     velocity: Vec3 = (-22.0, 0.0, 0.0),
-    told: Member | None = SOUTHBOUND,
+    report: Member | None = SOUTHBOUND,
 ) -> Track:
     return Track(
         name,
@@ -34,7 +34,7 @@ def member(
         velocity,
         protected_horizontal_m=50.0,
         protected_vertical_m=30.0,
-        member=told,
+        member=report,
     )
 
 
@@ -51,15 +51,15 @@ def by_group(decision: Decision) -> bool:
     return decision.because.startswith("group: ")
 
 
-def test_members_on_a_collision_course_answer_jointly() -> None:
+def test_members_on_a_collision_course_respond_jointly() -> None:
     decision = decide([member("B", (390.0, 0.0))])
     assert by_group(decision)
     assert decision.guidance is not None
     assert [threat.track_id for threat in decision.threats] == ["B"]
 
 
-def test_members_that_keep_their_distance_are_left_alone() -> None:
-    """A formation flies near each other on purpose."""
+def test_members_that_keep_their_distance_are_not_in_conflict() -> None:
+    """Members of a formation fly near each other on purpose."""
     beside = member("B", (0.0, 390.0), (22.0, 0.0, 0.0), MEMBER)
     parting = member("B", (-390.0, 0.0))
     for track in (beside, parting):
@@ -67,7 +67,7 @@ def test_members_that_keep_their_distance_are_left_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    "told",
+    "report",
     [
         replace(SOUTHBOUND, goal=Goal(position_m=(math.nan, 0.0, -300.0))),
         replace(SOUTHBOUND, goal=replace(GOAL, airspeed_mps=math.nan)),
@@ -79,23 +79,23 @@ def test_members_that_keep_their_distance_are_left_alone() -> None:
         replace(SOUTHBOUND, max_airspeed_mps=math.inf),
     ],
 )
-def test_a_member_that_tells_nonsense_is_avoided_like_a_stranger(told: Member) -> None:
+def test_a_member_with_an_invalid_report_is_avoided_like_a_stranger(report: Member) -> None:
     friendly = member("B", (0.0, 150.0), (22.0, 0.0, 0.0), MEMBER)
-    babbling = member("C", (390.0, 0.0), told=told)
-    decision = decide([friendly, babbling])
+    invalid = member("C", (390.0, 0.0), report=report)
+    decision = decide([friendly, invalid])
     assert not by_group(decision)
     assert decision.guidance is not None
     assert "C" in {threat.track_id for threat in decision.threats}
-    assert not is_sound(MemberState("C", babbling.position_m, babbling.velocity_mps, told))
+    assert not is_valid(MemberState("C", invalid.position_m, invalid.velocity_mps, report))
 
 
-def test_an_answer_that_leads_into_a_stranger_is_not_flown() -> None:
+def test_a_joint_response_that_leads_to_a_stranger_is_not_flown() -> None:
     head_on = member("B", (390.0, 0.0))
     alone = decide([head_on])
     assert alone.guidance is not None
     state = OwnState((0.0, 0.0, -300.0), 0.0, 22.0, 0.0, (0.0, 0.0))
     way = fly_ahead(state, Commands.of([alone.guidance]), Envelope()).row_m(0)
-    # Where the joint answer leads in 16 s, far beside the mission.
+    # At the place that the joint response reaches after 16 s, far beside the mission.
     stranger = replace(
         member("S", (way[14, 0], way[14, 1]), (0.0, 0.0, 0.0), None), protected_horizontal_m=40.0
     )
@@ -114,33 +114,33 @@ def test_a_conflict_with_a_stranger_comes_first() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"own_id": ""}, {"cooperate": False}])
-def test_without_a_name_or_the_will_there_is_no_group(changes: dict[str, object]) -> None:
+def test_without_an_id_or_without_cooperation_there_is_no_group(changes: dict[str, object]) -> None:
     decision = decide([member("B", (390.0, 0.0))], **changes)
     assert not by_group(decision)
-    assert decision.guidance is not None, "it is avoided all the same"
+    assert decision.guidance is not None, "it is avoided like a stranger"
 
 
-def test_two_members_of_one_name_are_no_group() -> None:
+def test_two_members_with_one_id_are_no_group() -> None:
     twice = [member("B", (390.0, 0.0)), member("B", (300.0, 50.0))]
     decision = decide(twice)
     assert not by_group(decision)
     assert decision.guidance is not None
 
 
-def test_our_own_echo_is_nobody() -> None:
+def test_a_track_with_our_own_id_is_ignored() -> None:
     echo = member("A", (0.0, 0.0), (22.0, 0.0, 0.0), MEMBER)
     assert decide([echo]).layer is Layer.CLEAR
     assert decide([echo, member("B", (390.0, 0.0))]) == decide([member("B", (390.0, 0.0))])
 
 
-def test_a_crowd_is_no_group() -> None:
+def test_too_many_members_are_no_group() -> None:
     crowd = [MemberState(f"M{i:02d}", (60.0 * i, 0.0, -300.0), (22.0, 0.0, 0.0), MEMBER) for i in range(9)]
     assert joint_response(crowd, FORMATION) is None
     assert joint_response(crowd[:8], FORMATION) is not None
 
 
-def test_the_answer_is_held_before_the_return() -> None:
-    """At the edge of the conflict nothing is taken and given back tick by tick."""
+def test_the_joint_guidance_is_held_before_the_return() -> None:
+    """At the edge of the conflict, control is not taken and given back every tick."""
     flying = avoider()
     first = flying.decide(0.0, own(), [member("B", (390.0, 0.0))], GOAL)
     gone = flying.decide(1.0, own(time_s=1.0), [], GOAL)
@@ -149,7 +149,7 @@ def test_the_answer_is_held_before_the_return() -> None:
     assert later.layer is Layer.CLEAR
 
 
-def test_on_top_of_its_goal_a_member_keeps_its_course() -> None:
+def test_right_at_its_goal_a_member_keeps_its_course() -> None:
     east = MemberState(
         "A", (0.0, 0.0, -300.0), (0.0, 22.0, 0.0), replace(MEMBER, goal=Goal(position_m=(0.0, 0.0, -300.0)))
     )
@@ -159,13 +159,13 @@ def test_on_top_of_its_goal_a_member_keeps_its_course() -> None:
     assert abs(answer.guidance["A"].course_rad - math.pi / 2.0) <= math.radians(60.1)
 
 
-def test_what_a_member_tells_is_within_what_it_can() -> None:
+def test_the_reported_goal_is_within_the_limits() -> None:
     limits = Envelope(min_altitude_m=250.0, max_altitude_m=350.0)
     flying = Avoider(AvoidanceParams(formation=FORMATION, envelope=limits))
-    told = flying.member(own(), Goal(course_rad=0.0, airspeed_mps=60.0, altitude_m=100.0))
-    assert told.goal.airspeed_mps == limits.max_airspeed_mps
-    assert told.goal.altitude_m == 250.0
-    assert flying.member(own(), Goal(course_rad=0.0)).goal.airspeed_mps == 22.0, "as fast as it flies"
+    report = flying.member(own(), Goal(course_rad=0.0, airspeed_mps=60.0, altitude_m=100.0))
+    assert report.goal.airspeed_mps == limits.max_airspeed_mps
+    assert report.goal.altitude_m == 250.0
+    assert flying.member(own(), Goal(course_rad=0.0)).goal.airspeed_mps == 22.0, "its present airspeed"
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_what_a_member_tells_is_within_what_it_can() -> None:
         Track("N", 0.0, (1e200, 0.0, -300.0), (0.0, 0.0, 0.0)),
     ],
 )
-def test_an_absurd_track_hides_no_other(stranger: Track) -> None:
+def test_an_absurd_track_does_not_hide_another(stranger: Track) -> None:
     threat = Track("T", 0.0, (1500.0, 0.0, -300.0), (-40.0, 0.0, 0.0))
     with_it = Avoider(AvoidanceParams()).decide(0.0, own(), [threat, stranger], GOAL)
     assert with_it == Avoider(AvoidanceParams()).decide(0.0, own(), [threat], GOAL)

@@ -1,4 +1,4 @@
-"""Closest approach, angles and the cone, by hand-made cases."""
+"""Closest approach, angles, cones and forces in cases computed by hand."""
 
 import math
 
@@ -15,7 +15,7 @@ def rows(*vectors: tuple[float, ...]) -> np.ndarray:
 
 
 def motion(position: tuple[float, ...], velocity: tuple[float, ...]) -> RelativeMotion:
-    """Of one who is seen from the origin, by somebody who stands there."""
+    """The motion of one track relative to a stationary observer at the origin."""
     return relative_motion(rows(position), rows(velocity), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -26,7 +26,7 @@ def test_closest_approach_of_a_crossing() -> None:
     assert at_closest_m[0] == pytest.approx((1000.0, 0.0, 0.0))
 
 
-def test_past_closest_approach_is_negative_and_no_motion_is_never() -> None:
+def test_the_time_is_negative_after_closest_approach_and_infinite_without_motion() -> None:
     assert motion((100.0, 0.0, 0.0), (10.0, 0.0, 0.0)).time_to_closest_s == pytest.approx(-10.0)
     assert math.isinf(motion((100.0, 0.0, 0.0), (0.0, 0.0, 0.0)).time_to_closest_s[0])
 
@@ -51,19 +51,19 @@ def test_left_is_positive() -> None:
     assert approach_angle_rad(left, ahead) == pytest.approx(-math.pi / 2)
 
 
-def test_any_of_a_few() -> None:
+def test_any_of_values_is_not_zero() -> None:
     assert any_of(np.array([0.0, -1e-300]))
     assert any_of(np.array([False, True]))
     assert not any_of(np.array([0.0, -0.0]))
     assert not any_of(np.zeros(0, dtype=bool))
 
 
-def test_half_angle_is_that_of_the_tangents() -> None:
+def test_the_half_angle_reaches_to_the_tangents() -> None:
     beta = half_angle_rad(np.array([1000.0, 500.0, 400.0]), np.array([500.0, 500.0, 500.0]))
     assert beta == pytest.approx([math.radians(30.0), math.pi, math.pi])
 
 
-def test_approach_angle_of_a_collision_course_is_zero() -> None:
+def test_the_approach_angle_of_a_collision_course_is_zero() -> None:
     assert approach_angle_rad(rows((900.0, 0.0)), rows((80.0, 0.0))) == pytest.approx(0.0)
     assert approach_angle_rad(rows((900.0, 0.0)), rows((0.0, 0.0))) == pytest.approx(math.pi)
 
@@ -74,16 +74,16 @@ def inside(domain: TransitionDomain, alpha_deg: float, *, reached: bool = True) 
     return bool(covered[0])
 
 
-def test_transition_domain_enters_by_beta1_and_leaves_by_beta2() -> None:
+def test_the_transition_domain_is_entered_at_beta1_and_left_at_beta2() -> None:
     domain = TransitionDomain(math.radians(5.0))
     assert not inside(domain, 12.0)
     assert inside(domain, 9.0)
     assert inside(domain, -14.0)
     assert not inside(domain, 16.0)
-    assert not inside(domain, 12.0), "the domain shrank back to beta1"
+    assert not inside(domain, 12.0), "the cone has beta1 again"
 
 
-def test_transition_domain_forgets_what_is_out_of_reach_or_gone() -> None:
+def test_the_transition_domain_forgets_tracks_that_are_out_of_reach_or_gone() -> None:
     domain = TransitionDomain(math.radians(5.0))
     assert inside(domain, 0.0)
     assert not inside(domain, 0.0, reached=False)

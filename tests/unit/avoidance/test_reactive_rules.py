@@ -1,4 +1,4 @@
-"""The two reactive rules against eq. 11 worked by hand and eq. 13 by brute force."""
+"""The two reactive rules against eq. 11 computed by hand and eq. 13 by brute force."""
 
 import math
 
@@ -10,7 +10,7 @@ from companion.avoidance.geometry import Array
 from companion.avoidance.reactive_rules import heading_rule_rad, speed_rule
 
 OWN_MPS = 20.0
-STANDING = np.zeros(2)
+STATIONARY = np.zeros(2)
 
 
 def flying(course_deg: float, speed_mps: float = OWN_MPS) -> Array:
@@ -70,7 +70,7 @@ def test_overtaking_turns_the_same_way_on_every_course() -> None:
 
 
 def test_being_overtaken_turns_the_same_way_on_every_course() -> None:
-    """Exactly astern is neither left nor right; whichever counts, rounding must not choose it."""
+    """Exactly astern is neither left nor right. Either would do, but rounding must not choose."""
     usual_deg = ruled_deg(0.0, 180.0, flying(0.0, 40.0))
     for course_deg in range(0, 360, 7):
         ruled = ruled_deg(course_deg, course_deg + 180.0, flying(course_deg, 40.0))
@@ -79,17 +79,19 @@ def test_being_overtaken_turns_the_same_way_on_every_course() -> None:
 
 @pytest.mark.parametrize(("bearing_deg", "phi_deg"), [(30.0, 180.0 - 90.0), (-30.0, 180.0 + 45.0)])
 @pytest.mark.parametrize("course_deg", [0.0, 133.0, 271.0])
-def test_what_stands_comes_towards_us(course_deg: float, bearing_deg: float, phi_deg: float) -> None:
-    """Relative to us it moves against our velocity: alpha = pi."""
-    assert same_course(ruled_deg(course_deg, course_deg + bearing_deg, STANDING), course_deg - phi_deg)
+def test_a_stationary_threat_has_the_reciprocal_of_our_track(
+    course_deg: float, bearing_deg: float, phi_deg: float
+) -> None:
+    """Relative to us it moves against our velocity, so that alpha = pi."""
+    assert same_course(ruled_deg(course_deg, course_deg + bearing_deg, STATIONARY), course_deg - phi_deg)
 
 
-def test_hardly_moving_is_standing() -> None:
-    assert ruled_deg(20.0, 60.0, flying(110.0, 0.05)) == ruled_deg(20.0, 60.0, STANDING)
-    assert ruled_deg(20.0, 60.0, flying(110.0, 0.5)) != ruled_deg(20.0, 60.0, STANDING)
+def test_a_very_slow_threat_counts_as_stationary() -> None:
+    assert ruled_deg(20.0, 60.0, flying(110.0, 0.05)) == ruled_deg(20.0, 60.0, STATIONARY)
+    assert ruled_deg(20.0, 60.0, flying(110.0, 0.5)) != ruled_deg(20.0, 60.0, STATIONARY)
 
 
-def test_the_course_is_a_course() -> None:
+def test_the_course_is_in_one_circle() -> None:
     for course_deg in range(0, 360, 15):
         for bearing_deg in range(0, 360, 15):
             for track_deg in range(0, 360, 15):
@@ -97,7 +99,7 @@ def test_the_course_is_a_course() -> None:
 
 
 def first_crossing_s(place_m: Array, velocity_mps: Array, on_m: Array, along_mps: Array) -> float | None:
-    """When something flying straight comes onto the line of a track: walked in small steps."""
+    """When a straight flight reaches the line of another, found in small steps; `None` if never [s]."""
     times_s = np.arange(0.0, 400.0, 0.02)
     offset = place_m + velocity_mps * times_s[:, None] - on_m
     side = np.sign(along_mps[0] * offset[:, 1] - along_mps[1] * offset[:, 0])
@@ -105,8 +107,8 @@ def first_crossing_s(place_m: Array, velocity_mps: Array, on_m: Array, along_mps
     return float(times_s[changes[0]]) if len(changes) else None
 
 
-def walked_pace(rel_m: Array, other_mps: Array, own_mps: Array) -> Pace | None:
-    """Eq. 13's sentence; `None` where the walk is too coarse to say."""
+def stepped_pace(rel_m: Array, other_mps: Array, own_mps: Array) -> Pace | None:
+    """The pace by the sentence of eq. 13; `None` where the steps are too coarse."""
     own_s = first_crossing_s(np.zeros(2), own_mps, rel_m, other_mps)
     other_s = first_crossing_s(rel_m, other_mps, np.zeros(2), own_mps)
     if own_s is None or other_s is None:
@@ -116,38 +118,42 @@ def walked_pace(rel_m: Array, other_mps: Array, own_mps: Array) -> Pace | None:
     return Pace.SLOWEST if other_s < own_s else Pace.FASTEST
 
 
-def test_the_speed_is_that_of_equation_13_walked() -> None:
+def test_the_speed_is_that_of_equation_13() -> None:
     chance, seen = np.random.default_rng(13), dict.fromkeys(Pace, 0)
     for _ in range(300):
-        # Angles that keep crossings well within the walk, or none at all.
+        # At these angles a crossing, if any, is well within the steps.
         crossing_deg = chance.choice([-1.0, 1.0]) * chance.uniform(20.0, 160.0)
         own_mps, other_mps = flying(50.0), flying(50.0 + crossing_deg, chance.uniform(10.0, 40.0))
         rel_m = chance.uniform(-1000.0, 1000.0, 2)
-        walked = walked_pace(rel_m, other_mps, own_mps)
-        if walked is not None:
-            assert speed_rule(rel_m, other_mps, own_mps) is walked
-            seen[walked] += 1
-    assert min(seen.values()) >= 30, "each case was met"
+        stepped = stepped_pace(rel_m, other_mps, own_mps)
+        if stepped is not None:
+            assert speed_rule(rel_m, other_mps, own_mps) is stepped
+            seen[stepped] += 1
+    assert min(seen.values()) >= 30, "every case has occurred"
 
 
 @pytest.mark.parametrize(
     ("rel_m", "other_mps", "pace"),
     [
-        ((1000.0, 500.0), (0.0, -30.0), Pace.SLOWEST),  # at the crossing after 17 s, we after 50 s
-        ((1000.0, 500.0), (0.0, -5.0), Pace.FASTEST),  # after 100 s
-        ((1000.0, 1000.0), (0.0, -20.0), Pace.SLOWEST),  # both after 50 s: who slows down can turn behind
-        ((1000.0, 500.0), (0.0, 30.0), Pace.KEEP),  # it diverges: it has crossed already
+        ((1000.0, 500.0), (0.0, -30.0), Pace.SLOWEST),  # it crosses after 17 s, we after 50 s
+        ((1000.0, 500.0), (0.0, -5.0), Pace.FASTEST),  # it crosses after 100 s
+        (
+            (1000.0, 1000.0),
+            (0.0, -20.0),
+            Pace.SLOWEST,
+        ),  # both cross after 50 s: the slower one can turn behind
+        ((1000.0, 500.0), (0.0, 30.0), Pace.KEEP),  # it has crossed already
         ((-1000.0, 500.0), (0.0, -30.0), Pace.KEEP),  # it crosses behind us
         ((1000.0, 50.0), (20.0, 0.0), Pace.KEEP),  # parallel
         ((1000.0, 0.0), (-20.0, 0.0), Pace.KEEP),  # head-on
-        ((1000.0, 0.0), (0.0, 0.0), Pace.KEEP),  # standing
+        ((1000.0, 0.0), (0.0, 0.0), Pace.KEEP),  # stationary
     ],
 )
-def test_who_is_first_at_the_crossing_decides_the_pace(
+def test_the_order_at_the_crossing_decides_the_pace(
     rel_m: tuple[float, float], other_mps: tuple[float, float], pace: Pace
 ) -> None:
     assert speed_rule(np.array(rel_m), np.array(other_mps), np.array([20.0, 0.0])) is pace
 
 
-def test_standing_still_ourselves_keeps_the_pace() -> None:
+def test_without_own_speed_the_pace_is_kept() -> None:
     assert speed_rule(np.array([100.0, 50.0]), np.array([10.0, 0.0]), np.zeros(2)) is Pace.KEEP

@@ -1,4 +1,4 @@
-"""Flying ahead: the limits it keeps, and separation against brute force."""
+"""Trajectories: the limits that they keep, and separation against brute force."""
 
 import math
 from dataclasses import replace
@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.avoidance.assess import own_state
 from companion.avoidance.envelope import Envelope
+from companion.avoidance.separation import separation
+from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
     Commands,
     OwnState,
-    Tracks,
     fly_ahead,
     ground_velocity_mps,
-    separation,
+    own_state,
 )
 from companion.model import Guidance, Ownship
 from sim.dynamics import FixedWing
@@ -54,7 +54,7 @@ def tracks(*states: tuple[tuple[float, float, float], tuple[float, float, float]
     )
 
 
-def test_straight_flight_goes_straight() -> None:
+def test_straight_flight_is_straight() -> None:
     row = fly_ahead(own(), command(), ENVELOPE).row_m(0)
     assert row[-1] == pytest.approx((22.0 * HORIZON_S, 0.0, -300.0))
 
@@ -65,13 +65,13 @@ def test_a_turn_has_the_radius_of_its_bank() -> None:
     assert row[:14, 1].max() == pytest.approx(2.0 * radius_m, rel=0.05)
 
 
-def test_the_short_way_round_and_the_response_time() -> None:
+def test_a_turn_takes_the_short_way_after_the_response_time() -> None:
     left = fly_ahead(own(course_rad=math.radians(10.0)), command(course_deg=350.0), ENVELOPE).row_m(0)
     assert left[-1, 1] < 0.0
     assert left[1, 1] == pytest.approx(22.0 * math.sin(math.radians(10.0))), "no turn in the first second"
 
 
-def test_climb_keeps_its_limit_and_stops_at_the_height() -> None:
+def test_a_climb_keeps_its_limit_and_stops_at_the_height() -> None:
     row = fly_ahead(own(), command(altitude_m=400.0), ENVELOPE).row_m(0)
     heights = -row[:, 2]
     assert heights[-1] == pytest.approx(400.0)
@@ -79,7 +79,7 @@ def test_climb_keeps_its_limit_and_stops_at_the_height() -> None:
     assert heights[11] == pytest.approx(300.0 + ENVELOPE.max_climb_mps * (11.0 - ENVELOPE.response_s))
 
 
-def test_wind_triangle() -> None:
+def test_ground_velocity_is_that_of_the_wind_triangle() -> None:
     wind = np.array([0.0, 6.0])
     assert ground_velocity_mps(math.pi / 2, 20.0, wind) == pytest.approx([0.0, 26.0])
     assert ground_velocity_mps(-math.pi / 2, 20.0, wind) == pytest.approx([0.0, -14.0])
@@ -87,21 +87,21 @@ def test_wind_triangle() -> None:
 
 
 @pytest.mark.parametrize(
-    ("course_deg", "wind", "blown"),
+    ("course_deg", "wind", "drift_mps"),
     [(180.0, (40.0, 0.0), (20.0, 0.0)), (0.0, (0.0, 40.0), (0.0, 20.0)), (90.0, (-30.0, 0.0), (-10.0, 0.0))],
 )
-def test_in_a_wind_too_strong_it_goes_where_it_is_blown(
-    course_deg: float, wind: tuple[float, float], blown: tuple[float, float]
+def test_in_a_wind_too_strong_for_the_course_the_aircraft_drifts(
+    course_deg: float, wind: tuple[float, float], drift_mps: tuple[float, float]
 ) -> None:
     velocity_mps = ground_velocity_mps(math.radians(course_deg), 20.0, wind)
-    assert velocity_mps == pytest.approx(blown)
+    assert velocity_mps == pytest.approx(drift_mps)
     steady = own(course_rad=math.radians(course_deg), airspeed_mps=20.0, wind_mps=wind)
     row = fly_ahead(steady, command(course_deg, 20.0), ENVELOPE).row_m(0)
-    assert row[-1, :2] == pytest.approx(HORIZON_S * np.array(blown), abs=1e-6)
+    assert row[-1, :2] == pytest.approx(HORIZON_S * np.array(drift_mps), abs=1e-6)
 
 
-def test_blown_backwards_the_nose_is_where_it_is() -> None:
-    """Nose north, drifting south: the course says nothing of where the aircraft can go next."""
+def test_an_aircraft_that_drifts_backwards_keeps_its_heading() -> None:
+    """The nose points north and the aircraft drifts south: its course does not show where it can go next."""
     state = own_state(0.0, Ownship(0.0, (0.0, 0.0, -300.0), (-10.0, 0.0, 0.0), 20.0, 0.0, (-30.0, 0.0)))
     assert state.ground_mps == pytest.approx([-10.0, 0.0])
     row = fly_ahead(state, command(course_deg=180.0, airspeed_mps=20.0), ENVELOPE).row_m(0)
@@ -110,7 +110,7 @@ def test_blown_backwards_the_nose_is_where_it_is() -> None:
 
 @pytest.mark.parametrize(("wind_mps", "worst_m"), [(0.0, 25.0), (8.0, 42.0), (15.0, 65.0)])
 @pytest.mark.parametrize("turn_deg", [-150.0, -60.0, -15.0, 30.0, 90.0])
-def test_turns_in_wind_are_those_of_a_point_mass(turn_deg: float, wind_mps: float, worst_m: float) -> None:
+def test_turns_in_wind_match_a_simulated_aircraft(turn_deg: float, wind_mps: float, worst_m: float) -> None:
     for from_deg in range(0, 360, 45):
         wind = (wind_mps * math.cos(math.radians(from_deg)), wind_mps * math.sin(math.radians(from_deg)))
         flown = FixedWing((0.0, 0.0, -300.0), wind_mps=wind)
@@ -122,7 +122,7 @@ def test_turns_in_wind_are_those_of_a_point_mass(turn_deg: float, wind_mps: floa
             assert math.dist(flown.position_m, row[second]) < worst_m
 
 
-def test_separation_is_that_of_every_row_and_track() -> None:
+def test_separation_is_that_of_brute_force() -> None:
     commands = Commands.of(
         [Guidance(0.0, 22.0, 300.0), Guidance(math.pi / 2, 22.0, 300.0), Guidance(0.0, 22.0, 400.0)]
     )
@@ -140,7 +140,7 @@ def test_separation_is_that_of_every_row_and_track() -> None:
     assert kept.closest[1, 0] > kept.closest[0, 0]
 
 
-def test_far_from_the_origin_nothing_is_lost() -> None:
+def test_separation_is_as_exact_far_from_the_origin() -> None:
     far = np.array([4.0e6, -3.0e6, -300.0])
     near = separation(
         fly_ahead(own(), command(), ENVELOPE), tracks(((3000.0, 10.0, -300.0), (-50.0, 0.0, 0.0)))
@@ -153,14 +153,14 @@ def test_far_from_the_origin_nothing_is_lost() -> None:
 
 
 @pytest.mark.parametrize(("low", "high"), [(30.0, 20.0)])
-def test_an_envelope_that_contradicts_itself_is_refused(low: float, high: float) -> None:
+def test_an_inconsistent_envelope_is_refused(low: float, high: float) -> None:
     with pytest.raises(ValueError, match="min_airspeed_mps"):
         Envelope(min_airspeed_mps=low, max_airspeed_mps=high)
     with pytest.raises(ValueError, match="min_altitude_m"):
         Envelope(min_altitude_m=low, max_altitude_m=high)
 
 
-def test_a_track_in_a_turn_flies_a_circle_at_first_and_straightens_out() -> None:
+def test_a_turning_track_follows_a_circle_and_then_straightens_out() -> None:
     rate_radps, speed_mps = math.radians(3.0), 60.0
     turning = replace(tracks(((0.0, 0.0, -300.0), (speed_mps, 0.0, 0.0))), turn_radps=np.array([rate_radps]))
     north_m, east_m = turning.ground_m()[0].T
@@ -171,13 +171,13 @@ def test_a_track_in_a_turn_flies_a_circle_at_first_and_straightens_out() -> None
     assert east_m[ten_s] > 0.0, "to the right"
     courses_rad = np.unwrap(np.arctan2(np.diff(east_m), np.diff(north_m)))
     assert (np.diff(courses_rad) > 0.0).all()
-    # As far as a time constant of 35 s lets it come: 97 degrees of 105.
+    # With a time constant of 35 s the turn reaches 97 of 105 degrees.
     assert math.degrees(courses_rad[-1]) == pytest.approx(97.0, abs=2.0)
     lengths_m = np.hypot(np.diff(north_m), np.diff(east_m))
     assert lengths_m == pytest.approx(speed_mps * np.diff(TIMES_S))
 
 
-def test_who_does_not_turn_flies_straight_beside_one_who_does() -> None:
+def test_a_straight_track_is_predicted_straight_beside_a_turning_one() -> None:
     both = tracks(((0.0, 0.0, -300.0), (60.0, 0.0, 0.0)), ((100.0, 50.0, -300.0), (10.0, -20.0, 0.0)))
     ahead_m = replace(both, turn_radps=np.array([0.05, 0.0])).ground_m()
     assert ahead_m[1] == pytest.approx(np.array([100.0, 50.0]) + TIMES_S[:, None] * np.array([10.0, -20.0]))

@@ -1,4 +1,4 @@
-"""Tracks whose height is not quite known need more room above and below, and nothing else changes."""
+"""Tracks with uncertain heights need more room above and below; nothing else changes."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.assess import matters, tracks_at
+from companion.avoidance.assess import is_relevant, protected_tracks
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()
@@ -17,16 +17,18 @@ OVER = Track("A", 0.0, (3000.0, 0.0, -420.0), (-60.0, 0.0, 0.0))  # 120 m above
 
 @pytest.mark.parametrize("kind", [TrafficKind.AIRCRAFT, TrafficKind.OBSTACLE])
 @pytest.mark.parametrize("protected_m", [None, 40.0])
-def test_it_is_added_to_the_protected_height(kind: TrafficKind, protected_m: float | None) -> None:
+def test_the_uncertainty_is_added_to_the_protected_height(
+    kind: TrafficKind, protected_m: float | None
+) -> None:
     sure = replace(OVER, kind=kind, protected_vertical_m=protected_m)
     unsure = replace(sure, vertical_uncertainty_m=60.0)
-    known, unknown = (tracks_at(0.0, [track], PARAMS, GOAL) for track in (sure, unsure))
+    known, unknown = (protected_tracks(0.0, [track], PARAMS) for track in (sure, unsure))
     more_m = unknown.protected_vertical_m - known.protected_vertical_m
     assert more_m == pytest.approx(60.0 * (1.0 + PARAMS.vertical_margin))
     assert unknown.protected_horizontal_m == known.protected_horizontal_m
 
 
-def test_who_passes_overhead_needs_more_room() -> None:
+def test_an_aircraft_that_passes_overhead_needs_more_room() -> None:
     assert Avoider(PARAMS).decide(0.0, OWN, [OVER], GOAL).layer is Layer.CLEAR
     unsure = replace(OVER, vertical_uncertainty_m=80.0)
     decision = Avoider(PARAMS).decide(0.0, OWN, [unsure], GOAL)
@@ -34,7 +36,7 @@ def test_who_passes_overhead_needs_more_room() -> None:
     assert decision.guidance is not None
 
 
-def test_reports_stay_true_distances() -> None:
+def test_reported_distances_do_not_contain_the_uncertainty() -> None:
     near = replace(OVER, position_m=(3000.0, 0.0, -330.0))
     sure = Avoider(PARAMS).decide(0.0, OWN, [near], GOAL).threats[0]
     unsure = Avoider(PARAMS).decide(0.0, OWN, [replace(near, vertical_uncertainty_m=80.0)], GOAL).threats[0]
@@ -42,7 +44,7 @@ def test_reports_stay_true_distances() -> None:
     assert sure.miss_vertical_m == pytest.approx(30.0)
 
 
-def test_passing_over_or_under_keeps_the_bare_volume_with_all_of_it_against_us() -> None:
+def test_passing_over_or_under_keeps_the_bare_volume_even_if_the_whole_error_is_against_us() -> None:
     level = replace(OVER, position_m=(4500.0, 0.0, -300.0), vertical_uncertainty_m=50.0)
     guidance = Avoider(PARAMS).decide(0.0, OWN, [level], GOAL).guidance
     assert guidance is not None
@@ -51,14 +53,14 @@ def test_passing_over_or_under_keeps_the_bare_volume_with_all_of_it_against_us()
 
 
 @pytest.mark.parametrize("uncertain_m", [math.inf, 1e5])
-def test_a_height_that_is_not_known_at_all_leaves_only_the_sides(uncertain_m: float) -> None:
+def test_an_unknown_height_can_only_be_passed_sideways(uncertain_m: float) -> None:
     decision = Avoider(PARAMS).decide(0.0, OWN, [replace(OVER, vertical_uncertainty_m=uncertain_m)], GOAL)
     assert decision.guidance is not None
     assert abs(math.remainder(decision.guidance.course_rad, math.tau)) > math.radians(5.0)
 
 
-def test_nonsense_is_no_uncertainty() -> None:
-    assert not matters(replace(OVER, vertical_uncertainty_m=math.nan))
+def test_an_invalid_uncertainty_does_not_count() -> None:
+    assert not is_relevant(replace(OVER, vertical_uncertainty_m=math.nan))
     negative = replace(OVER, vertical_uncertainty_m=-500.0)
-    one, other = (tracks_at(0.0, [track], PARAMS, GOAL) for track in (OVER, negative))
+    one, other = (protected_tracks(0.0, [track], PARAMS) for track in (OVER, negative))
     assert one.protected_vertical_m == other.protected_vertical_m

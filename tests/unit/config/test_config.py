@@ -1,4 +1,4 @@
-"""Configuration files: what loads, and the one line that every mistake gets."""
+"""Configuration files: what loads, and the one-line error for each mistake."""
 
 import dataclasses
 import json
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from companion.address import NetworkAddress, NetworkKind, SerialAddress, parse_address
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.config import Config, RecordingParams, describe, load_config
 from companion.config.document import Leaf, parse_document
 from companion.engine import AircraftLimits, EngineConfig
@@ -27,7 +27,7 @@ def load(tmp_path: Path, text: str | bytes) -> Config:
 
 
 def refusal(tmp_path: Path, text: str | bytes) -> str:
-    """The message of a refused file, with its folder taken away."""
+    """The error of a refused file, without the folder."""
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, text)
     message = str(caught.value)
@@ -36,10 +36,10 @@ def refusal(tmp_path: Path, text: str | bytes) -> str:
     return message.removeprefix(f"{tmp_path}/")
 
 
-# --- what loads --------------------------------------------------------------------------------------
+# --- valid files --------------------------------------------------------------------------------------
 
 
-def test_links_alone_are_enough(tmp_path: Path) -> None:
+def test_only_links_are_required(tmp_path: Path) -> None:
     config = load(tmp_path, LINKS)
     assert config == Config(links=("udpin:0.0.0.0:14550",))
     assert config.recording == RecordingParams(enabled=True, directory=Path("recordings"))
@@ -47,7 +47,7 @@ def test_links_alone_are_enough(tmp_path: Path) -> None:
     assert config.for_engine() == EngineConfig()
 
 
-def test_values_reach_their_fields(tmp_path: Path) -> None:
+def test_values_are_read_into_their_fields(tmp_path: Path) -> None:
     config = load(
         tmp_path,
         """
@@ -87,16 +87,16 @@ avoidance:
     assert config.for_engine().avoidance is config.avoidance
 
 
-def test_a_section_of_comments_only_has_its_defaults(tmp_path: Path) -> None:
+def test_a_section_with_comments_only_has_its_defaults(tmp_path: Path) -> None:
     assert load(tmp_path, LINKS + "avoidance:\n  # outer_time_s: 40\n") == load(tmp_path, LINKS)
 
 
-def test_a_byte_order_mark_is_harmless(tmp_path: Path) -> None:
+def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     assert load(tmp_path, b"\xef\xbb\xbf" + LINKS.encode()) == load(tmp_path, LINKS)
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.name)
-def test_the_examples_load_by_path_or_text_and_describe_what_they_hold(path: Path, tmp_path: Path) -> None:
+def test_each_example_loads_and_its_description_loads_to_the_same(path: Path, tmp_path: Path) -> None:
     config = load_config(str(path))
     assert config == load_config(path)
     assert load(tmp_path, describe(config)) == config
@@ -163,7 +163,7 @@ def test_there_are_examples() -> None:
         ),
     ],
 )
-def test_a_wrong_value_is_named_with_its_line_and_what_is_allowed(
+def test_the_error_of_a_wrong_value_has_line_key_and_allowed_values(
     tmp_path: Path, text: str, message: str
 ) -> None:
     assert refusal(tmp_path, LINKS + text) == f"c.yaml:{message}"
@@ -183,12 +183,12 @@ def test_a_wrong_value_is_named_with_its_line_and_what_is_allowed(
         ),
     ],
 )
-def test_what_contradicts_itself_does_not_start(tmp_path: Path, text: str, words: str) -> None:
+def test_contradictory_values_are_refused(tmp_path: Path, text: str, words: str) -> None:
     assert words in refusal(tmp_path, LINKS + text)
 
 
 @pytest.mark.parametrize("system_id", ["0", "255", "robot"])
-def test_alternatives_of_one_value_make_one_message(tmp_path: Path, system_id: str) -> None:
+def test_the_alternatives_of_a_value_are_one_message(tmp_path: Path, system_id: str) -> None:
     message = refusal(tmp_path, f"{LINKS}engine:\n  system_id: {system_id}")
     assert re.fullmatch(
         rf"c\.yaml:3: engine\.system_id: must be 'auto' or (at least 1|at most 254|a whole number) "
@@ -197,12 +197,12 @@ def test_alternatives_of_one_value_make_one_message(tmp_path: Path, system_id: s
     )
 
 
-def test_of_several_mistakes_the_first_in_the_file_is_named(tmp_path: Path) -> None:
+def test_the_first_of_several_mistakes_is_reported(tmp_path: Path) -> None:
     text = "avoidance:\n  inner_time_s: -1\n  outer_time_s: -3\nautopilot: apm\n"
     assert refusal(tmp_path, text + LINKS).startswith("c.yaml:2: avoidance.inner_time_s: ")
 
 
-def test_a_long_value_is_cut_short(tmp_path: Path) -> None:
+def test_a_long_value_is_shortened_in_the_message(tmp_path: Path) -> None:
     message = refusal(tmp_path, LINKS + "autopilot: " + "x" * 500)
     assert message.endswith("(got " + "x" * 60 + "...)")
 
@@ -214,16 +214,16 @@ def test_a_long_value_is_cut_short(tmp_path: Path) -> None:
         ("links: []", "1: links: must be a list of at least 1"),
         ("links: 'udpin:0.0.0.0:1'", "1: links: must be a list (got udpin:0.0.0.0:1)"),
         ("links:\n- 14550", "2: links[0]: must be text (got 14550)"),
-        ("links:\n- udpin:a:1\n- udpin:a:1", "1: links: the same address twice"),
+        ("links:\n- udpin:a:1\n- udpin:a:1", "1: links: the same address is given twice"),
         (
             "links:\n- udpin:a:1\n- upd:a:2",
-            "3: links[1]: 'upd:a:2' is no link address: "
+            "3: links[1]: 'upd:a:2' is not a link address: "
             "use udpin|udpout|tcpin|tcpout:HOST:PORT or serial:/dev/NAME:BAUD",
         ),
-        ("links: ['udpout:a:0']", "1: links[0]: udpout:a:0: 0 is no port to send to"),
+        ("links: ['udpout:a:0']", "1: links[0]: udpout:a:0: port 0 cannot be sent to"),
     ],
 )
-def test_a_wrong_link_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_the_error_of_a_wrong_link(tmp_path: Path, text: str, message: str) -> None:
     assert refusal(tmp_path, text) == f"c.yaml:{message}"
 
 
@@ -246,10 +246,10 @@ def test_a_wrong_link_is_named(tmp_path: Path, text: str, message: str) -> None:
             "recording: {zzz: 1}",
             "2: recording.zzz: is unknown, allowed are directory, enabled, max_file_mb, max_total_mb",
         ),
-        ("autopilot: px4\nautopilot: px4", "3: autopilot: is here twice, first on line 2"),
+        ("autopilot: px4\nautopilot: px4", "3: autopilot: is a duplicate of line 2"),
         (
             "avoidance:\n  outer_time_s: 3\n  outer_time_s: 4",
-            "4: outer_time_s: is here twice, first on line 3",
+            "4: outer_time_s: is a duplicate of line 3",
         ),
         ("3: 4", "2: a key must be text"),
         ("[a]: 4", "2: a key must be text"),
@@ -257,7 +257,7 @@ def test_a_wrong_link_is_named(tmp_path: Path, text: str, message: str) -> None:
         ("<<: {autopilot: px4}", "2: <<: is unknown, allowed are "),
     ],
 )
-def test_a_wrong_key_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_the_error_of_a_wrong_key(tmp_path: Path, text: str, message: str) -> None:
     assert refusal(tmp_path, LINKS + text).startswith(f"c.yaml:{message}")
 
 
@@ -266,17 +266,20 @@ def test_a_wrong_key_is_named(tmp_path: Path, text: str, message: str) -> None:
     [
         ('"a\\nb\\e[31m": 1', "2: a b?[31m: is unknown, "),
         ("x" * 500 + ": 1", "2: " + "x" * 60 + "...: is unknown, "),
-        ("? " + "x" * 5000 + "\n: 1\n? " + "x" * 5000 + "\n: 1", "4: " + "x" * 60 + "...: is here twice, "),
+        (
+            "? " + "x" * 5000 + "\n: 1\n? " + "x" * 5000 + "\n: 1",
+            "4: " + "x" * 60 + "...: is a duplicate of ",
+        ),
         ("a: !" + "x" * 5000 + " {}", "2: tags (!" + "x" * 59 + "...) are not supported"),
         ('autopilot: "a\\nb"', "2: autopilot: must be 'auto', 'ardupilot' or 'px4' (got a b)"),
     ],
     ids=["control characters", "long key", "long key twice", "long tag", "two lines"],
 )
-def test_what_a_message_quotes_is_short_and_printable(tmp_path: Path, text: str, message: str) -> None:
+def test_quoted_text_in_a_message_is_short_and_printable(tmp_path: Path, text: str, message: str) -> None:
     assert refusal(tmp_path, LINKS + text).startswith(f"c.yaml:{message}")
 
 
-def test_a_long_address_is_quoted_in_part(tmp_path: Path) -> None:
+def test_a_long_address_is_shortened_in_the_message(tmp_path: Path) -> None:
     assert len(refusal(tmp_path, f"links: ['{'x' * 5000}']")) < 250
 
 
@@ -311,19 +314,21 @@ def test_an_empty_file_is_refused(tmp_path: Path, text: str) -> None:
         (LINKS + "a: !!int b", "2: tags (tag:yaml.org,2002:int) are not supported"),
         (LINKS + "a: &b 1\nc: *b", "2: anchors (&) and aliases (*) are not supported"),
         (LINKS + "a: *b", "2: anchors (&) and aliases (*) are not supported"),
-        (LINKS + "a: " + "9" * 5000, "2: a number of 5000 characters"),
+        (LINKS + "a: " + "9" * 5000, "2: a number with 5000 characters"),
         (LINKS + "a: " + "[" * 100_000, "2: is nested too deeply"),
         (LINKS + "a: " + "{b: " * 50, "2: is nested too deeply"),
-        (LINKS + "a: [" + "1, " * 20_000 + "1]", "2: has too many values, this is no configuration"),
-        ("#" * (1 << 20) + "\n" + LINKS, " is larger than 1 MiB, this is no configuration"),
+        (LINKS + "a: [" + "1, " * 20_000 + "1]", "2: has too many values, this is not a configuration"),
+        ("#" * (1 << 20) + "\n" + LINKS, " is larger than 1 MiB, this is not a configuration"),
     ],
     ids=lambda value: str(value)[:40].encode("ascii", "replace").decode() if isinstance(value, str) else "",
 )
-def test_a_file_that_is_no_configuration_is_refused(tmp_path: Path, text: str | bytes, message: str) -> None:
+def test_a_file_that_is_not_a_configuration_is_refused(
+    tmp_path: Path, text: str | bytes, message: str
+) -> None:
     assert refusal(tmp_path, text).startswith(f"c.yaml:{message}")
 
 
-def test_a_bomb_of_aliases_is_refused_at_its_fuse(tmp_path: Path) -> None:
+def test_nested_aliases_are_refused_before_they_expand(tmp_path: Path) -> None:
     bomb = "a: &a [x, x, x, x, x, x, x, x, x]\n"
     for before, here in zip("abcdefgh", "bcdefghi", strict=True):
         bomb += f"{here}: &{here} [" + ", ".join([f"*{before}"] * 9) + "]\n"
@@ -353,7 +358,7 @@ def test_a_bomb_of_aliases_is_refused_at_its_fuse(tmp_path: Path) -> None:
         ("!!str 3", "3"),
     ],
 )
-def test_scalars_mean_what_they_look_like(text: str, value: object) -> None:
+def test_scalars_follow_the_core_schema(text: str, value: object) -> None:
     _, leaf = parse_document(f"a: {text}", "t").entries["a"]
     assert isinstance(leaf, Leaf)
     assert leaf.value == value
@@ -363,7 +368,7 @@ def test_scalars_mean_what_they_look_like(text: str, value: object) -> None:
 # --- the effective configuration ---------------------------------------------------------------------
 
 
-def test_a_description_is_complete_in_degrees_and_loads_to_the_same(tmp_path: Path) -> None:
+def test_a_description_has_degrees_and_loads_to_the_same(tmp_path: Path) -> None:
     written = (
         "links: ['udpin:0.0.0.0:14550', 'udpout:[::1]:14551']\n"
         "recording: {directory: 'a folder: \"mine\"'}\n"
@@ -422,13 +427,13 @@ def test_limits_and_fences_are_read_and_described(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_limits_and_fences_are_named(tmp_path: Path, text: str, message: str) -> None:
+def test_the_errors_of_wrong_limits_and_fences(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError) as error:
         load(tmp_path, LINKS + text)
     assert str(error.value).endswith(message)
 
 
-def test_a_description_names_every_field() -> None:
+def test_a_description_has_every_field() -> None:
     config = Config(links=("udpin:0.0.0.0:14550",))
     keys = re.findall(r"^ *(\w+):", describe(config), flags=re.MULTILINE)
 
@@ -441,7 +446,7 @@ def test_a_description_names_every_field() -> None:
 
 
 @pytest.mark.parametrize("text", ["true", "Null", "no", "a b", "1", "", "-", "x: y", "#", 'q"', "é", "a\nb"])
-def test_any_text_survives_description(tmp_path: Path, text: str) -> None:
+def test_any_text_can_be_described_and_loaded(tmp_path: Path, text: str) -> None:
     config = Config(links=("udpin:h:1",), recording=RecordingParams(directory=Path(text)))
     assert load(tmp_path, describe(config)) == config
     json.dumps(describe(config))
@@ -450,7 +455,7 @@ def test_any_text_survives_description(tmp_path: Path, text: str) -> None:
 # --- addresses ---------------------------------------------------------------------------------------
 
 
-def test_addresses_are_understood() -> None:
+def test_addresses_are_parsed() -> None:
     udp_in, tcp_out = NetworkKind.UDP_IN, NetworkKind.TCP_OUT
     assert parse_address("udpin:0.0.0.0:14550") == NetworkAddress(udp_in, "0.0.0.0", 14550)
     assert parse_address("udpout:plane.local:1") == NetworkAddress(NetworkKind.UDP_OUT, "plane.local", 1)
@@ -472,8 +477,8 @@ def test_addresses_are_understood() -> None:
         "[serial:/dev/ttyACM0, serial:/dev/ttyACM0:115200]",
     ],
 )
-def test_one_place_cannot_be_two_links(tmp_path: Path, links: str) -> None:
-    assert refusal(tmp_path, f"links: {links}\n") == "c.yaml:1: links: the same address twice"
+def test_two_links_cannot_have_the_same_address(tmp_path: Path, links: str) -> None:
+    assert refusal(tmp_path, f"links: {links}\n") == "c.yaml:1: links: the same address is given twice"
 
 
 ADDRESSES = [
@@ -507,7 +512,7 @@ ADDRESSES = [
 
 
 @pytest.mark.parametrize("text", ADDRESSES)
-def test_the_configuration_accepts_what_the_links_can_open(text: str) -> None:
+def test_configuration_and_links_accept_the_same_addresses(text: str) -> None:
     def refused_by(what: object) -> bool:
         assert callable(what)
         try:

@@ -1,4 +1,4 @@
-"""The configuration reference: what is written in configs is what the code takes, all of it."""
+"""The configuration reference: complete, and the same in configs as in the code."""
 
 import dataclasses
 
@@ -9,7 +9,7 @@ from companion.config.keys import file_key
 from tests.support.paths import CONFIGS
 
 
-def test_the_file_is_what_the_code_says() -> None:
+def test_the_file_is_up_to_date() -> None:
     """After a change: companion check --reference > configs/reference.yaml."""
     assert (CONFIGS / "reference.yaml").read_text() == reference()
 
@@ -19,12 +19,12 @@ def test_it_loads_to_the_defaults() -> None:
 
 
 @pytest.mark.parametrize("name", [file_key(field.name) for field in dataclasses.fields(Config)])
-def test_no_section_is_left_out(name: str) -> None:
+def test_every_section_is_there(name: str) -> None:
     assert f"\n{name}:" in reference()
 
 
-def test_ranges_are_those_of_the_wire_and_the_file() -> None:
+def test_ranges_and_comments_are_those_of_the_code() -> None:
     text = reference()
     assert "  well_clear_horizontal_m: 609.6  # more than 0, at most 20000\n" in text
-    assert "    max_bank_deg: 30  # more than 0, less than 80\n" in text, "degrees, as in the key"
+    assert "    max_bank_deg: 30  # more than 0, less than 80\n" in text, "in degrees, like the key"
     assert "  # Never below this height above home.\n" in text

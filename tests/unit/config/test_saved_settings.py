@@ -1,10 +1,10 @@
-"""Settings that outlast a restart: they go before the configuration, and never stop a start."""
+"""Saved settings take precedence over the configuration, and never stop a start."""
 
 from pathlib import Path
 
 import pytest
 
-from companion.config import Config, describe_saved, load_saved, tuned
+from companion.config import Config, apply_saved, describe_saved, load_saved
 from companion.control.state_machine import SupervisorParams
 from companion.engine import Engine, Save
 from companion.mavlink.facts import ParameterSet, Sender
@@ -19,14 +19,14 @@ def config_in(folder: Path, text: str | bytes | None = None) -> Config:
     return Config(links=("udpin:127.0.0.1:0",), settings_file=path)
 
 
-def test_without_a_file_the_configuration_counts(tmp_path: Path) -> None:
+def test_without_a_file_the_configuration_is_used(tmp_path: Path) -> None:
     config = config_in(tmp_path)
     saved = load_saved(config)
     assert (saved.values, saved.problem) == ({}, None)
-    assert tuned(config, saved) == config
+    assert apply_saved(config, saved) == config
 
 
-def test_what_an_engine_saves_the_next_one_starts_with(tmp_path: Path) -> None:
+def test_the_next_engine_starts_with_what_the_last_one_saved(tmp_path: Path) -> None:
     config = config_in(tmp_path)
     engine = Engine(config.for_engine())
     for name, value in {"CA_OUTER_TIME": 45.5, "CA_ROLE": 1.0, "CA_MARGIN_H": 0.30000001192092896}.items():
@@ -45,13 +45,13 @@ def test_what_an_engine_saves_the_next_one_starts_with(tmp_path: Path) -> None:
     assert following.receive(ParameterSet(GCS, US, "CA_ROLE", 2.0), 0.1)
     (effect,) = [effect for effect in following.tick(0.1) if isinstance(effect, Save)]
     assert effect.values == {"CA_MARGIN_H": 0.3, "CA_OUTER_TIME": 45.5}
-    as_it_counts = tuned(config, saved)
-    assert as_it_counts.avoidance.outer_time_s == 45.5
-    assert as_it_counts.supervisor.role == "advise"
-    assert as_it_counts.links == config.links
+    with_saved = apply_saved(config, saved)
+    assert with_saved.avoidance.outer_time_s == 45.5
+    assert with_saved.supervisor.role == "advise"
+    assert with_saved.links == config.links
 
 
-def test_back_to_what_is_configured_nothing_is_kept() -> None:
+def test_nothing_is_saved_once_the_configured_value_is_set_again() -> None:
     engine = Engine(saved={"CA_OUTER_TIME": 45.0})
     engine.receive(ParameterSet(GCS, US, "CA_OUTER_TIME", 60.0), 0.0)
     (effect,) = [effect for effect in engine.tick(0.0) if isinstance(effect, Save)]
@@ -64,18 +64,18 @@ def test_back_to_what_is_configured_nothing_is_kept() -> None:
      '{"CA_ROLE": 1}' + " " * 70_000, '{"CA_ROLE": ' + "9" * 5000 + "}"],
     ids=range(12),
 )  # fmt: skip
-def test_a_damaged_file_is_told_in_one_line_and_not_used(tmp_path: Path, text: str | bytes) -> None:
+def test_a_damaged_file_is_reported_in_one_line_and_not_used(tmp_path: Path, text: str | bytes) -> None:
     saved = load_saved(config_in(tmp_path, text))
     assert saved.values == {}
     assert saved.problem == f"{tmp_path}/companion.settings: damaged, not used"
 
 
-def test_a_file_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_reported(tmp_path: Path) -> None:
     config = Config(links=("udpin:127.0.0.1:0",), settings_file=tmp_path)
     assert load_saved(config).problem == f"{tmp_path}: cannot be read, not used: Is a directory"
 
 
-def test_what_cannot_be_used_is_named_and_the_rest_counts(tmp_path: Path) -> None:
+def test_unusable_values_are_named_and_the_rest_is_used(tmp_path: Path) -> None:
     config = config_in(
         tmp_path,
         '{"CA_OUTER_TIME": 500, "CA_GONE": 1, "CA_SETTLE": NaN, "CA_INNER_TIME": 10, "a\\n\\u001b[2J": {}}',
@@ -90,7 +90,7 @@ def test_what_cannot_be_used_is_named_and_the_rest_counts(tmp_path: Path) -> Non
     ]
 
 
-def test_what_contradicts_a_configuration_that_was_changed_since_is_left_out(tmp_path: Path) -> None:
+def test_a_value_that_contradicts_a_changed_configuration_is_not_used(tmp_path: Path) -> None:
     config = config_in(tmp_path, '{"CA_HEIGHT_MAX": 50}')
     assert load_saved(config).values == {"CA_HEIGHT_MAX": 50.0}
     higher = Config(
@@ -102,6 +102,6 @@ def test_what_contradicts_a_configuration_that_was_changed_since_is_left_out(tmp
     assert "must be above" in saved.problem
 
 
-def test_it_is_not_the_state_file() -> None:
-    with pytest.raises(ValueError, match="two files"):
+def test_settings_file_and_state_file_must_differ() -> None:
+    with pytest.raises(ValueError, match="two different files"):
         Config(links=("udpin:127.0.0.1:0",), settings_file=Path("a"), state_file=Path("a"))

@@ -55,7 +55,7 @@ def test_another_target_given_in_the_guided_mode_is_kept_to() -> None:
     seat.fly(1.0)
     seat.tell(NavigationTarget(AUTOPILOT, -35.0, 149.1, 884.0))
     seat.fly(0.1)
-    assert seat.state is State.HANDS_OFF
+    assert seat.state is State.SUPPRESSED
     assert seat.fly(8.0) == []
 
 
@@ -89,7 +89,7 @@ def test_a_refusal_of_the_first_request_says_nothing_of_the_second() -> None:
     assert commands(seat.sent).count(SET_MODE) == 2
     seat.answer(SET_MODE, 4)
     seat.fly(0.2)
-    assert seat.state is State.STANDBY
+    assert seat.state is State.WAITING
     seat.obeys = lambda _message: True
     seat.mode = GUIDED  # the second one was on its way
     assert modes(seat.fly(1.0)) == [AUTO]
@@ -225,7 +225,7 @@ def test_the_speed_is_put_back_before_the_service_ends() -> None:
     seat.until(*FLYING)
     adapter = seat.engine.aircraft.adapter
     assert adapter is not None
-    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
+    adapter.restore_parameters({"FW_AIRSPD_TRIM": 15.0})
     seat.obeys = lambda message: message.get_type() != "PARAM_SET"
     seat.stop()
     seat.fly(3.0)
@@ -241,7 +241,7 @@ def test_the_stream_after_a_late_entry_begins_with_velocity_alone() -> None:
     seat = Seat(PX4)
     seat.obeys = lambda _message: False
     seat.until(State.ENGAGING)
-    seat.until(State.STANDBY)
+    seat.until(State.WAITING)
     seat.mode = OFFBOARD
     setpoints = [m for m in seat.fly(0.4) if m.get_type().startswith("SET_POSITION")]
     assert setpoints[0].type_mask == 3527
@@ -274,8 +274,9 @@ def test_an_emergency_gives_back_the_speed_too() -> None:
     seat.fly(1.0)
     adapter = seat.engine.aircraft.adapter
     assert adapter is not None
-    adapter.put_back({"FW_AIRSPD_TRIM": 15.0})
-    sent = [m for tick in range(14) for m in seat.engine.emergency_release(seat.now_s + tick / 10)]
+    adapter.restore_parameters({"FW_AIRSPD_TRIM": 15.0})
+    release = seat.engine.emergency_release(seat.now_s)
+    sent = [m for tick in range(14) for m in release.messages(seat.now_s + tick / 10)]
     assert MISSION >> 16 & 0xFF in modes(sent)
     assert next(m.param_value for m in sent if m.get_type() == "PARAM_SET") == 15.0
     setpoints = [m for m in sent if m.get_type().startswith("SET_POSITION")]

@@ -1,39 +1,81 @@
-"""The supervisor's table, walked over every pair of state and event."""
+"""The state machine: every pair of state and event, and what is remembered in each state."""
 
 import itertools
+from dataclasses import fields, replace
 
 import pytest
 
+from companion.control.mode_request import ModeRequest
 from companion.control.state_machine import (
+    DATA,
+    ENTERING,
     FLYING,
     HELD,
-    TAKEN_AWAY,
+    OVERRIDES,
     TRANSITIONS,
     WATCHING,
     Event,
     State,
+    StateData,
     Supervisor,
     printed,
+    printed_data,
+)
+from companion.model import PriorFlightState
+from companion.output.persisted_state import PersistedState
+
+# A value for each field that differs from its default.
+EXAMPLE = StateData(
+    prior=PriorFlightState(10),
+    left_in_prior_mode=True,
+    requested_s=1.0,
+    last_unguided_mode=10,
+    given_up=2,
+    suppressed_s={"A": 1.0},
+    request=ModeRequest(10, 15, 0.0),
+    guided_since_s=1.0,
+    overlooked=frozenset({Event.STICKS}),
+    invalid_s=1.0,
+    reclaiming=True,
+    given_back_s=1.0,
+    wait_until_s=1.0,
+    ready_since_s=1.0,
+    unattended_since_s=1.0,
+    left_behind=PersistedState(0.0, 1),
+    left_behind_since_s=1.0,
 )
 
 
 @pytest.mark.parametrize(("state", "event"), [*itertools.product(State, Event)])
 def test_every_pair(state: State, event: Event) -> None:
     supervisor = Supervisor()
-    supervisor.state = state
+    supervisor.state, supervisor.data = state, replace(EXAMPLE)
+    after = TRANSITIONS.get((state, event), state)
+    assert supervisor.heeds(event) == ((state, event) in TRANSITIONS)
     changed = supervisor.handle(event)
-    assert supervisor.state is TRANSITIONS.get((state, event), state)
-    assert changed == (supervisor.state is not state)
+    assert supervisor.state is after
+    assert changed == (after is not state)
+    fresh = StateData()
+    for field in fields(StateData):
+        kept = not changed or field.name in DATA[after]
+        expected = getattr(EXAMPLE if kept else fresh, field.name)
+        assert getattr(supervisor.data, field.name) == expected, field.name
 
 
-def test_flying_is_reached_only_by_the_autopilots_word() -> None:
+def test_every_state_says_what_it_remembers() -> None:
+    names = {field.name for field in fields(StateData)}
+    assert set(DATA) == set(State)
+    assert set().union(*DATA.values()) == names
+
+
+def test_flying_is_reached_only_by_the_autopilots_heartbeat() -> None:
     into_flying = {(s, e) for (s, e), after in TRANSITIONS.items() if after in FLYING and s not in FLYING}
-    assert into_flying == {(State.ENGAGING, Event.TAKEN)}
+    assert into_flying == {(state, Event.TAKEN) for state in ENTERING}
 
 
-@pytest.mark.parametrize("event", sorted(TAKEN_AWAY))
+@pytest.mark.parametrize("event", sorted(OVERRIDES))
 @pytest.mark.parametrize("state", sorted(State))
-def test_whoever_takes_the_aircraft_has_it(state: State, event: Event) -> None:
+def test_an_override_ends_ours(state: State, event: Event) -> None:
     after = TRANSITIONS.get((state, event), state)
     assert after not in FLYING
     if state in HELD:
@@ -41,19 +83,30 @@ def test_whoever_takes_the_aircraft_has_it(state: State, event: Event) -> None:
 
 
 @pytest.mark.parametrize("state", sorted(HELD))
-def test_told_to_advise_only_the_aircraft_is_given_back(state: State) -> None:
+def test_a_pilot_who_resumes_the_mission_suppresses_the_conflict(state: State) -> None:
+    assert TRANSITIONS[state, Event.SENT_BACK] is State.SUPPRESSED
+
+
+@pytest.mark.parametrize("state", sorted(HELD))
+def test_in_the_role_advise_the_aircraft_is_given_back(state: State) -> None:
     assert TRANSITIONS.get((state, Event.ADVISE), state) is State.RELEASING
 
 
 @pytest.mark.parametrize("state", sorted(State))
-def test_told_to_resume_what_we_fly_is_given_back(state: State) -> None:
-    ours = state in FLYING | {State.ENGAGING}
+def test_resume_gives_back_what_we_fly_unless_its_controller_is_lost(state: State) -> None:
+    ours = state in {*FLYING, State.ENGAGING} - {State.RECOVERING}
     assert TRANSITIONS.get((state, Event.RESUME), state) is (State.RELEASING if ours else state)
 
 
 def test_only_returning_is_entered_without_a_conflict() -> None:
     into = {(state, event) for (state, event), after in TRANSITIONS.items() if after is State.RETURNING}
     assert into == {(State.OUTER, Event.FAR), (State.INNER, Event.FAR)}
+
+
+def test_a_lost_controller_is_given_back_only_after_it_recovered() -> None:
+    for state in (State.RE_ENTERING, State.RECOVERING):
+        ways = {event for (before, event) in TRANSITIONS if before is state}
+        assert not ways & {Event.CLEAR, Event.FAR, Event.RESUME}
 
 
 def test_the_table_printed_says_what_the_table_says() -> None:
@@ -64,6 +117,16 @@ def test_the_table_printed_says_what_the_table_says() -> None:
         (State(head[i]), Event(line[0])): line[i] for line in lines for i in range(1, len(line)) if line[i]
     }
     assert said == {pair: str(after) for pair, after in TRANSITIONS.items()}
+
+
+def test_the_data_printed_says_what_each_state_remembers() -> None:
+    always, *states = printed_data().splitlines()
+    common = set(always.partition(": ")[2].split(", "))
+    assert len(states) == len(State)
+    for state, line in zip(State, states, strict=True):
+        name, _, own = line.partition(" : ")
+        assert name.strip() == state
+        assert common | set(filter(None, own.split(", "))) == DATA[state]
 
 
 def test_after_hands_off_only_readiness_leads_back_to_taking_over() -> None:

@@ -1,9 +1,7 @@
-"""How long the operator's decision about an aircraft holds."""
+"""How long the operator's decision about a conflict holds."""
 
-from companion.control.suppressed_threats import SuppressedThreats
-from companion.engine import EngineConfig
-from companion.gcs.parameters import BY_NAME
-from companion.gcs.settings import Settings
+from companion.control.state_machine import StateData
+from companion.control.suppressed_threats import covers, suppress, update
 from companion.model import Decision, Layer, Threat
 
 
@@ -21,41 +19,37 @@ def conflict(*track_ids: str) -> Decision:
     return Decision(Layer.OUTER, None, threats)
 
 
-def test_it_holds_for_those_in_conflict_and_nobody_else() -> None:
-    dismissed = SuppressedThreats(Settings(EngineConfig()))
-    assert not dismissed.cover(conflict("A"))
-    assert not dismissed.cover(conflict())
-    dismissed.add(conflict("A", "B"), 0.0)
-    assert dismissed.cover(conflict("A", "B"))
-    assert dismissed.cover(conflict("B"))
-    assert not dismissed.cover(conflict("B", "C"))
-    dismissed.add(conflict("C"), 1.0)
-    assert dismissed.cover(conflict("B", "C"))
-    dismissed.forget()
-    assert not dismissed
+def test_only_the_tracks_in_conflict_are_suppressed() -> None:
+    data = StateData()
+    assert not covers(data, conflict("A"))
+    assert not covers(data, conflict())
+    suppress(data, conflict("A", "B"), 0.0)
+    assert covers(data, conflict("A", "B"))
+    assert covers(data, conflict("B"))
+    assert not covers(data, conflict("B", "C"))
+    suppress(data, conflict("C"), 1.0)
+    assert covers(data, conflict("B", "C"))
 
 
-def test_it_ends_when_the_conflict_has_been_over_for_a_while_for_each_by_itself() -> None:
-    dismissed = SuppressedThreats(Settings(EngineConfig()))
-    dismissed.add(conflict("A", "B"), 0.0)
+def test_each_suppression_ends_when_its_conflict_has_been_over_for_a_while() -> None:
+    data = StateData()
+    suppress(data, conflict("A", "B"), 0.0)
     for tick in range(100):
-        dismissed.observe(conflict("A"), tick / 10)
-        assert dismissed.cover(conflict("B")) == (tick <= 50)
-    dismissed.observe(conflict(), 14.9)
-    assert dismissed.cover(conflict("A"))
-    dismissed.observe(conflict("A"), 15.0)  # flickers
-    dismissed.observe(conflict(), 19.9)
-    assert dismissed.cover(conflict("A"))
-    dismissed.observe(conflict(), 20.1)
-    assert not dismissed
+        update(data, conflict("A"), 5.0, tick / 10)
+        assert covers(data, conflict("B")) == (tick <= 50)
+    update(data, conflict(), 5.0, 14.9)
+    assert covers(data, conflict("A"))
+    update(data, conflict("A"), 5.0, 15.0)  # flickers
+    update(data, conflict(), 5.0, 19.9)
+    assert covers(data, conflict("A"))
+    update(data, conflict(), 5.0, 20.1)
+    assert not data.suppressed_s
 
 
-def test_how_long_is_a_setting() -> None:
-    settings = Settings(EngineConfig())
-    dismissed = SuppressedThreats(settings)
-    dismissed.add(conflict("A"), 0.0)
-    settings.put(BY_NAME["CA_SETTLE"], 0.0)
-    dismissed.observe(conflict("A"), 60.0)
-    assert dismissed
-    dismissed.observe(conflict(), 60.1)
-    assert not dismissed
+def test_without_a_settling_time_it_ends_with_the_conflict() -> None:
+    data = StateData()
+    suppress(data, conflict("A"), 0.0)
+    update(data, conflict("A"), 0.0, 60.0)
+    assert data.suppressed_s
+    update(data, conflict(), 0.0, 60.1)
+    assert not data.suppressed_s

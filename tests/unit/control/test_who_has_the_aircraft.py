@@ -5,8 +5,17 @@ from collections.abc import Callable
 import pytest
 
 from companion.control.state_machine import State
-from companion.mavlink.facts import Fact, FenceStatus, LandedState, MissionProgress, Parameter, RcChannels
-from tests.support.pilots_seat import ARDUPILOT, AUTOPILOT, FBWA, PX4, Seat
+from companion.mavlink.facts import (
+    Fact,
+    FenceStatus,
+    Heartbeat,
+    LandedState,
+    MissionProgress,
+    Parameter,
+    RcChannels,
+)
+from companion.output.effects import Record, Transmit
+from tests.support.pilots_seat import ARDUPILOT, AUTOPILOT, FBWA, PX4, Seat, acts
 
 FLYING = (State.OUTER, State.INNER)
 CENTRED, ROLLED = RcChannels(AUTOPILOT, (1500,) * 4), RcChannels(AUTOPILOT, (1700, 1500, 1500, 1500))
@@ -144,3 +153,22 @@ def test_a_settled_aircraft_is_taken_up_again_after_the_time_that_is_configured(
     seat.meet_s = seat.now_s + 500.0  # clear for now
     seat.until(State.MONITOR)
     assert 5.0 <= seat.now_s - before_s <= 9.5
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+def test_hands_off_comes_before_anything_is_decided(autopilot: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    seat = Seat(autopilot)
+    seat.until(State.OUTER, State.INNER)
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("a decision that fails")
+
+    monkeypatch.setattr(seat.engine.avoider, "decide", broken)
+    seat._tick += 1
+    taken = FBWA if autopilot == ARDUPILOT else 3 << 16
+    fact = Heartbeat(AUTOPILOT, 1, autopilot, True, taken, 4)
+    assert seat.engine.receive(fact, seat.now_s)
+    effects = seat.engine.tick(seat.now_s)
+    assert seat.state is State.HANDS_OFF
+    assert not [e for e in effects if isinstance(e, Transmit) and acts(e.message)]
+    assert not [e for e in effects if isinstance(e, Record)], "no decision was made"

@@ -72,7 +72,7 @@ def test_the_floor_is_above_the_terrain_where_that_is_known() -> None:
         here = position(T0)
         report = TerrainReport(AUTOPILOT, here.lat_deg, here.lon_deg, 584.0 + hill_m, 300.0 - hill_m)
         run(engine, [heartbeat(), here, report, traffic(T0)], T0)
-        floors.append(engine._avoider.envelope.min_altitude_m)
+        floors.append(engine.avoider.envelope.min_altitude_m)
     assert floors == [614.0, 864.0]
 
 

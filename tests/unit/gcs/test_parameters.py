@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from companion.avoidance import AvoidanceParams
-from companion.avoidance.control import Control
+from companion.avoidance.envelope import Control
 from companion.control.state_machine import SupervisorParams
 from companion.engine import EngineConfig, EngineParams
 from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, GcsParam, values_changed, with_values

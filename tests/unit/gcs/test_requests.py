@@ -155,7 +155,7 @@ def resume(continues: float | None = 1.0) -> CommandRequest:
 
 @pytest.mark.parametrize("continues", [0.0, 2.0, None])
 def test_there_is_no_pause(operator: GcsRequests, continues: float | None) -> None:
-    operator.may_resume = lambda: True
+    operator._may_resume = lambda: True
     (answer,) = operator.receive(resume(continues))
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert not operator.take_resume()
@@ -165,7 +165,7 @@ def test_the_mission_is_resumed_where_it_is_we_who_fly(operator: GcsRequests) ->
     (answer,) = operator.receive(resume())
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert not operator.take_resume()
-    operator.may_resume = lambda: True
+    operator._may_resume = lambda: True
     for _ in range(2):
         (answer,) = operator.receive(resume())
         assert (answer.command, answer.result) == (193, mavlink.MAV_RESULT_ACCEPTED)

@@ -4,11 +4,12 @@ import math
 
 import pytest
 
-from companion.gcs.statustext import StatusText, TrafficSituation, describe_guidance
+from companion.gcs.phrases import TrafficSituation, describe_guidance, worded
+from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
-from companion.mavlink.facts import Sender
 from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat, Track
-from companion.output.effects import Transmit
+from companion.output.effects import Say
+from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
 
@@ -29,14 +30,11 @@ def flown(course_deg: float = 0.0, airspeed_mps: float = 22.0, altitude_m: float
     return Decision(Layer.OUTER, Guidance(math.radians(course_deg), airspeed_mps, altitude_m), (threat(),))
 
 
-def texts(
-    announcer: StatusText, outlook: TrafficSituation, *, flying: bool = True, now_s: float = 0.0
-) -> list[str]:
-    return [
-        effect.message.text if isinstance(effect.message.text, str) else effect.message.text.decode()
-        for effect in announcer.conflict(outlook, now_s, flying=flying)
-        if isinstance(effect, Transmit)
-    ]
+def texts(notice: AnyNotice, situation: TrafficSituation, units: TextUnits = "metric") -> list[str]:
+    """The STATUSTEXT messages of a notice."""
+    text = worded(notice, situation, units)
+    said = [] if text is None else StatusText().say(text, 0.0)
+    return [str(message.text) for message in said if not isinstance(message, Say)]
 
 
 @pytest.mark.parametrize(
@@ -47,19 +45,37 @@ def texts(
         ("metric", False, "Traffic ABC123 2 o'clock 1.8 km 61 m below: turn right 040"),
     ],
 )
-def test_a_conflict_is_told_once_in_the_words_of_pilots(units: TextUnits, flying: bool, words: str) -> None:
-    announcer = StatusText(lambda: Sender(1, 196), lambda: units)
-    outlook = TrafficSituation(flown(40.0), OWN, [track(None)])
-    chunks = texts(announcer, outlook, flying=flying)
+def test_a_conflict_in_the_words_of_pilots(units: TextUnits, flying: bool, words: str) -> None:
+    situation = TrafficSituation(flown(40.0), OWN, [track(None)])
+    chunks = texts(ConflictNotice(flying), situation, units)
     assert "".join(chunks) == words
     assert all(len(chunk) <= 50 for chunk in chunks)
-    assert announcer.last_text == words
-    assert texts(announcer, outlook, flying=flying, now_s=1.0) == []
 
 
-def test_whoever_has_a_callsign_is_called_by_it() -> None:
-    said = texts(StatusText(lambda: Sender(1, 196)), TrafficSituation(flown(), OWN, [track("SWR1")]))
+def test_the_callsign_is_used_where_there_is_one() -> None:
+    said = texts(ConflictNotice(flying=True), TrafficSituation(flown(), OWN, [track("SWR1")]))
     assert said == ["Traffic SWR1 2 o'clock 1.8 km 61 m below: holding"]
+
+
+def test_the_same_topic_is_said_again_only_after_half_a_minute() -> None:
+    statustext = StatusText()
+    first, later = Notice(4, "1.8 km", topic="A"), Notice(4, "1.7 km", topic="A")
+    assert len(statustext.say(first, 0.0)) == 2
+    assert statustext.last_text == "1.8 km"
+    assert statustext.say(later, 1.0) == []
+    assert statustext.say(later, 29.9) == []
+    assert len(statustext.say(Notice(4, "other"), 29.9)) == 2
+    assert len(statustext.say(later, 30.0)) == 2
+
+
+def test_a_state_of_affairs_is_said_once() -> None:
+    statustext = StatusText()
+    assert statustext.say(Notice(4, "no receiver", once=True), 0.0)
+    assert not statustext.say(Notice(4, "no receiver", once=True), 3600.0)
+
+
+def test_what_is_for_the_log_is_not_sent() -> None:
+    assert StatusText().say(Notice(6, "Mission: 4 items", log_only=True), 0.0) == [Say(6, "Mission: 4 items")]
 
 
 @pytest.mark.parametrize(
@@ -92,13 +108,11 @@ def test_what_is_done(decision: Decision, doing: str, advice: str, aviation: str
         ([], Layer.OUTER, "Told to resume MISSION"),
     ],
 )
-def test_whoever_sends_it_on_its_mission_is_told_who_is_not_avoided(
+def test_a_resumed_mission_names_the_threats_that_are_not_avoided(
     threats: list[Threat], layer: Layer, words: str
 ) -> None:
-    announcer = StatusText(lambda: Sender(1, 196))
-    outlook = TrafficSituation(Decision(layer, None, tuple(threats)), OWN, [track(None)])
-    effects = announcer.resuming(outlook, "MISSION", 0.0)
-    (sent,) = [effect.message for effect in effects if isinstance(effect, Transmit)]
-    assert sent.text in (words, words.encode())
-    critical = sent.severity == mavlink.MAV_SEVERITY_CRITICAL
-    assert critical == (layer is Layer.INNER)
+    situation = TrafficSituation(Decision(layer, None, tuple(threats)), OWN, [track(None)])
+    notice = worded(ResumeNotice("MISSION"), situation, "metric")
+    assert notice is not None
+    assert notice.text == words
+    assert (notice.severity == mavlink.MAV_SEVERITY_CRITICAL) == (layer is Layer.INNER)

@@ -1,4 +1,4 @@
-"""Links: addresses, who is answered, what a hostile or absent peer can do, and what a bug does."""
+"""Links: addresses, peers, hostile and absent peers, and bugs in the callback."""
 
 import asyncio
 import socket
@@ -7,8 +7,8 @@ import pytest
 
 from companion.errors import LinkDownError, LinkError
 from companion.links import Link, SerialLink, memory_pair, open_link
-from companion.links.peers import MAX_PEERS, SILENCE_S, Peers
-from companion.links.resolve import resolve
+from companion.links.datagram import MAX_PEERS, SILENCE_S, Peers
+from companion.links.sockets import resolve
 from companion.links.tcp import TcpInLink, TcpOutLink
 from companion.links.udp import UdpInLink, UdpOutLink
 from companion.mavlink.dialect import Encoder, mavlink
@@ -74,7 +74,7 @@ def test_serial_addresses() -> None:
         "udpin:host:١٢",
     ],
 )
-def test_what_is_no_address_is_refused_in_one_line(address: str) -> None:
+def test_a_bad_address_is_refused_in_one_line(address: str) -> None:
     with pytest.raises(LinkError) as refusal:
         open_link(address)
     assert address.strip() in str(refusal.value)
@@ -92,7 +92,7 @@ async def test_there_and_back_over_udp() -> None:
         tasks.create_task(listening.run(heard))
         tasks.create_task(talking.run(answered))
         await talking.open()
-        listening.send(frame())  # nobody is there yet: goes nowhere, and is no error
+        listening.send(frame())  # no peer yet: not sent, and not an error
         assert (listening.counters.sent_frames, listening.counters.send_errors) == (0, 0)
         question, answer = frame(1), frame(2)
         talking.send(question + question)
@@ -129,7 +129,7 @@ async def test_an_unreachable_port_is_counted_and_survived() -> None:
 
 
 @pytest.mark.wire
-async def test_a_port_in_use_names_the_address() -> None:
+async def test_the_error_of_a_port_in_use_names_the_address() -> None:
     first = open_link("udpin:127.0.0.1:0")
     await first.open()
     assert isinstance(first, UdpInLink)
@@ -146,13 +146,15 @@ async def test_a_port_in_use_names_the_address() -> None:
     [("no-such-host.invalid", LinkDownError), ("a" * 70, LinkError), ("192.0.2.1", LinkDownError)],
 )
 @pytest.mark.parametrize("way", ["udpin", "tcpin"])
-async def test_a_host_that_is_not_here_names_the_address(way: str, host: str, kind: type[LinkError]) -> None:
+async def test_the_error_of_an_unknown_host_names_the_address(
+    way: str, host: str, kind: type[LinkError]
+) -> None:
     with pytest.raises(kind, match=f"^{way}:{host}:14550: .") as refusal:
         await open_link(f"{way}:{host}:14550").open()
     assert type(refusal.value) is kind
 
 
-async def test_a_name_with_both_addresses_means_the_ipv4_one(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_name_with_both_addresses_resolves_to_the_ipv4_one(monkeypatch: pytest.MonkeyPatch) -> None:
     async def both(*_args: object, **_kwargs: object) -> list[tuple[object, ...]]:
         return [
             (socket.AF_INET6, socket.SOCK_DGRAM, 17, "", ("::1", 14550, 0, 0)),
@@ -179,7 +181,7 @@ async def test_sending_never_raises() -> None:
 
 
 @pytest.mark.wire
-async def test_nothing_is_queued_while_the_network_stands_still() -> None:
+async def test_nothing_is_queued_while_the_network_is_congested() -> None:
     link = UdpOutLink("udpout:127.0.0.1:14550", "127.0.0.1", 14550)
     await link.open()
     link.congested = True
@@ -188,7 +190,7 @@ async def test_nothing_is_queued_while_the_network_stands_still() -> None:
     link.close()
 
 
-async def test_an_error_in_the_callback_comes_out_of_run() -> None:
+async def test_an_error_in_the_callback_is_raised_by_run() -> None:
     near, far = memory_pair()
 
     def buggy(_frames: list[Frame], _link: Link) -> None:
@@ -226,7 +228,7 @@ async def test_a_udp_socket_that_dies_is_opened_again() -> None:
     link.close()
 
 
-async def test_nothing_is_sent_where_we_only_listen() -> None:
+async def test_a_listen_only_link_never_sends() -> None:
     near, far = memory_pair()
     near.listen_only = True
     near.send(frame())
@@ -236,13 +238,13 @@ async def test_nothing_is_sent_where_we_only_listen() -> None:
     assert (near.counters.sent_frames, near.counters.send_errors) == (0, 0)
 
 
-async def test_much_junk_at_once_lets_others_have_their_turn() -> None:
+async def test_much_junk_at_once_does_not_block_other_tasks() -> None:
     near, far = memory_pair()
     for _ in range(10):
         far.send(bytes(32_768))
     good = frame()
     far.send(good)
-    near.failed("and then the cable is gone")
+    near.failed("the cable is gone")
     heard, turns = Inbox(), 0
     running = asyncio.create_task(near.run(heard))
     while not running.done():
@@ -253,7 +255,7 @@ async def test_much_junk_at_once_lets_others_have_their_turn() -> None:
     assert isinstance(running.exception(), LinkDownError)
 
 
-async def test_what_waits_is_bounded_in_bytes_too() -> None:
+async def test_the_queue_is_bounded_in_bytes_too() -> None:
     near, far = memory_pair()
     for _ in range(100):
         far.send(bytes(65_000))
@@ -270,7 +272,7 @@ async def test_a_flood_is_dropped_and_counted_not_stored() -> None:
     await near.run(Inbox())
 
 
-async def test_memory_links_bring_everything_in_order() -> None:
+async def test_memory_links_deliver_everything_in_order() -> None:
     near, far = memory_pair()
     sent = [frame(n) for n in range(100)]
     heard = Inbox()
@@ -297,12 +299,12 @@ def through_faults(count: int = 400, **faults: float) -> tuple[list[bytes], list
     return sent, received, near.counters.lost
 
 
-def test_memory_links_fail_as_asked_and_the_same_each_time() -> None:
+def test_memory_links_have_the_requested_faults_and_repeat_them() -> None:
     sent, received, lost = through_faults(loss=0.25)
     assert 250 < len(received) < 350
     assert received == [raw for raw in sent if raw in received]
-    assert lost == pytest.approx(len(sent) - len(received), abs=5)  # those at the very end nobody misses
-    assert through_faults(loss=0.25)[1] != received  # other sequence numbers, so other bytes
+    assert lost == pytest.approx(len(sent) - len(received), abs=5)  # losses at the very end cannot be counted
+    assert through_faults(loss=0.25)[1] != received  # later sequence numbers, so other bytes
     assert len(through_faults(loss=0.25)[1]) == len(received)
 
     sent, received, lost = through_faults(duplication=0.25)
@@ -323,7 +325,7 @@ class Clock:
         return self.now_s
 
 
-def test_only_who_sent_a_good_frame_lately_is_answered() -> None:
+def test_only_senders_of_recent_good_frames_are_peers() -> None:
     clock = Clock()
     peers: Peers[str] = Peers(StreamCounters(), clock)
     assert peers.split("scanner", b"GET / HTTP/1.1") == []
@@ -337,7 +339,7 @@ def test_only_who_sent_a_good_frame_lately_is_answered() -> None:
     assert peers.present() == ["station"]
 
 
-def test_a_flood_of_newcomers_does_not_push_the_autopilot_out() -> None:
+def test_a_flood_of_newcomers_does_not_displace_the_autopilot() -> None:
     clock = Clock()
     peers: Peers[int] = Peers(StreamCounters(), clock)
     peers.split(0, frame())

@@ -1,4 +1,4 @@
-"""Links that fail and come back: what is said, and who notices."""
+"""Links that fail and recover: what is logged, and which links are affected."""
 
 import asyncio
 import logging
@@ -6,7 +6,7 @@ import logging
 import pytest
 
 from companion.errors import LinkDownError, LinkError
-from companion.links import Link, LinkState, OnFrames, Reconnect, memory_pair, open_at_start, reconnect
+from companion.links import Link, LinkState, OnFrames, Reconnect, memory_pair, open_all, reconnect
 from companion.mavlink.framing import Frame
 from tests.support.inbox import Inbox, frame, until
 
@@ -26,7 +26,7 @@ class Troubled(Link):
         if self.tries <= self._failures:
             raise self._error
 
-    async def run(self, on_frames: OnFrames) -> None:  # noqa: ARG002 - it says nothing
+    async def run(self, on_frames: OnFrames) -> None:  # noqa: ARG002 - it receives nothing
         await self.closed.wait()
 
     def close(self) -> None:
@@ -36,27 +36,32 @@ class Troubled(Link):
         raise NotImplementedError
 
 
-async def test_it_is_said_once_that_it_fails_and_once_that_it_works(
+async def test_one_warning_when_it_fails_and_one_line_when_it_works_again(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.DEBUG, "companion")
-    monkeypatch.setattr(reconnect, "STEADY_S", 0.0)  # of the timer; what the clock says counts besides
+    monkeypatch.setattr(reconnect, "STEADY_S", 0.0)  # of the timer; the clock below counts as working
     now_s = 0.0
 
-    def in_seconds_that_fly() -> float:
+    def ten_seconds_a_call() -> float:
         nonlocal now_s
         now_s += 10.0
         return now_s
 
     link = Troubled(3, LinkDownError("troubled: no such device"))
-    kept = Reconnect(link, in_seconds_that_fly)
-    running = asyncio.create_task(kept.run(Inbox()))
-    await until(lambda: kept.state is LinkState.UP)
+    reconnect_link = Reconnect(link, ten_seconds_a_call)
+    running = asyncio.create_task(reconnect_link.run(Inbox()))
+    await until(lambda: reconnect_link.state is LinkState.UP)
     link.close()
     await running
-    said = [(one.levelname, one.message) for one in caplog.records]
+    logged = [(one.levelname, one.message) for one in caplog.records]
     again = "troubled: no such device; trying again until it works"
-    assert said == [("WARNING", again), ("DEBUG", again), ("DEBUG", again), ("INFO", "troubled: works again")]
+    assert logged == [
+        ("WARNING", again),
+        ("DEBUG", again),
+        ("DEBUG", again),
+        ("INFO", "troubled: works again"),
+    ]
     assert link.tries == 4
 
 
@@ -75,7 +80,7 @@ async def test_one_link_down_does_not_disturb_another() -> None:
     await asyncio.wait(tasks)
 
 
-async def test_a_bug_is_not_taken_for_a_bad_link() -> None:
+async def test_a_bug_is_not_treated_as_a_bad_link() -> None:
     near, far = memory_pair()
 
     def buggy(_frames: list[Frame], _link: Link) -> None:
@@ -86,18 +91,18 @@ async def test_a_bug_is_not_taken_for_a_bad_link() -> None:
         await Reconnect(near).run(buggy)
 
 
-async def test_only_what_can_never_work_ends_the_start() -> None:
-    well, down = Troubled(0, LinkError("")), Troubled(9, LinkDownError("troubled: not yet"))
-    await open_at_start([well, down])
-    assert (well.tries, down.tries) == (1, 1)
-    assert not well.closed.is_set()
+async def test_only_a_permanent_error_ends_the_start() -> None:
+    working, down = Troubled(0, LinkError("")), Troubled(9, LinkDownError("troubled: not yet"))
+    await open_all([working, down])
+    assert (working.tries, down.tries) == (1, 1)
+    assert not working.closed.is_set()
     with pytest.raises(LinkError, match="in use"):
-        await open_at_start([well, Troubled(9, LinkError("troubled: address in use"))])
-    assert well.closed.is_set(), "nobody else would close it"
+        await open_all([working, Troubled(9, LinkError("troubled: address in use"))])
+    assert working.closed.is_set(), "closed with the others"
 
 
 class Slow(Troubled):
-    """Asks a name server that takes its time."""
+    """Waits for a slow name server."""
 
     def __init__(self) -> None:
         super().__init__(0, LinkError(""))
@@ -108,11 +113,11 @@ class Slow(Troubled):
         await super().open()
 
 
-async def test_a_name_that_takes_long_does_not_hold_up_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reconnect, "_PATIENCE_AT_START_S", 0.02)
+async def test_a_slow_name_lookup_does_not_delay_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reconnect, "_LONGEST_WAIT_AT_START_S", 0.02)
     slow = Slow()
     async with asyncio.timeout(10.0):
-        await open_at_start([slow])
+        await open_all([slow])
         assert slow.tries == 0
         slow.answered.set()
         await until(lambda: slow.tries == 1)

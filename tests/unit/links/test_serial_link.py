@@ -1,4 +1,4 @@
-"""Serial links, through pseudo-terminals: unplugging, coming back, and a port that takes nothing."""
+"""Serial links over pseudo-terminals: unplugging, plugging in again, and a full port."""
 
 import asyncio
 import os
@@ -16,7 +16,7 @@ OPEN = (LinkState.ON_TRIAL, LinkState.UP)
 
 
 class Device:
-    """What hangs on the other end of the cable, plugged in behind a name that stays."""
+    """The device at the other end of the cable, plugged in under a constant name."""
 
     def __init__(self, name: Path) -> None:
         self.name = name
@@ -36,7 +36,7 @@ class Device:
         self.master = -1
         self.name.unlink(missing_ok=True)
 
-    def say(self, data: bytes) -> None:
+    def send(self, data: bytes) -> None:
         os.write(self.master, data)
 
     def heard(self) -> bytes:
@@ -67,7 +67,7 @@ async def test_both_ways(device: Device) -> None:
     sent = [frame(number) for number in range(20)]
     stream = b"\x00boot text\r\n" + b"".join(sent)
     for start in range(0, len(stream), 11):
-        device.say(stream[start : start + 11])
+        device.send(stream[start : start + 11])
         await asyncio.sleep(0)
     await heard.until(20)
     assert heard.raws == sent
@@ -81,37 +81,37 @@ async def test_both_ways(device: Device) -> None:
     assert link.counters.send_errors == 1
 
 
-async def test_a_device_that_is_not_there_is_named_and_waited_for(device: Device) -> None:
+async def test_a_missing_device_is_named_and_waited_for(device: Device) -> None:
     link, heard = link_to(device), Inbox()
     with pytest.raises(LinkDownError, match=f"^{link.address}: No such file or directory$"):
         await link.open()
-    kept = Reconnect(link)
-    running = asyncio.create_task(kept.run(heard))
-    await until(lambda: kept.state is LinkState.WAITING)
+    reconnect = Reconnect(link)
+    running = asyncio.create_task(reconnect.run(heard))
+    await until(lambda: reconnect.state is LinkState.WAITING)
     device.plug_in()
-    await until(lambda: kept.state in OPEN)
-    device.say(frame())
+    await until(lambda: reconnect.state in OPEN)
+    device.send(frame())
     await heard.until(1)
     link.close()
     await running
 
 
-async def test_unplugged_and_back_behind_the_same_name(device: Device) -> None:
+async def test_a_device_unplugged_and_plugged_in_again_is_reopened(device: Device) -> None:
     device.plug_in()
     link, heard = link_to(device), Inbox()
-    kept = Reconnect(link)
-    running = asyncio.create_task(kept.run(heard))
-    await until(lambda: kept.state in OPEN)
-    device.say(frame(1) + frame(2)[:8])
+    reconnect = Reconnect(link)
+    running = asyncio.create_task(reconnect.run(heard))
+    await until(lambda: reconnect.state in OPEN)
+    device.send(frame(1) + frame(2)[:8])
     await heard.until(1)
     device.unplug()
-    await until(lambda: kept.state is LinkState.WAITING)
+    await until(lambda: reconnect.state is LinkState.WAITING)
     link.send(frame())
     assert link.counters.send_errors == 1
     device.plug_in()
-    await until(lambda: kept.state in OPEN)
+    await until(lambda: reconnect.state in OPEN)
     third = frame(3)
-    device.say(third)
+    device.send(third)
     await heard.until(2)
     assert heard.raws[1] == third
     link.send(third)
@@ -158,11 +158,11 @@ async def test_a_full_port_drops_frames_whole_and_counts_them(device: Device) ->
         if link.counters.send_errors == 100:
             break
     assert link.counters.send_errors == 100, "the port never filled up"
-    came = b""
+    received = b""
     for _ in range(100):
-        came += device.heard()
+        received += device.heard()
         await asyncio.sleep(0.001)
-    assert came == b"".join(sent), "the rest of a frame that had begun follows, and nothing else"
+    assert received == b"".join(sent), "whole frames only, and the rest of the one sent in part"
     late = frame(1)
     link.send(late)
     assert device.heard() == late
@@ -170,18 +170,18 @@ async def test_a_full_port_drops_frames_whole_and_counts_them(device: Device) ->
     await running
 
 
-async def test_a_port_is_for_one_program(device: Device) -> None:
+async def test_a_port_is_opened_by_one_program_only(device: Device) -> None:
     device.plug_in()
     first, second = link_to(device), link_to(device)
     await first.open()
-    with pytest.raises(LinkDownError, match="another program has it"):
+    with pytest.raises(LinkDownError, match="in use by another program"):
         await second.open()
     first.close()
     await second.open()
     second.close()
 
 
-async def test_what_is_no_serial_port_is_said(tmp_path: Path) -> None:
+async def test_a_file_that_is_not_a_serial_port_is_refused_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.touch()
     with pytest.raises(LinkDownError) as refusal:
@@ -196,7 +196,7 @@ async def test_listen_only_never_sends(device: Device) -> None:
     running = asyncio.create_task(link.run(heard))
     await link.open()
     link.send(frame())
-    device.say(frame())
+    device.send(frame())
     await heard.until(1)
     assert device.heard() == b""
     assert (link.counters.sent_frames, link.counters.send_errors) == (0, 0)

@@ -1,4 +1,4 @@
-"""TCP links: streams in pieces, peers that come, go, restart, or never read."""
+"""TCP links: streams in pieces, and peers that connect, leave, restart or never read."""
 
 import asyncio
 import functools
@@ -8,7 +8,7 @@ import pytest
 
 from companion.errors import LinkDownError, LinkError
 from companion.links import LinkState, Reconnect, open_link, tcp
-from companion.links.peers import MAX_PEERS, SILENCE_S
+from companion.links.datagram import MAX_PEERS, SILENCE_S
 from companion.links.tcp import TcpInLink, TcpOutLink
 from tests.support.inbox import Inbox, frame, until
 
@@ -91,7 +91,7 @@ async def test_two_clients_do_not_mix_their_bytes() -> None:
     await running
 
 
-async def test_a_client_that_leaves_is_no_event_and_nobody_to_send_to_no_error() -> None:
+async def test_a_client_may_leave_and_sending_to_none_is_not_an_error() -> None:
     server, heard = await listening(), Inbox()
     running = asyncio.create_task(server.run(heard))
     client = out(server.local_port)
@@ -106,16 +106,16 @@ async def test_a_client_that_leaves_is_no_event_and_nobody_to_send_to_no_error()
     await running
 
 
-async def test_a_peer_that_restarts_is_connected_to_again() -> None:
+async def test_the_link_connects_again_to_a_peer_that_restarts() -> None:
     server = await listening()
     port = server.local_port
     client, heard = out(port), Inbox()
-    kept = Reconnect(client)
-    running = asyncio.create_task(kept.run(heard))
+    reconnect = Reconnect(client)
+    running = asyncio.create_task(reconnect.run(heard))
     await until(lambda: server.clients == 1)
     server.send(frame(1)[:9])  # cut off by the restart
     server.close()
-    await until(lambda: kept.state is LinkState.WAITING)
+    await until(lambda: reconnect.state is LinkState.WAITING)
     client.send(frame())
     assert client.counters.send_errors == 1
     server = await listening(port)
@@ -129,7 +129,7 @@ async def test_a_peer_that_restarts_is_connected_to_again() -> None:
     server.close()
 
 
-async def test_who_refuses_is_named_and_may_be_tried_again() -> None:
+async def test_a_refused_connection_is_named_and_may_be_tried_again() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         client = out(taken.getsockname()[1])
@@ -139,8 +139,8 @@ async def test_who_refuses_is_named_and_may_be_tried_again() -> None:
     client.close()
 
 
-async def test_a_connection_to_ourselves_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where nobody listens, the kernel may choose the very port that is asked for as our own."""
+async def test_a_connection_to_ourselves_counts_as_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a listener, the kernel may choose the very port for our own end."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -153,7 +153,7 @@ async def test_a_connection_to_ourselves_is_none(monkeypatch: pytest.MonkeyPatch
     assert client.clients == 0
 
 
-async def test_a_flood_comes_in_small_pieces() -> None:
+async def test_a_flood_is_read_in_small_pieces() -> None:
     server = await listening()
     flooder = socket.create_connection(("127.0.0.1", server.local_port))
     flooder.sendall(bytes(200_000))
@@ -163,9 +163,9 @@ async def test_a_flood_comes_in_small_pieces() -> None:
     server.close()
 
 
-async def test_who_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_connection_without_an_answer_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp, "_LONGEST_CONNECTING_S", 0.05)
-    with socket.socket() as full:  # a queue of connections that nobody accepts
+    with socket.socket() as full:  # a full queue of connections that are never accepted
         full.bind(("127.0.0.1", 0))
         full.listen(0)
         waiting = [socket.socket() for _ in range(4)]
@@ -179,7 +179,7 @@ async def test_who_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) 
             each.close()
 
 
-async def test_a_port_to_listen_on_that_is_in_use_can_never_work() -> None:
+async def test_a_port_in_use_is_a_permanent_error() -> None:
     first = await listening()
     with pytest.raises(LinkError, match="in use") as refusal:
         await listening(first.local_port)
@@ -187,9 +187,9 @@ async def test_a_port_to_listen_on_that_is_in_use_can_never_work() -> None:
     first.close()
 
 
-async def test_a_peer_that_does_not_read_blocks_nobody_and_fills_nothing() -> None:
+async def test_a_peer_that_does_not_read_delays_no_other_and_fills_no_buffer() -> None:
     server = await listening()
-    deaf = socket.create_connection(("127.0.0.1", server.local_port))
+    unread = socket.create_connection(("127.0.0.1", server.local_port))
     client, heard = out(server.local_port), Inbox()
     running = asyncio.create_task(client.run(heard))
     await until(lambda: server.clients == 2)
@@ -199,18 +199,18 @@ async def test_a_peer_that_does_not_read_blocks_nobody_and_fills_nothing() -> No
     for sent in range(1, 100_000):
         server.send(raw)
         if sent % 10 == 0:
-            await heard.until(sent)  # whoever reads gets all of them
+            await heard.until(sent)  # the client that reads gets all of them
         if server.counters.send_errors > 1000:
             break
-    assert server.counters.send_errors > 1000, "the deaf one never filled up"
+    assert server.counters.send_errors > 1000, "its buffer never filled up"
     assert first.get_write_buffer_size() <= len(raw)
-    deaf.close()
+    unread.close()
     client.close()
     server.close()
     await running
 
 
-async def test_a_flood_of_clients_does_not_push_the_autopilot_out() -> None:
+async def test_a_flood_of_clients_does_not_displace_the_autopilot() -> None:
     now_s = 0.0
     server, heard = TcpInLink("tcpin", "127.0.0.1", 0, lambda: now_s), Inbox()
     await server.open()

@@ -1,4 +1,4 @@
-"""Cutting bytes into frames: both versions, signatures, junk, cuts, unknown messages, losses."""
+"""Splitting bytes into frames: both versions, signatures, junk, truncation, unknown messages, losses."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
@@ -9,10 +9,10 @@ from companion.mavlink.framing import MAX_FRAME_BYTES, Frame, FrameSplitter, Los
 UNKNOWN_ID = 54_321
 
 
-def heartbeat(sequence: int = 0, system_id: int = 1, component_id: int = 1, **how: bool) -> bytes:
+def heartbeat(sequence: int = 0, system_id: int = 1, component_id: int = 1, **options: bool) -> bytes:
     packer = ardupilotmega.MAVLink(None, system_id, component_id)
     packer.seq = sequence
-    return bytes(ardupilotmega.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3).pack(packer, **how))
+    return bytes(ardupilotmega.MAVLink_heartbeat_message(1, 3, 81, 10, 4, 3).pack(packer, **options))
 
 
 def signed_heartbeat() -> bytes:
@@ -37,7 +37,7 @@ def raws(frames: list[Frame]) -> list[bytes]:
     [(heartbeat(), False), (heartbeat(force_mavlink1=True), False), (signed_heartbeat(), True)],
     ids=["v2", "v1", "signed"],
 )
-def test_a_frame_keeps_all_that_stood_on_the_wire(raw: bytes, signed: bool) -> None:
+def test_a_frame_has_all_that_was_received(raw: bytes, signed: bool) -> None:
     (frame,) = FrameSplitter().feed(raw)
     assert frame.raw == raw
     assert (frame.message_id, frame.system_id, frame.component_id, frame.sequence) == (0, 1, 1, 0)
@@ -46,8 +46,8 @@ def test_a_frame_keeps_all_that_stood_on_the_wire(raw: bytes, signed: bool) -> N
 
 
 @pytest.mark.parametrize("raw", [heartbeat(), heartbeat(force_mavlink1=True), signed_heartbeat()])
-def test_one_wrong_bit_anywhere_is_no_frame(raw: bytes) -> None:
-    unprotected = 13 if raw == signed_heartbeat() else 0  # the signature is not under the checksum
+def test_a_frame_with_one_wrong_bit_is_refused(raw: bytes) -> None:
+    unprotected = 13 if raw == signed_heartbeat() else 0  # the checksum does not cover the signature
     for at in range(len(raw) - unprotected):
         wrong = bytearray(raw)
         wrong[at] ^= 0x10
@@ -56,7 +56,7 @@ def test_one_wrong_bit_anywhere_is_no_frame(raw: bytes) -> None:
         assert splitter.counters.bad_bytes == len(raw)
 
 
-def test_a_wrong_checksum_is_counted_and_the_next_frame_comes_through() -> None:
+def test_a_wrong_checksum_is_counted_and_the_next_frame_is_read() -> None:
     wrong = bytearray(heartbeat())
     wrong[-1] ^= 1
     splitter = FrameSplitter()
@@ -64,14 +64,14 @@ def test_a_wrong_checksum_is_counted_and_the_next_frame_comes_through() -> None:
     assert splitter.counters == StreamCounters(frames=1, bad_bytes=len(wrong), bad_crc=1)
 
 
-def test_a_flag_nobody_understands_makes_the_frame_unreadable() -> None:
+def test_a_frame_with_an_unknown_flag_is_refused() -> None:
     header = bytes((0xFD, 1, 0x02, 0, 0, 1, 1, 0, 0, 0))
     checksum = ardupilotmega.x25crc(header[1:] + b"\x01" + bytes((ardupilotmega.mavlink_map[0].crc_extra,)))
     splitter = FrameSplitter()
     assert splitter.feed_datagram(header + b"\x01" + checksum.crc.to_bytes(2, "little")) == []
 
 
-def test_a_stream_may_be_cut_anywhere() -> None:
+def test_a_stream_may_arrive_in_any_pieces() -> None:
     stream = heartbeat(0) + b"junk" + heartbeat(1, force_mavlink1=True) + signed_heartbeat()
     splitter = FrameSplitter()
     found = [frame for at in range(len(stream)) for frame in splitter.feed(stream[at : at + 1])]
@@ -79,14 +79,14 @@ def test_a_stream_may_be_cut_anywhere() -> None:
     assert splitter.counters.bad_bytes == 4
 
 
-def test_what_a_stream_keeps_is_bounded() -> None:
+def test_the_rest_kept_between_two_pieces_is_bounded() -> None:
     splitter = FrameSplitter()
     for _ in range(100):
         splitter.feed(b"\xfd\xff\x00\x00" * 1000)
         assert len(splitter._kept) <= MAX_FRAME_BYTES
 
 
-def test_flush_finds_the_frame_behind_a_header_that_never_ended() -> None:
+def test_flush_finds_the_frame_behind_a_false_header() -> None:
     splitter = FrameSplitter()
     false_header = b"\xfd\xff\x00\x00\x00\x01\x01\x21\x00\x00"
     assert splitter.feed(false_header + heartbeat()) == []
@@ -95,7 +95,7 @@ def test_flush_finds_the_frame_behind_a_header_that_never_ended() -> None:
     assert raws(splitter.feed(heartbeat(1))) == [heartbeat(1)]
 
 
-def test_the_tail_of_a_cut_datagram_does_not_poison_the_next() -> None:
+def test_a_truncated_datagram_does_not_affect_the_next() -> None:
     splitter = FrameSplitter()
     assert raws(splitter.feed_datagram(heartbeat(0) + heartbeat(1)[:15])) == [heartbeat(0)]
     assert raws(splitter.feed_datagram(heartbeat(2))) == [heartbeat(2)]
@@ -103,7 +103,7 @@ def test_the_tail_of_a_cut_datagram_does_not_poison_the_next() -> None:
 
 
 @pytest.mark.parametrize("size", range(1, 25))
-def test_a_lone_piece_of_a_frame_is_nothing(size: int) -> None:
+def test_a_piece_of_a_frame_gives_no_frame(size: int) -> None:
     for whole in (heartbeat(), heartbeat(force_mavlink1=True), signed_heartbeat()):
         piece = whole[: min(size, len(whole) - 1)]
         splitter = FrameSplitter()
@@ -121,14 +121,14 @@ def test_the_shortest_message_of_version_one_is_read_at_the_very_end() -> None:
     assert raws(FrameSplitter().feed(shortest)) == [shortest]
 
 
-def test_unknown_messages_are_counted_and_passed_over() -> None:
-    inner = heartbeat()  # carried inside, it must not come out
+def test_unknown_messages_are_counted_and_skipped() -> None:
+    inner = heartbeat()  # inside the unknown message: not a frame of its own
     splitter = FrameSplitter()
     assert raws(splitter.feed_datagram(unknown_frame(inner) + heartbeat(1))) == [heartbeat(1)]
     assert splitter.counters == StreamCounters(frames=1, unknown=1)
 
 
-def test_an_unknown_message_at_the_end_of_a_stream_waits_for_what_follows() -> None:
+def test_an_unknown_message_at_the_end_of_a_stream_waits_for_the_next_bytes() -> None:
     splitter = FrameSplitter()
     assert splitter.feed(unknown_frame()) == []
     assert splitter.counters.unknown == 0
@@ -136,12 +136,12 @@ def test_an_unknown_message_at_the_end_of_a_stream_waits_for_what_follows() -> N
     assert splitter.counters == StreamCounters(frames=1, unknown=1)
 
 
-def test_what_only_resembles_an_unknown_message_swallows_no_good_frame() -> None:
-    swallowing = unknown_frame(heartbeat(), crc_extra=77)[:-2] + b"\x00\x00" + heartbeat(1)
-    found = FrameSplitter().feed_datagram(swallowing)
+def test_bytes_like_an_unknown_message_hide_no_good_frame() -> None:
+    false_unknown = unknown_frame(heartbeat(), crc_extra=77)[:-2] + b"\x00\x00" + heartbeat(1)
+    found = FrameSplitter().feed_datagram(false_unknown)
     assert raws(found) == [heartbeat(), heartbeat(1)]
-    unfollowed = unknown_frame(heartbeat()) + b"?" + heartbeat(1)
-    assert raws(FrameSplitter().feed_datagram(unfollowed)) == [heartbeat(), heartbeat(1)]
+    no_frame_behind = unknown_frame(heartbeat()) + b"?" + heartbeat(1)
+    assert raws(FrameSplitter().feed_datagram(no_frame_behind)) == [heartbeat(), heartbeat(1)]
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_losses_by_sequence_numbers(sequences: list[int], lost: int) -> None:
     assert sum(meter.lost_before(1, 1, sequence) for sequence in sequences) == lost
 
 
-def test_every_sender_counts_its_own_sequence() -> None:
+def test_each_sender_has_its_own_sequence() -> None:
     splitter = FrameSplitter()
     splitter.feed(heartbeat(3) + heartbeat(200, component_id=2) + heartbeat(90, system_id=2) + heartbeat(4))
     assert splitter.counters.lost == 0
@@ -178,7 +178,7 @@ def test_unknown_messages_are_part_of_the_sequence() -> None:
     assert splitter.counters.lost == 0
 
 
-def test_decode_gives_the_message_and_counts_what_pymavlink_refuses() -> None:
+def test_decode_returns_the_message_and_counts_refused_ones() -> None:
     (frame,) = FrameSplitter().feed(heartbeat())
     message = decode(frame)
     assert message is not None

@@ -1,4 +1,4 @@
-"""Which heartbeats were overtaken on their way."""
+"""Which heartbeats are outdated when they arrive."""
 
 import pytest
 
@@ -19,70 +19,73 @@ def stream(heartbeats: int, between: int) -> list[Frame]:
     return frames(([HEARTBEAT] + [OTHER] * between) * heartbeats)
 
 
-def are_heartbeats(sent: list[Frame]) -> list[Frame]:
+def heartbeats_in(sent: list[Frame]) -> list[Frame]:
     return [frame for frame in sent if frame.message_id == 0]
 
 
 @pytest.mark.parametrize("between", [0, 7, 45, 100, 127, 128, 200, 255, 400])
-def test_in_order_none_is_overtaken_however_many_messages_there_are(between: int) -> None:
-    order = HeartbeatSequence()
-    assert not any(order.is_overtaken(frame, 0.0) for frame in stream(20, between))
+def test_in_order_no_heartbeat_is_outdated(between: int) -> None:
+    sequence = HeartbeatSequence()
+    assert not any(sequence.is_outdated(frame, 0.0) for frame in stream(20, between))
 
 
 @pytest.mark.parametrize("between", [3, 45])
-def test_a_heartbeat_after_a_later_one_is_overtaken(between: int) -> None:
-    order, sent = HeartbeatSequence(), stream(8, between)
-    late = are_heartbeats(sent)[4]
-    later = are_heartbeats(sent)[5]
+def test_a_heartbeat_that_arrives_after_a_newer_one_is_outdated(between: int) -> None:
+    sequence, sent = HeartbeatSequence(), stream(8, between)
+    late = heartbeats_in(sent)[4]
+    later = heartbeats_in(sent)[5]
     for frame in sent[: sent.index(later) + 2]:
         if frame is not late:
-            assert not order.is_overtaken(frame, 0.0)
-    assert order.is_overtaken(late, 0.0)
+            assert not sequence.is_outdated(frame, 0.0)
+    assert sequence.is_outdated(late, 0.0)
     for frame in sent[sent.index(later) + 2 :]:
-        assert not order.is_overtaken(frame, 0.0)
+        assert not sequence.is_outdated(frame, 0.0)
 
 
-def test_other_messages_may_overtake_it() -> None:
-    order, sent = HeartbeatSequence(), stream(6, 40)
+def test_a_heartbeat_that_arrives_after_other_newer_messages_is_not_outdated() -> None:
+    sequence, sent = HeartbeatSequence(), stream(6, 40)
     for number in range(0, len(sent), 41):
-        assert not any(order.is_overtaken(frame, 0.0) for frame in sent[number + 1 : number + 20])
-        assert not order.is_overtaken(sent[number], 0.0)
-        assert not any(order.is_overtaken(frame, 0.0) for frame in sent[number + 20 : number + 41])
+        assert not any(sequence.is_outdated(frame, 0.0) for frame in sent[number + 1 : number + 20])
+        assert not sequence.is_outdated(sent[number], 0.0)
+        assert not any(sequence.is_outdated(frame, 0.0) for frame in sent[number + 20 : number + 41])
 
 
-def test_a_heartbeat_twice_is_overtaken_by_itself() -> None:
-    order, (frame,) = HeartbeatSequence(), frames([HEARTBEAT])
-    assert not order.is_overtaken(frame, 0.0)
-    assert order.is_overtaken(frame, 0.0)
+def test_a_repeated_heartbeat_is_outdated() -> None:
+    sequence, (frame,) = HeartbeatSequence(), frames([HEARTBEAT])
+    assert not sequence.is_outdated(frame, 0.0)
+    assert sequence.is_outdated(frame, 0.0)
 
 
-def test_lost_frames_are_no_overtaking() -> None:
-    order, sent = HeartbeatSequence(), stream(40, 9)
-    assert not any(order.is_overtaken(frame, 0.0) for frame in sent[::30])
+def test_lost_frames_make_no_heartbeat_outdated() -> None:
+    sequence, sent = HeartbeatSequence(), stream(40, 9)
+    assert not any(sequence.is_outdated(frame, 0.0) for frame in sent[::30])
 
 
 @pytest.mark.parametrize("before", [30, 60, 200, 250])
-def test_a_sender_that_starts_anew_is_believed_soon(before: int) -> None:
-    order = HeartbeatSequence()
+def test_the_heartbeats_of_a_restarted_sender_are_accepted_soon(before: int) -> None:
+    sequence = HeartbeatSequence()
     for frame in frames([OTHER] * before + [HEARTBEAT]):
-        order.is_overtaken(frame, 0.0)
-    overtaken = [order.is_overtaken(frame, 0.0) for frame in are_heartbeats(stream(12, 20))]
-    assert sum(overtaken) <= 3
-    assert not any(overtaken[4:])
+        sequence.is_outdated(frame, 0.0)
+    outdated = [sequence.is_outdated(frame, 0.0) for frame in heartbeats_in(stream(12, 20))]
+    assert sum(outdated) <= 3
+    assert not any(outdated[4:])
 
 
-def test_each_sender_counts_for_itself() -> None:
-    order = HeartbeatSequence()
+def test_each_sender_has_its_own_sequence() -> None:
+    sequence = HeartbeatSequence()
     for frame in frames([HEARTBEAT] * 50):
-        order.is_overtaken(frame, 0.0)
-    assert not order.is_overtaken(frames([HEARTBEAT], system_id=2)[0], 0.0)
+        sequence.is_outdated(frame, 0.0)
+    assert not sequence.is_outdated(frames([HEARTBEAT], system_id=2)[0], 0.0)
 
 
 @pytest.mark.parametrize("lost", [100, 128, 150, 200, 255, 300, 400])
-def test_after_a_silence_the_first_heartbeat_is_believed(lost: int) -> None:
-    """The number went around meanwhile, or nearly: by it alone the heartbeat would look old."""
-    order, sent = HeartbeatSequence(), frames([HEARTBEAT] + [OTHER] * (lost - 1) + [OTHER] * 10 + [HEARTBEAT])
-    assert not order.is_overtaken(sent[0], 0.0)
+def test_after_a_silence_the_first_heartbeat_is_accepted(lost: int) -> None:
+    """The number has wrapped meanwhile, or nearly, and would look older than it is."""
+    sequence, sent = (
+        HeartbeatSequence(),
+        frames([HEARTBEAT] + [OTHER] * (lost - 1) + [OTHER] * 10 + [HEARTBEAT]),
+    )
+    assert not sequence.is_outdated(sent[0], 0.0)
     for frame in sent[lost:-1]:
-        assert not order.is_overtaken(frame, 3.0)
-    assert not order.is_overtaken(sent[-1], 3.2)
+        assert not sequence.is_outdated(frame, 3.0)
+    assert not sequence.is_outdated(sent[-1], 3.2)

@@ -1,4 +1,4 @@
-"""Traps of the mission protocol, of home and of terrain; each case packed, cut and decoded in both ways."""
+"""Traps of the mission protocol, home and terrain; each message is packed, split and decoded in both ways."""
 
 import math
 import struct
@@ -17,7 +17,7 @@ from companion.mavlink.facts import (
     MissionCount,
     MissionItem,
     MissionProgress,
-    MissionTalk,
+    OtherMissionMessage,
     Sender,
     TerrainReport,
 )
@@ -60,25 +60,25 @@ def test_an_item_field_by_field() -> None:
 @pytest.mark.parametrize(
     ("frame", "above"), [(0, "sea"), (5, "sea"), (3, "home"), (6, "home"), (10, "terrain"), (11, "terrain")]
 )
-def test_the_frame_says_what_heights_are_above(frame: int, above: str) -> None:
+def test_the_frame_gives_the_reference_of_heights(frame: int, above: str) -> None:
     assert item(frame=frame).height_above is HeightAbove(above)
     assert item(frame=frame).height_m == 120.0
 
 
 @pytest.mark.parametrize("frame", [1, 2, 8, 99])
-def test_other_frames_have_no_place(frame: int) -> None:
+def test_items_in_other_frames_have_no_position(frame: int) -> None:
     fact = item(frame=frame)
     assert (fact.lat_deg, fact.lon_deg, fact.height_m) == (None, None, None)
 
 
-def test_no_place_at_zero_and_off_the_globe_and_no_height_that_is_no_number() -> None:
+def test_implausible_positions_and_heights_are_none() -> None:
     assert item(x=0, y=0).lat_deg is None
     assert item(x=2**31 - 1).lon_deg is None
     assert item(z=math.nan).height_m is None
     assert item(z=1e9).height_m is None
 
 
-def test_counts_acks_and_other_talk() -> None:
+def test_counts_acks_and_other_messages() -> None:
     assert fact_of(mavlink.MAVLink_mission_count_message(*ADDRESS, 12, 1)) == MissionCount(
         SENDER, TARGET, 1, 12
     )
@@ -90,16 +90,16 @@ def test_counts_acks_and_other_talk() -> None:
         mavlink.MAVLink_mission_clear_all_message(*ADDRESS, 1),
         mavlink.MAVLink_mission_item_message(*ADDRESS, 1, 3, 16, 0, 1, 0, 0, 0, 0, 47.0, 8.0, 9.0, 1),
     ):
-        assert fact_of(message) == MissionTalk(SENDER, TARGET, 1)
+        assert fact_of(message) == OtherMissionMessage(SENDER, TARGET, 1)
 
 
 def test_progress_with_and_without_a_total() -> None:
     assert fact_of(mavlink.MAVLink_mission_current_message(4, 9)) == MissionProgress(SENDER, 4, 9)
-    for untold in (0, 65535):
-        assert fact_of(mavlink.MAVLink_mission_current_message(4, untold)) == MissionProgress(SENDER, 4)
+    for unknown in (0, 65535):
+        assert fact_of(mavlink.MAVLink_mission_current_message(4, unknown)) == MissionProgress(SENDER, 4)
 
 
-def test_the_identities_of_mission_and_fence_are_read_beyond_the_dialect() -> None:
+def test_the_ids_of_mission_and_fence_are_read_though_the_dialect_lacks_them() -> None:
     payload = struct.pack("<HHBBIB", 4, 9, 3, 1, 0x12345678, 0x21)
     header = bytes([len(payload), 0, 0, 0, 1, 1, 42, 0, 0])
     checksum = crc16.mcrf4xx(header + payload + bytes([CRC_EXTRA[42]]))
@@ -127,7 +127,7 @@ def test_fence_status_and_home() -> None:
         {"lat": 0, "lon": 0},
     ],
 )
-def test_terrain_that_is_not_known_is_no_fact(changes: dict[str, Any]) -> None:
+def test_unknown_terrain_gives_no_fact(changes: dict[str, Any]) -> None:
     fields: dict[str, Any] = {
         "lat": 470_000_000, "lon": 80_000_000, "spacing": 100, "terrain_height": 612.5,
         "current_height": 88.0, "pending": 0, "loaded": 224,

@@ -1,4 +1,4 @@
-"""Logs: what was written comes back; what is broken in between costs only itself."""
+"""Telemetry logs: written records are read back, and damage costs no good record."""
 
 import errno
 import os
@@ -35,7 +35,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "some.tlog"
 
 
-def test_what_was_written_is_read_back(path: Path) -> None:
+def test_written_records_are_read_back(path: Path) -> None:
     writer = TlogWriter(path)
     expected = [(START_US + n, raw) for n, raw in enumerate(frames(300))]
     for time_us, raw in expected:
@@ -49,7 +49,7 @@ def test_what_was_written_is_read_back(path: Path) -> None:
     assert path.stat().st_size == sum(8 + len(raw) for _, raw in expected)
 
 
-def test_other_readers_play_it(path: Path) -> None:
+def test_pymavlink_reads_it(path: Path) -> None:
     writer = TlogWriter(path)
     for n, raw in enumerate(frames(20)):
         writer.write(START_US + n * 1_000_000, raw)
@@ -70,7 +70,7 @@ def test_an_existing_log_is_never_overwritten(path: Path) -> None:
     assert path.read_bytes() == b"precious"
 
 
-def test_a_full_disk_takes_the_torn_record_back_and_flying_goes_on(
+def test_a_record_torn_by_a_full_disk_is_removed_and_the_log_goes_on(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writer = TlogWriter(path)
@@ -95,7 +95,7 @@ def test_a_full_disk_takes_the_torn_record_back_and_flying_goes_on(
     assert path.read_bytes() == record(START_US, first) + record(START_US + 2, third)
 
 
-def test_a_write_that_takes_two_goes_is_one_record(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_record_may_need_several_writes(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real_write = os.write
     writer = TlogWriter(path)
     (raw,) = frames(1)
@@ -107,9 +107,7 @@ def test_a_write_that_takes_two_goes_is_one_record(path: Path, monkeypatch: pyte
     assert writer.problem is None
 
 
-def test_a_disk_that_fails_to_sync_is_reported_not_raised(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_sync_is_reported_but_not_raised(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_descriptor: int) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
@@ -123,21 +121,21 @@ def test_a_disk_that_fails_to_sync_is_reported_not_raised(
 
 
 @pytest.mark.parametrize("time_us", [-1, 2**64])
-def test_a_mad_clock_does_not_stop_the_log(path: Path, time_us: int) -> None:
+def test_an_impossible_time_does_not_stop_the_log(path: Path, time_us: int) -> None:
     writer = TlogWriter(path)
     writer.write(time_us, frames(1)[0])
     writer.close()
     assert len(list(read_tlog(path))) == 1
 
 
-def test_a_log_cut_in_its_last_frame(path: Path) -> None:
+def test_a_log_truncated_in_its_last_frame(path: Path) -> None:
     whole = [record(START_US + n, raw) for n, raw in enumerate(frames(5))]
     found, reader = read(path, b"".join(whole)[:-3])
     assert [time_us - START_US for time_us, _ in found] == [0, 1, 2, 3]
     assert reader.bad_bytes == len(whole[-1]) - 3
 
 
-def test_text_at_the_head_zeros_in_the_middle_and_time_running_backwards(path: Path) -> None:
+def test_text_at_the_start_zeros_in_the_middle_and_time_running_backwards(path: Path) -> None:
     a, b, c = frames(3)
     text, zeros = b"Connected on \xfe udp\n", bytes(4096)
     data = text + record(START_US, a) + zeros + record(5, b) + record(START_US + 10**15, c)
@@ -146,7 +144,7 @@ def test_text_at_the_head_zeros_in_the_middle_and_time_running_backwards(path: P
     assert reader.bad_bytes == len(text) + len(zeros)
 
 
-def test_a_frame_of_a_foreign_dialect_costs_only_itself(path: Path) -> None:
+def test_a_frame_of_another_dialect_costs_no_other_frame(path: Path) -> None:
     a, b, c = frames(3)
     foreign = b[:-2] + bytes((b[-2] ^ 0x55, b[-1]))
     found, reader = read(path, record(1, a) + record(2, foreign) + record(3, c))
@@ -155,7 +153,7 @@ def test_a_frame_of_a_foreign_dialect_costs_only_itself(path: Path) -> None:
     assert reader.counters.bad_crc == 1
 
 
-def test_an_unknown_message_is_passed_over_with_its_stamp(path: Path) -> None:
+def test_an_unknown_message_is_skipped_with_its_stamp(path: Path) -> None:
     a, b = frames(2)
     header = bytes((0xFD, 2, 0, 0, 9, 1, 1)) + (54_321).to_bytes(3, "little")
     checksum = mavlink.x25crc(header[1:] + b"hi" + b"\x07").crc.to_bytes(2, "little")
@@ -164,7 +162,7 @@ def test_an_unknown_message_is_passed_over_with_its_stamp(path: Path) -> None:
     assert (reader.unknown, reader.bad_bytes) == (1, 0)
 
 
-def test_frames_without_a_stamp_carry_the_one_before(path: Path) -> None:
+def test_frames_without_a_stamp_have_the_previous_one(path: Path) -> None:
     a, b, c, d, e, *rest = frames(100)
     more = [(9 + n, raw) for n, raw in enumerate(rest)]
     tail = b"".join(record(time_us, raw) for time_us, raw in more)
@@ -173,7 +171,7 @@ def test_frames_without_a_stamp_carry_the_one_before(path: Path) -> None:
     assert reader.bad_bytes == 1
 
 
-def test_a_flag_nobody_understands_makes_the_record_unreadable(path: Path) -> None:
+def test_a_record_with_an_unknown_flag_is_skipped(path: Path) -> None:
     header = bytes((0xFD, 1, 0x02, 0, 0, 1, 1, 42, 0, 0))
     checksum = mavlink.x25crc(header[1:] + b"\x01" + bytes((mavlink.mavlink_map[42].crc_extra,)))
     unreadable = header + b"\x01" + checksum.crc.to_bytes(2, "little") + bytes(13)
@@ -184,7 +182,7 @@ def test_a_flag_nobody_understands_makes_the_record_unreadable(path: Path) -> No
 
 
 @pytest.mark.parametrize("chunk_bytes", [1, 7, 100, 1000])
-def test_nothing_depends_on_how_the_file_is_read(
+def test_the_result_does_not_depend_on_the_chunk_size(
     path: Path, chunk_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, list(range(1, 252)))
@@ -202,7 +200,7 @@ def test_nothing_depends_on_how_the_file_is_read(
     assert reader.counters is not counters
 
 
-def test_only_the_asked_for_messages_are_handed_over_and_all_are_counted(path: Path) -> None:
+def test_only_the_wanted_messages_are_handed_over_but_all_are_counted(path: Path) -> None:
     encoder = Encoder()
     beat = encoder.encode(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3), 1, 1)
     path.write_bytes(b"".join(record(n, raw) for n, raw in enumerate([*frames(50), beat, *frames(50)])))
@@ -212,23 +210,23 @@ def test_only_the_asked_for_messages_are_handed_over_and_all_are_counted(path: P
 
 
 @pytest.mark.parametrize(
-    ("content", "complaint"), [(b"", "the file is empty"), (b"no log at all" * 500, "no MAVLink frame")]
+    ("content", "problem"), [(b"", "the file is empty"), (b"no log at all" * 500, "no MAVLink frame")]
 )
-def test_a_file_that_is_no_log_is_one_clear_line(path: Path, content: bytes, complaint: str) -> None:
+def test_a_file_without_frames_is_refused_in_one_line(path: Path, content: bytes, problem: str) -> None:
     path.write_bytes(content)
-    with pytest.raises(LogError, match=complaint) as refusal:
+    with pytest.raises(LogError, match=problem) as refusal:
         list(read_tlog(path))
     assert str(path) in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_missing_file_and_a_folder_are_one_clear_line(tmp_path: Path) -> None:
+def test_a_missing_file_or_a_folder_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="No such file"):
         read_tlog(tmp_path / "none.tlog")
     with pytest.raises(LogError, match="directory"):
         read_tlog(tmp_path)
 
 
-def test_a_log_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_log_that_cannot_be_created_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be written"):
         TlogWriter(tmp_path / "no such folder" / "a.tlog")

@@ -1,11 +1,14 @@
-"""Each rule of the wire: units, sentinels, flags, traps; each case packed, cut and decoded in both ways."""
+"""Units, sentinels, flags and traps of messages; each message is packed, split and decoded in both ways."""
 
+import importlib
 import math
+import pkgutil
 import struct
 from typing import Any
 
 import pytest
 
+from companion.mavlink import translate
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.facts import (
     AirData,
@@ -96,7 +99,7 @@ def test_a_full_traffic_report() -> None:
         (mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID, {"climb_mps"}),
     ],
 )
-def test_a_field_without_its_flag_is_unknown_and_no_other(flag: int, gone: set[str]) -> None:
+def test_only_the_field_without_its_flag_is_unknown(flag: int, gone: set[str]) -> None:
     report = adsb(flags=ALL_FLAGS & ~flag)
     full = adsb()
     for name in TrafficReport.__slots__:
@@ -130,7 +133,9 @@ def test_a_field_without_its_flag_is_unknown_and_no_other(flag: int, gone: set[s
     ],
     ids=str,
 )
-def test_what_means_unknown_is_unknown_though_flagged(changes: dict[str, Any], gone: list[str]) -> None:
+def test_sentinels_and_implausible_values_are_unknown_even_with_their_flag(
+    changes: dict[str, Any], gone: list[str]
+) -> None:
     report = adsb(**changes)
     assert [getattr(report, name) for name in gone] == [None] * len(gone)
 
@@ -164,12 +169,12 @@ def test_what_means_unknown_is_unknown_though_flagged(changes: dict[str, Any], g
     ],
     ids=str,
 )
-def test_the_last_value_that_still_counts(changes: dict[str, Any], name: str, value: object) -> None:
+def test_values_at_the_limits_are_used(changes: dict[str, Any], name: str, value: object) -> None:
     assert getattr(adsb(**changes), name) == value
 
 
 @pytest.mark.parametrize("emitter", sorted({*mavlink.enums["ADSB_EMITTER_TYPE"], 21, 22, 255}))
-def test_the_kind_follows_from_the_emitter(emitter: int) -> None:
+def test_the_kind_follows_from_the_emitter_type(emitter: int) -> None:
     expected = {
         mavlink.ADSB_EMITTER_TYPE_UAV: TrafficKind.UAV,
         mavlink.ADSB_EMITTER_TYPE_EMERGENCY_SURFACE: TrafficKind.SURFACE_VEHICLE,
@@ -181,7 +186,7 @@ def test_the_kind_follows_from_the_emitter(emitter: int) -> None:
     assert adsb(emitter_type=emitter).kind == expected.get(emitter, TrafficKind.AIRCRAFT)
 
 
-def test_no_flag_leaves_only_the_address() -> None:
+def test_without_flags_only_the_address_is_known() -> None:
     report = adsb(flags=0)
     assert (report.icao, report.lat_deg, report.altitude_m, report.course_rad) == (0xABCDEF, None, None, None)
 
@@ -245,7 +250,7 @@ def test_a_full_report_of_traffic_management() -> None:
         (mavlink.UTM_DATA_AVAIL_FLAGS_NEXT_WAYPOINT_AVAILABLE, set()),
     ],
 )
-def test_a_part_of_a_report_that_is_not_available_is_unknown_and_no_other(flag: int, gone: set[str]) -> None:
+def test_only_the_unavailable_part_of_a_report_is_unknown(flag: int, gone: set[str]) -> None:
     report, full = utm(flags=255 & ~flag), utm()
     for name in TrafficReport.__slots__:
         assert getattr(report, name) == (None if name in gone else getattr(full, name)), name
@@ -256,7 +261,7 @@ def test_an_aircraft_without_id_is_named_after_its_sender(changes: dict[str, Any
     assert utm(**changes).key == "UTM-7.3"
 
 
-def test_an_id_may_fill_its_field() -> None:
+def test_an_id_may_be_as_long_as_its_field() -> None:
     assert utm(uas_id=list(range(238, 256))).key == "UTM-" + bytes(range(238, 256)).hex().upper()
 
 
@@ -278,7 +283,7 @@ def test_an_id_may_fill_its_field() -> None:
     ],
     ids=str,
 )
-def test_what_a_report_of_traffic_management_means(changes: dict[str, Any], name: str, value: object) -> None:
+def test_fields_of_a_report_of_traffic_management(changes: dict[str, Any], name: str, value: object) -> None:
     assert getattr(utm(**changes), name) == value
 
 
@@ -299,7 +304,7 @@ def gps(**changes: Any) -> Fact | None:
     return fact_of(mavlink.MAVLink_gps_raw_int_message(**{**fields, **changes}))
 
 
-def test_the_geoid_lies_above_the_ellipsoid_by_the_difference_of_two_heights() -> None:
+def test_geoid_separation_is_the_difference_of_two_altitudes() -> None:
     assert gps() == GeoidSeparation(SENDER, 47.6)
     assert gps(alt_ellipsoid=394_000) == GeoidSeparation(SENDER, -106.0)
 
@@ -307,11 +312,11 @@ def test_the_geoid_lies_above_the_ellipsoid_by_the_difference_of_two_heights() -
 @pytest.mark.parametrize(
     "changes", [{"alt_ellipsoid": 0}, {"fix_type": 2}, {"alt_ellipsoid": 700_000}, {"alt": -(2**31)}], ids=str
 )
-def test_a_separation_that_nobody_knows_is_no_fact(changes: dict[str, Any]) -> None:
+def test_an_unknown_geoid_separation_gives_no_fact(changes: dict[str, Any]) -> None:
     assert gps(**changes) is None
 
 
-def test_pressure_altitude_follows_the_standard_atmosphere() -> None:
+def test_pressure_altitude_is_that_of_the_standard_atmosphere() -> None:
     for press_hpa, altitude_m in ((1013.25, 0.0), (898.75, 1000.0), (1005.25, 66.8), (540.2, 5000.0)):
         fact = fact_of(mavlink.MAVLink_scaled_pressure_message(0, press_hpa, 0.0, 0))
         assert isinstance(fact, PressureAltitude)
@@ -347,9 +352,9 @@ def test_own_position_keeps_down_positive_down() -> None:
 
 
 def test_own_position_without_heading_or_without_fix() -> None:
-    headless = own_position(hdg=65_535)
-    assert isinstance(headless, OwnPosition)
-    assert headless.heading_rad is None
+    without_heading = own_position(hdg=65_535)
+    assert isinstance(without_heading, OwnPosition)
+    assert without_heading.heading_rad is None
     assert own_position(lat=0, lon=0) is None
     assert own_position(lat=2**31 - 1) is None
 
@@ -370,7 +375,7 @@ def test_air_data(airspeed: float, expected: float | None) -> None:
 
 
 @pytest.mark.parametrize(("altitude_m", "expected"), [(-40.0, -40.0), (NAN, None), (INF, None), (1e6, None)])
-def test_air_data_of_height(altitude_m: float, expected: float | None) -> None:
+def test_air_data_with_altitude(altitude_m: float, expected: float | None) -> None:
     message = mavlink.MAVLink_vfr_hud_message(22.0, 20.0, 90, 50, altitude_m, 0.0)
     assert fact_of(message) == AirData(SENDER, 22.0, expected)
 
@@ -386,7 +391,7 @@ def test_wind_comes_from_its_direction(from_deg: float, north_mps: float, east_m
 
 
 @pytest.mark.parametrize(("direction", "speed"), [(NAN, 1.0), (1.0, NAN), (INF, 1.0), (1.0, -INF)])
-def test_wind_that_nobody_knows_is_no_fact(direction: float, speed: float) -> None:
+def test_unknown_wind_gives_no_fact(direction: float, speed: float) -> None:
     assert fact_of(mavlink.MAVLink_wind_message(direction, speed, 0.0)) is None
 
 
@@ -415,7 +420,7 @@ def target(frame: int = 5, mask: int = 0, lat: int = 10_000_000, alt: float = 25
 
 
 @pytest.mark.parametrize("frame", sorted(mavlink.enums["MAV_FRAME"]))
-def test_only_absolute_frames_give_the_altitude_of_a_target(frame: int) -> None:
+def test_a_target_has_an_altitude_in_absolute_frames_only(frame: int) -> None:
     assert target(frame) == NavigationTarget(SENDER, 1.0, 2.0, 250.0 if frame in (0, 5) else None)
 
 
@@ -433,14 +438,14 @@ def test_mission_progress() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "component", "whom"), [(0, 0, None), (0, 5, None), (1, 196, Sender(1, 196))]
+    ("system", "component", "target"), [(0, 0, None), (0, 5, None), (1, 196, Sender(1, 196))]
 )
-def test_command_result(system: int, component: int, whom: Sender | None) -> None:
+def test_command_result(system: int, component: int, target: Sender | None) -> None:
     message = mavlink.MAVLink_command_ack_message(43002, 4, 0, 0, system, component)
-    assert fact_of(message) == CommandResult(SENDER, 43002, 4, whom)
+    assert fact_of(message) == CommandResult(SENDER, 43002, 4, target)
 
 
-def test_command_result_of_version_one_does_not_say_whom_it_answers() -> None:
+def test_a_command_result_in_mavlink_1_has_no_target() -> None:
     header = bytes((0xFE, 3, 0, 7, 3, 77))
     payload = struct.pack("<HB", 192, 0)
     checksum = mavlink.x25crc(header[1:] + payload + bytes((mavlink.mavlink_map[77].crc_extra,)))
@@ -485,7 +490,7 @@ def test_bits_of_the_other_integer_types(kind: int, layout: str, value: int) -> 
     assert parameter(packed_as_bits(layout, value), kind) == Parameter(SENDER, "AIRSPEED_MIN", value)
 
 
-def test_a_real_parameter_is_what_it_is_unless_it_is_nothing() -> None:
+def test_a_real_parameter_is_the_number_itself_if_finite() -> None:
     assert parameter(12.5, REAL32) == Parameter(SENDER, "AIRSPEED_MIN", 12.5)
     assert parameter(1e-45, REAL32) == Parameter(SENDER, "AIRSPEED_MIN", packed_as_bits("<i", 1))
     assert parameter(NAN, REAL32) is None
@@ -493,7 +498,7 @@ def test_a_real_parameter_is_what_it_is_unless_it_is_nothing() -> None:
     assert parameter(NAN, 99) is None
 
 
-def test_the_name_of_a_parameter_may_fill_its_field_and_may_not_be_empty() -> None:
+def test_a_parameter_name_may_be_as_long_as_its_field_but_not_empty() -> None:
     assert parameter(1.0, REAL32, b"SIXTEEN_LETTERS_") == Parameter(SENDER, "SIXTEEN_LETTERS_", 1.0)
     assert parameter(1.0, REAL32, b"") is None
 
@@ -504,17 +509,28 @@ def test_own_transponder(icao: int, known: bool) -> None:
     assert fact_of(message) == (OwnTransponder(SENDER, icao) if known else None)
 
 
-def test_a_message_nobody_wants_says_nothing() -> None:
+def test_a_message_that_is_not_wanted_gives_no_fact() -> None:
     message = mavlink.MAVLink_statustext_message(6, b"hello")
     assert message.get_msgId() not in WANTED
     assert fact_of(message) is None
 
 
-def test_a_message_made_here_translates_like_one_received() -> None:
+def test_a_message_that_was_not_received_is_translated_too() -> None:
     assert to_fact(mavlink.MAVLink_mission_current_message(3), 0.0) == MissionProgress(Sender(0, 0), 3)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_parameter_set_to_no_number_is_a_wish_all_the_same(value: float) -> None:
+def test_a_parameter_set_to_no_finite_number_is_still_a_request(value: float) -> None:
     fact = fact_of(mavlink.MAVLink_param_set_message(1, 196, b"CA_OUTER_TIME", value, 9))
     assert fact == ParameterSet(SENDER, Sender(1, 196), "CA_OUTER_TIME", None)
+
+
+def test_every_file_of_translations_is_registered_and_no_message_has_two() -> None:
+    modules = [
+        importlib.import_module(f"{translate.__name__}.{found.name}")
+        for found in pkgutil.iter_modules(translate.__path__)
+    ]
+    ids = [message_id for module in modules for message_id in getattr(module, "TRANSLATIONS", ())]
+    assert sorted(ids) == sorted(WANTED), (
+        "a file is missing in _TRANSLATIONS, or a message has two translations"
+    )

@@ -1,4 +1,4 @@
-"""The mission that was read: where items lead, and when the aircraft takes off or lands."""
+"""The mission: the places that its items lead to, take-offs and landings."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def at(command: int, lat_deg: float = 47.1, height_m: float = 100.0, frame: int 
     return Item(command, (lat_deg, 8.0), height_m, frame=frame)
 
 
-def test_take_off_approach_and_landing() -> None:
+def test_take_off_approach_and_landing_are_recognised() -> None:
     flight = mission(
         HOME, at(TAKEOFF), SPEED, at(WAYPOINT), at(WAYPOINT), DO_LAND_START, at(LOITER_TO_ALT), at(WAYPOINT),
         at(LAND), at(WAYPOINT),
@@ -29,7 +29,7 @@ def test_take_off_approach_and_landing() -> None:
     assert [n for n in range(12) if flight.taking_off_or_landing(n)] == [1, 5, 6, 7, 8]
 
 
-def test_a_landing_without_an_approach_and_a_mission_without_either() -> None:
+def test_approach_and_landing_are_optional() -> None:
     assert [n for n in range(4) if mission(HOME, at(WAYPOINT), at(LAND)).taking_off_or_landing(n)] == [2]
     assert not any(mission(HOME, at(WAYPOINT)).taking_off_or_landing(n) for n in range(4))
     assert not mission().taking_off_or_landing(0)
@@ -38,20 +38,20 @@ def test_a_landing_without_an_approach_and_a_mission_without_either() -> None:
 @pytest.mark.parametrize(
     ("frame", "altitude_m"), [(0, 100.0), (5, 100.0), (3, 600.0), (6, 600.0), (10, None), (11, None)]
 )
-def test_heights_are_those_of_the_frame(frame: int, altitude_m: float | None) -> None:
-    """Above terrain, nobody knows how high that is."""
+def test_the_frame_says_what_a_height_is_measured_from(frame: int, altitude_m: float | None) -> None:
+    """A height above terrain is unknown, because the terrain there is unknown."""
     place = mission(HOME, at(WAYPOINT, frame=frame)).destination(1, 500.0)
     assert (None if place is None else place.altitude_m) == altitude_m
 
 
-def test_items_done_in_passing_lead_to_the_next_that_is_flown_to() -> None:
+def test_items_that_are_not_flown_to_lead_to_the_next_waypoint() -> None:
     flight = mission(HOME, SPEED, DELAY, at(WAYPOINT, 47.3))
     assert flight.destination(1, 500.0) == GeoPoint(47.3, 8.0, 600.0)
 
 
-def test_no_destination_without_place_height_or_home() -> None:
+def test_without_place_height_or_home_the_destination_is_unknown() -> None:
     flight = mission(HOME, Item(TAKEOFF, height_m=50.0), Item(WAYPOINT, (47.1, 8.0), 10.0, frame=2))
-    assert flight.destination(1, 500.0) is None, "here is no place"
+    assert flight.destination(1, 500.0) is None, "an item without a place"
     assert flight.destination(2, 500.0) is None, "a frame without places"
     assert flight.destination(3, 500.0) is None, "beyond the end"
     assert mission(HOME, at(WAYPOINT)).destination(1, None) is None

@@ -1,4 +1,4 @@
-"""Wind, terrain and the heights to keep between."""
+"""Wind, terrain, and the floor and ceiling of an avoidance."""
 
 import math
 
@@ -8,8 +8,7 @@ from companion.airspace.altitude_limits import HeightLimits, limit_heights
 from companion.avoidance import Envelope
 from companion.geodesy import GeoPoint
 from companion.mavlink.facts import OwnPosition, Sender, TerrainReport, Wind
-from companion.ownship.terrain import Terrain
-from companion.ownship.wind import WindEstimator
+from companion.ownship.kinematics import Terrain, WindEstimator
 
 AUTOPILOT = Sender(1, 1)
 
@@ -21,17 +20,17 @@ def flying(north_mps: float, east_mps: float, heading_rad: float | None = 0.0) -
 # --- wind
 
 
-def test_a_fresh_report_counts_and_an_old_one_gives_way_to_the_estimate() -> None:
+def test_a_fresh_report_counts_before_the_estimate() -> None:
     wind = WindEstimator()
     for tenth in range(100):
         wind.observe(flying(25.0, 3.0), 20.0, tenth / 10)
     wind.report(Wind(AUTOPILOT, 4.0, 2.0), 10.0)
     assert wind.wind_mps(20.0, 12.0) == (4.0, 2.0)
     assert wind.wind_mps(20.0, 16.0) == pytest.approx((5.0, 3.0))
-    assert wind.wind_mps(20.0, 60.0) is None, "both are old"
+    assert wind.wind_mps(20.0, 60.0) is None, "report and estimate are old"
 
 
-def test_a_report_of_nothing_or_of_nonsense_says_nothing() -> None:
+def test_a_report_of_zero_or_of_an_implausible_wind_is_ignored() -> None:
     for north_mps in (0.0, 90.0):
         wind = WindEstimator()
         wind.observe(flying(25.0, 0.0), 20.0, 0.0)
@@ -39,14 +38,14 @@ def test_a_report_of_nothing_or_of_nonsense_says_nothing() -> None:
         assert wind.wind_mps(20.0, 1.0) == pytest.approx((5.0, 0.0))
 
 
-def test_wind_that_the_aircraft_cannot_fly_against_is_not_predicted_with() -> None:
+def test_wind_that_the_aircraft_cannot_fly_against_is_unknown() -> None:
     wind = WindEstimator()
     wind.report(Wind(AUTOPILOT, 21.0, 0.0), 0.0)
     assert wind.wind_mps(20.0, 1.0) is None
     assert wind.wind_mps(22.0, 1.0) == (21.0, 0.0)
 
 
-def test_no_estimate_without_airspeed_or_heading_nor_from_a_wrong_airspeed() -> None:
+def test_without_airspeed_or_heading_or_with_a_wrong_airspeed_there_is_no_estimate() -> None:
     wind = WindEstimator()
     wind.observe(flying(25.0, 0.0), None, 0.0)
     wind.observe(flying(25.0, 0.0), 0.5, 0.0)
@@ -56,7 +55,7 @@ def test_no_estimate_without_airspeed_or_heading_nor_from_a_wrong_airspeed() -> 
     assert wind.wind_mps(5.0, 0.0) is None
 
 
-def test_the_estimate_is_smooth() -> None:
+def test_the_estimate_is_smoothed() -> None:
     wind = WindEstimator()
     wind.observe(flying(20.0, 0.0), 20.0, 0.0)
     wind.observe(flying(30.0, 0.0), 20.0, 10.0)
@@ -73,7 +72,7 @@ def report(lat_deg: float = 47.0, terrain_m: float = 600.0, height_m: float = 10
     return TerrainReport(AUTOPILOT, lat_deg, 8.0, terrain_m, height_m)
 
 
-def test_terrain_is_known_for_a_while_and_only_here() -> None:
+def test_terrain_is_known_for_ten_seconds_and_only_near_the_aircraft() -> None:
     terrain = Terrain()
     terrain.observe(report(47.1, 900.0), HERE, 0.0)
     terrain.observe(report(), None, 0.0)
@@ -83,7 +82,7 @@ def test_terrain_is_known_for_a_while_and_only_here() -> None:
     assert terrain.altitude_m(11.0) is None
 
 
-def test_the_less_favourable_of_map_and_height_above_terrain_counts() -> None:
+def test_the_higher_terrain_of_map_and_height_above_terrain_counts() -> None:
     terrain = Terrain()
     terrain.observe(report(height_m=80.0), HERE, 0.0)
     assert terrain.altitude_m(0.0) == 620.0
@@ -107,7 +106,7 @@ def test_the_less_favourable_of_map_and_height_above_terrain_counts() -> None:
         (HeightLimits(30.0, 120.0), 650.0, Envelope(), 680.0, 680.0),  # the floor counts
     ],
 )
-def test_the_tightest_height_counts(
+def test_the_tightest_floor_and_ceiling_count(
     limits: HeightLimits, terrain_m: float | None, envelope: Envelope, floor_m: float, ceiling_m: float | None
 ) -> None:
     limited = limit_heights(envelope, limits, 500.2, terrain_m)

@@ -1,4 +1,4 @@
-"""The MCAP file of a recording: what other programs need, what a cut leaves, and a disk that fails."""
+"""The MCAP file of a recording: other programs, truncation, repair, and disk errors."""
 
 import contextlib
 import errno
@@ -17,34 +17,34 @@ from companion.recording import (
     STATE,
     TEXT,
     Entry,
-    McapFile,
-    Note,
+    McapMessage,
+    McapWriter,
     Topic,
-    complete,
-    complete_all,
     read_mcap,
+    repair_all,
+    repair_file,
 )
 
 
-def note(number: int, topic: Topic = DECISION) -> Note:
-    return Note(topic, number * 100_000, json.dumps({"time_us": number * 100_000, "because": "so"}))
+def message(number: int, topic: Topic = DECISION) -> McapMessage:
+    return McapMessage(topic, number * 100_000, json.dumps({"time_us": number * 100_000, "because": "so"}))
 
 
 def entry(number: int, topic: Topic = DECISION) -> Entry:
-    one = note(number, topic)
+    one = message(number, topic)
     return Entry(topic.name, one.time_us, one.text.encode())
 
 
-def written(path: Path, chunks: int = 5) -> McapFile:
+def written(path: Path, chunks: int = 5) -> McapWriter:
     """Ten decisions and a text in each chunk; neither closed nor synced."""
-    file = McapFile(path)
+    file = McapWriter(path)
     for chunk in range(chunks):
-        file.flush([*(note(10 * chunk + i) for i in range(10)), note(10 * chunk, TEXT)])
+        file.write([*(message(10 * chunk + i) for i in range(10)), message(10 * chunk, TEXT)])
     return file
 
 
-def theirs(path: Path) -> list[Entry]:
-    """The same by the library's own reader, by way of the summary, checksums tested."""
+def by_the_library(path: Path) -> list[Entry]:
+    """The messages as read by the library with the summary, checksums verified."""
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         return sorted(
@@ -54,9 +54,9 @@ def theirs(path: Path) -> list[Entry]:
         )
 
 
-def test_it_is_what_other_programs_open(tmp_path: Path) -> None:
+def test_other_programs_can_open_it(tmp_path: Path) -> None:
     file = written(tmp_path / "a.mcap")
-    file.flush([note(77, STATE)])
+    file.write([message(77, STATE)])
     file.close()
     file.close()
     with (tmp_path / "a.mcap").open("rb") as stream:
@@ -72,13 +72,13 @@ def test_it_is_what_other_programs_open(tmp_path: Path) -> None:
         ("/companion/state", "companion.State"),
         ("/companion/text", "companion.Text"),
     }
-    assert theirs(tmp_path / "a.mcap") == sorted(read_mcap(tmp_path / "a.mcap"))
+    assert by_the_library(tmp_path / "a.mcap") == sorted(read_mcap(tmp_path / "a.mcap"))
     with (tmp_path / "a.mcap").open("rb") as stream:
         assert len(list(NonSeekingReader(stream, validate_crcs=True).iter_messages())) == 56
 
 
 def properties(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """All schemas in a schema, as far as Foxglove goes down."""
+    """All schemas in a schema, as deep as Foxglove reads it."""
     assert schema["type"] == "object"
     for one in schema["properties"].values():
         inner = one["items"] if one["type"] == "array" else one
@@ -88,15 +88,15 @@ def properties(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("topic", [DECISION, STATE, TEXT], ids=lambda topic: topic.schema_name)
-def test_the_schemas_are_such_as_foxglove_reads(topic: Topic) -> None:
-    # foxglove/studio, packages/mcap-support/src/parseJsonSchema.ts: one type each, no lists of lists, and
-    # every object with its properties; whatever else it is, the whole channel is refused.
+def test_foxglove_can_read_the_schemas(topic: Topic) -> None:
+    # foxglove/studio, packages/mcap-support/src/parseJsonSchema.ts: one type for each property, no lists of
+    # lists, and every object with its properties; otherwise the whole channel is refused.
     kinds = {one["type"] for one in properties(json.loads(topic.schema_text))}
     assert kinds <= {"boolean", "string", "number", "integer", "object"}
 
 
 @pytest.mark.parametrize("cut", [1, 7, 20, 100, 300])
-def test_a_file_that_was_cut_off_is_readable_to_its_last_whole_chunk(tmp_path: Path, cut: int) -> None:
+def test_a_truncated_file_is_readable_to_its_last_whole_chunk(tmp_path: Path, cut: int) -> None:
     path = tmp_path / "a.mcap"
     written(path, chunks=4)
     whole = path.read_bytes()
@@ -106,23 +106,23 @@ def test_a_file_that_was_cut_off_is_readable_to_its_last_whole_chunk(tmp_path: P
     entries = list(log)
     assert entries[:44] == list(read_mcap(tmp_path / "b.mcap"))[:44]
     assert len(entries) in (44, 55)
-    assert not log.whole
+    assert not log.closed
 
 
 @pytest.mark.parametrize("cut", [0, 1, 20, 80, 300, 500])
-def test_what_was_cut_off_is_completed(tmp_path: Path, cut: int) -> None:
+def test_a_truncated_file_is_repaired(tmp_path: Path, cut: int) -> None:
     path = tmp_path / "a.mcap"
     file = written(path)
     path.write_bytes(path.read_bytes()[: file.size - cut])
     os.utime(path, (1.0, 2.0))
     before = sorted(read_mcap(path))
-    assert complete(path)
-    assert theirs(path) == before
+    assert repair_file(path)
+    assert by_the_library(path) == before
     assert path.stat().st_mtime == 2.0
     log = read_mcap(path)
     assert sorted(log) == before
-    assert log.whole
-    assert not complete(path), "once is enough"
+    assert log.closed
+    assert not repair_file(path), "repaired already"
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -132,18 +132,18 @@ def test_what_was_cut_off_is_completed(tmp_path: Path, cut: int) -> None:
     assert [left.name for left in tmp_path.iterdir()] == ["a.mcap"]
 
 
-def test_pages_that_never_reached_the_disk_end_the_file(tmp_path: Path) -> None:
+def test_zeros_in_place_of_the_last_chunk_end_the_file(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     size = written(path, chunks=3).size
     written(tmp_path / "b.mcap", chunks=5)
     raw = (tmp_path / "b.mcap").read_bytes()
     path.write_bytes(raw[: size + 30] + bytes(len(raw) - size - 30))
     assert len(list(read_mcap(path))) == 33
-    assert complete(path)
-    assert len(theirs(path)) == 33
+    assert repair_file(path)
+    assert len(by_the_library(path)) == 33
 
 
-def test_only_unfinished_recordings_that_nobody_writes_are_completed(tmp_path: Path) -> None:
+def test_only_unfinished_recordings_that_are_not_being_written_are_repaired(tmp_path: Path) -> None:
     writing = written(tmp_path / "companion-20260101-120000.mcap")
     killed = tmp_path / "companion-20260101-110000.part2.mcap"
     killed.write_bytes(writing.path.read_bytes())
@@ -151,16 +151,18 @@ def test_only_unfinished_recordings_that_nobody_writes_are_completed(tmp_path: P
     foreign.write_bytes(killed.read_bytes())
     (tmp_path / "companion-20260101-100000.mcap").write_bytes(b"")
     (tmp_path / "companion-20260101-090000.mcap").write_bytes(os.urandom(1000))
-    (tmp_path / "companion-20260101-080000.mcap.completing").touch()  # by one that was killed as it completed
-    assert complete_all(tmp_path) == [killed]
-    assert complete_all(tmp_path) == []
+    (tmp_path / "companion-20260101-080000.mcap.completing").touch()  # a repair that was killed
+    assert repair_all(tmp_path) == [killed]
+    assert repair_all(tmp_path) == []
     assert foreign.read_bytes() == writing.path.read_bytes()
     assert not list(tmp_path.glob("*.completing"))
     writing.close()
-    assert len(theirs(writing.path)) == len(theirs(killed)) == 55
+    assert len(by_the_library(writing.path)) == len(by_the_library(killed)) == 55
 
 
-def test_a_disk_too_full_to_complete_leaves_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_stays_as_it_is_if_the_disk_is_too_full_for_the_repair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "companion-20260101-110000.mcap"
     written(path)
     path.rename(tmp_path / "x")
@@ -171,13 +173,13 @@ def test_a_disk_too_full_to_complete_leaves_the_file(tmp_path: Path, monkeypatch
 
     with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", full)
-        assert complete_all(tmp_path) == []
+        assert repair_all(tmp_path) == []
     assert path.read_bytes() == (tmp_path / "x").read_bytes()
     assert not list(tmp_path.glob("*.completing"))
 
 
 @pytest.mark.parametrize("failing", [{0}, {1}, {2}, {1, 2}, {0, 1}])
-def test_chunks_that_did_not_fit_are_missing_and_nothing_else(
+def test_only_the_chunks_that_did_not_fit_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: set[int]
 ) -> None:
     write, count = os.write, iter(range(100))
@@ -188,27 +190,27 @@ def test_chunks_that_did_not_fit_are_missing_and_nothing_else(
         return write(descriptor, data)
 
     monkeypatch.setattr(os, "write", half_full)
-    file = McapFile(tmp_path / "a.mcap")  # write 0: the head
+    file = McapWriter(tmp_path / "a.mcap")  # write 0: the head
     for number in range(4):
-        file.flush([note(number)])
+        file.write([message(number)])
     assert file.problem is not None
     file.close()
     expected = [entry(number) for number in range(4) if number + 1 not in failing]
     assert list(read_mcap(tmp_path / "a.mcap")) == expected
-    assert complete(tmp_path / "a.mcap")
-    assert theirs(tmp_path / "a.mcap") == expected
+    assert repair_file(tmp_path / "a.mcap")
+    assert by_the_library(tmp_path / "a.mcap") == expected
 
 
-def test_absurd_times_are_kept_within_what_the_format_can_say(tmp_path: Path) -> None:
-    file = McapFile(tmp_path / "a.mcap")
-    file.flush([Note(TEXT, -5, "{}"), Note(TEXT, 1 << 70, "\ud800")])
+def test_times_are_limited_to_the_range_of_the_format(tmp_path: Path) -> None:
+    file = McapWriter(tmp_path / "a.mcap")
+    file.write([McapMessage(TEXT, -5, "{}"), McapMessage(TEXT, 1 << 70, "\ud800")])
     file.close()
     assert [one.time_us for one in read_mcap(tmp_path / "a.mcap")] == [0, ((1 << 64) - 1) // 1000]
 
 
-def test_what_is_no_mcap_is_one_line(tmp_path: Path) -> None:
+def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"PNG")
-    with pytest.raises(LogError, match="no MCAP file"):
+    with pytest.raises(LogError, match="not an MCAP file"):
         read_mcap(tmp_path / "a.mcap")
     with pytest.raises(LogError, match="cannot be read"):
         read_mcap(tmp_path / "nowhere.mcap")
@@ -216,8 +218,8 @@ def test_what_is_no_mcap_is_one_line(tmp_path: Path) -> None:
         read_mcap(tmp_path)
 
 
-def test_any_one_byte_may_be_wrong(tmp_path: Path) -> None:
-    """Completing what former runs left is done at every start: nothing in it may ever end one."""
+def test_any_single_byte_may_be_wrong(tmp_path: Path) -> None:
+    """Recordings of former runs are repaired at every start: no damage may raise an error."""
     written(tmp_path / "whole", chunks=1)
     whole = (tmp_path / "whole").read_bytes()
     path = tmp_path / "companion-20260101-120000.mcap"
@@ -226,4 +228,4 @@ def test_any_one_byte_may_be_wrong(tmp_path: Path) -> None:
             path.write_bytes(whole[:at] + bytes([wrong]) + whole[at + 1 :])
             with contextlib.suppress(LogError):
                 list(read_mcap(path))
-            complete_all(tmp_path)
+            repair_all(tmp_path)

@@ -1,4 +1,4 @@
-"""The recorder: names, contents, and a disk that fails in flight."""
+"""The recorder: file names, contents, and disk errors in flight."""
 
 import asyncio
 import errno
@@ -11,7 +11,7 @@ import pytest
 from companion.errors import LogError
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.tlog import read_tlog
-from companion.recording import McapLog, PartName, parts_in, read_mcap, remove_oldest
+from companion.recording import McapReader, PartName, parts_in, read_mcap, remove_oldest
 from companion.recording import recorder as recorder_module
 from companion.recording.recorder import Recorder
 
@@ -22,13 +22,13 @@ def frame() -> bytes:
     return Encoder().encode(mavlink.MAVLink_mission_current_message(1), 1, 1)
 
 
-def test_a_run_is_recorded_under_its_start_in_utc(tmp_path: Path) -> None:
+def test_a_recording_is_named_after_its_start_in_utc(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "logs" / "new", STARTED_S)
     recorder.received(1_000_000, frame())
     recorder.sent(2_000_000, frame())
     recorder.decision(1_000_000, '{"layer": "clear"}')
     recorder.decision(1_100_000, '{"layer": "öuter"}')
-    # Nothing is closed: this is what a killed process leaves behind.
+    # Nothing is closed, as after a killed process.
     assert recorder.tlog_path == tmp_path / "logs" / "new" / "companion-20231114-221320.tlog"
     assert [(time_us, one.raw) for time_us, one in read_tlog(recorder.tlog_path)] == [
         (1_000_000, frame()),
@@ -41,7 +41,7 @@ def test_a_run_is_recorded_under_its_start_in_utc(tmp_path: Path) -> None:
 
 
 def test_a_second_run_in_the_same_second_takes_another_name(tmp_path: Path) -> None:
-    (tmp_path / "companion-20231114-221320-2.jsonl").touch()  # half of a pair is enough to be taken
+    (tmp_path / "companion-20231114-221320-2.jsonl").touch()  # one file is enough for a name to be taken
     names = []
     for _ in range(3):
         recorder = Recorder(tmp_path, STARTED_S)
@@ -51,7 +51,7 @@ def test_a_second_run_in_the_same_second_takes_another_name(tmp_path: Path) -> N
     assert names == [(stem, stem), (f"{stem}-3", f"{stem}-3"), (f"{stem}-4", f"{stem}-4")]
 
 
-def test_a_folder_that_cannot_be_used_is_one_clear_line(tmp_path: Path) -> None:
+def test_an_unusable_folder_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(LogError, match="cannot record here"):
         Recorder(tmp_path / "file", STARTED_S)
@@ -60,7 +60,7 @@ def test_a_folder_that_cannot_be_used_is_one_clear_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["received", "decision", "state"])
-def test_a_full_disk_is_told_and_not_raised(
+def test_a_full_disk_is_reported_but_not_raised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     def full(_descriptor: int, _data: bytes) -> int:
@@ -83,14 +83,14 @@ def test_a_full_disk_is_told_and_not_raised(
     recorder.close()
 
 
-def test_text_that_is_no_unicode_is_recorded_all_the_same(tmp_path: Path) -> None:
+def test_a_text_with_a_lone_surrogate_is_recorded(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, STARTED_S)
     recorder.decision(1, "\ud800")
     assert recorder.decisions_path.read_text() == "\\ud800\n"
     recorder.close()
 
 
-async def test_all_files_are_synced_again_and_again_off_the_event_loop(
+async def test_all_files_are_synced_repeatedly_in_a_thread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder_module, "_SYNC_PERIOD_S", 0.001)
@@ -99,7 +99,7 @@ async def test_all_files_are_synced_again_and_again_off_the_event_loop(
 
     def counting(descriptor: int) -> None:
         with pytest.raises(RuntimeError):
-            asyncio.get_running_loop()  # there is none in a worker thread
+            asyncio.get_running_loop()  # a worker thread has none
         synced.append(descriptor)
         if len(synced) >= 9:
             loop.call_soon_threadsafe(enough.set)
@@ -117,7 +117,7 @@ async def test_all_files_are_synced_again_and_again_off_the_event_loop(
     assert len(set(synced)) == 3
 
 
-def test_nothing_happens_after_closing(tmp_path: Path) -> None:
+def test_nothing_is_recorded_after_closing(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, STARTED_S)
     recorder.close()
     recorder.close()
@@ -128,7 +128,7 @@ def test_nothing_happens_after_closing(tmp_path: Path) -> None:
     assert recorder.tlog_path.read_bytes() == b""
 
 
-def test_decisions_states_and_texts_stand_in_the_mcap_file(tmp_path: Path) -> None:
+def test_the_mcap_file_has_decisions_states_and_texts(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, STARTED_S)
     recorder.decision(1_000_000, '{"layer":"clear"}')
     recorder.state(1_000_001, '{"version":1}')
@@ -161,19 +161,19 @@ def test_a_new_part_begins_when_a_file_is_full_and_nothing_is_lost(tmp_path: Pat
     assert {path.name for path in parts[PartName("20231114-221320", 1, 2)]} == {
         f"{stem}.part2{suffix}" for suffix in (".tlog", ".jsonl", ".mcap")
     }
-    lines, logged, told = [], 0, []
+    lines, logged, times_us = [], 0, []
     for name in parts:
         lines += name.path(tmp_path, ".jsonl").read_text().splitlines()
-        told += [entry.time_us for entry in read_mcap(name.path(tmp_path, ".mcap"))]
+        times_us += [entry.time_us for entry in read_mcap(name.path(tmp_path, ".mcap"))]
         if name.path(tmp_path, ".tlog").stat().st_size:  # the newest may have just begun
             logged += len(list(read_tlog(name.path(tmp_path, ".tlog"))))
     assert lines == [f'{{"n":{n}}}' for n in range(600)]
-    assert told == list(range(600))
+    assert times_us == list(range(600))
     assert logged == 600
     assert recorder.problem is None
 
 
-def test_where_no_new_part_can_begin_the_old_one_goes_on(
+def test_the_old_part_goes_on_if_a_new_one_cannot_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = Recorder(tmp_path, STARTED_S, max_file_bytes=100)
@@ -199,7 +199,7 @@ def recording(folder: Path, name: str, size: int) -> list[Path]:
     return paths
 
 
-def test_the_oldest_recordings_go_first(tmp_path: Path) -> None:
+def test_the_oldest_recordings_are_deleted_first(tmp_path: Path) -> None:
     oldest = recording(tmp_path, "companion-20250101-000000", 1000)
     second = recording(tmp_path, "companion-20250101-000000.part2", 1000)
     tenth = recording(tmp_path, "companion-20250101-000000.part10", 1000)
@@ -208,20 +208,20 @@ def test_the_oldest_recordings_go_first(tmp_path: Path) -> None:
     for other in ("companion.tlog", "companion-20250101.tlog", "companion-20240101-000000.tlog.gz", "x.mcap"):
         (tmp_path / other).write_bytes(bytes(50_000))
     others = sorted(path.name for path in tmp_path.iterdir() if path.stat().st_size == 50_000)
-    assert remove_oldest(tmp_path, 15_000, but=ours) == []
-    assert sorted(remove_oldest(tmp_path, 12_500, but=ours)) == sorted(oldest)
-    assert sorted(remove_oldest(tmp_path, 6_000, but=ours)) == sorted([*second, *tenth])
-    assert sorted(remove_oldest(tmp_path, 0, but=ours)) == sorted(again)
+    assert remove_oldest(tmp_path, 15_000, keep=ours) == []
+    assert sorted(remove_oldest(tmp_path, 12_500, keep=ours)) == sorted(oldest)
+    assert sorted(remove_oldest(tmp_path, 6_000, keep=ours)) == sorted([*second, *tenth])
+    assert sorted(remove_oldest(tmp_path, 0, keep=ours)) == sorted(again)
     left = sorted(path.name for path in tmp_path.iterdir())
     assert left == sorted([*others, *(path.name for path in ours)])
 
 
-async def test_a_run_makes_room_and_completes_what_was_left_but_not_of_another_run(
+async def test_a_run_deletes_the_oldest_and_repairs_but_spares_a_running_recorder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder_module, "_SYNC_PERIOD_S", 0.01)
     recording(tmp_path, "companion-20220101-000000", 30_000)
-    beside = Recorder(tmp_path, STARTED_S - 100.0)  # of another process, for all that the files tell
+    beside = Recorder(tmp_path, STARTED_S - 100.0)  # its files look like those of another process
     beside.decision(1, "{}" * 30_000)
     beside._sync()
     killed = tmp_path / "companion-20220601-000000.mcap"
@@ -229,7 +229,7 @@ async def test_a_run_makes_room_and_completes_what_was_left_but_not_of_another_r
     recorder = Recorder(tmp_path, STARTED_S, max_total_bytes=100_000)
     running = asyncio.create_task(recorder.run())
     async with asyncio.timeout(10.0):
-        while not log_read(killed).whole:  # noqa: ASYNC110 - it is a file that is waited for
+        while not log_read(killed).closed:  # noqa: ASYNC110 - a file sets no event
             await asyncio.sleep(0.01)
     running.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -239,19 +239,19 @@ async def test_a_run_makes_room_and_completes_what_was_left_but_not_of_another_r
         "20231114-221140",
         "20231114-221320",
     }
-    assert not log_read(beside.mcap_path).whole
+    assert not log_read(beside.mcap_path).closed
     assert recorder.problem is None
     beside.close()
     recorder.close()
 
 
-def log_read(path: Path) -> McapLog:
+def log_read(path: Path) -> McapReader:
     log = read_mcap(path)
     assert list(log)
     return log
 
 
-async def test_a_folder_that_vanishes_is_told_and_not_raised(
+async def test_a_folder_that_vanishes_is_reported_but_not_raised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder_module, "_SYNC_PERIOD_S", 0.001)
@@ -269,10 +269,8 @@ async def test_a_folder_that_vanishes_is_told_and_not_raised(
     recorder.close()
 
 
-def test_a_disk_that_does_not_answer_does_not_eat_all_memory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(recorder_module, "_LONGEST_WAITING_BYTES", 1000)
+def test_the_queue_for_a_slow_disk_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recorder_module, "_MAX_WAITING_BYTES", 1000)
     recorder = Recorder(tmp_path, STARTED_S)
     for _ in range(100):
         recorder.state(1, "x" * 99)

@@ -1,4 +1,4 @@
-"""The flight report: made-up records with known answers, and records that make no sense."""
+"""The flight report: invented records with known results, and invalid records."""
 
 import contextlib
 import json
@@ -17,12 +17,12 @@ from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.tlog import TlogWriter
-from companion.recording import DECISION, STATE, TEXT, McapFile, Note
+from companion.recording import DECISION, STATE, TEXT, McapMessage, McapWriter
 from companion.report.encounters import encounters_of
 from companion.report.flight import Flight
 from companion.report.link import LinkLog
 from companion.report.page import page_of
-from companion.report.pieces import clock
+from companion.report.plotting import clock
 from companion.report.reading import Log, read_log
 
 FRAME = LocalFrame(47.0, 8.0)
@@ -73,10 +73,10 @@ GUIDANCE = {"course_deg": 45.0, "airspeed_mps": 22.0, "altitude_m": 560.0}
 
 
 def avoided() -> Iterator[dict[str, Any]]:
-    """North at 20 m/s, one a second. A00001 comes head on at 30 m/s, and is next to us at 60 s.
+    """A flight north at 20 m/s, one record a second. A00001 comes head-on at 30 m/s, and is abeam at 60 s.
 
-    From 20 to 80 s the companion flies: 400 m to the east and 60 m up, from 40 s on. A00002 stays 10 km away,
-    A00003 meets us at 130 s, 100 m beside and 20 m below, and nobody does anything about it.
+    From 20 to 80 s the companion flies, from 40 s on 400 m to the east and 60 m up. A00002 stays 10 km away.
+    A00003 passes at 130 s, 100 m abeam and 20 m below, without any action.
     """
     for second in range(200):
         flying = 20 <= second < 80
@@ -101,13 +101,13 @@ def avoided() -> Iterator[dict[str, Any]]:
 
 
 def flight_of(records: Iterator[dict[str, Any]] | list[Any]) -> Flight:
-    flight = Flight("made-up")
+    flight = Flight("invented")
     for one in records:
-        flight.take(json.dumps(one))
+        flight.add_decision(json.dumps(one))
     return flight
 
 
-def test_encounters_have_the_figures_that_they_were_made_with() -> None:
+def test_encounters_have_the_known_figures() -> None:
     flight = flight_of(avoided())
     assert (len(flight), flight.unusable) == (200, 0)
     first, second = encounters_of(flight)
@@ -126,7 +126,7 @@ def test_encounters_have_the_figures_that_they_were_made_with() -> None:
     assert (second.acted_s, second.advised_s, second.aside_m, second.height_m) == (None,) * 4
 
 
-def test_the_deviation_counts_from_the_mission_where_it_is_known() -> None:
+def test_the_deviation_is_measured_from_the_mission_if_it_is_known() -> None:
     flight = flight_of(avoided())
     legs_m = [(0.0, 150.0), (1_000.0, 150.0), (9_000.0, 150.0)]
     places = [FRAME.to_geo(north_m, east_m, 0.0) for north_m, east_m in legs_m]
@@ -135,13 +135,13 @@ def test_the_deviation_counts_from_the_mission_where_it_is_known() -> None:
     assert first.aside_m == pytest.approx(250.0, abs=1.0)
 
 
-def test_advice_that_nobody_flew_is_told_as_such() -> None:
+def test_advice_that_was_not_flown_has_no_action() -> None:
     records = [one | {"flying": False, "state": "monitor"} for one in avoided()]
     first, _ = encounters_of(flight_of(records))
     assert (first.acted_s, first.advised_s, first.aside_m) == (None, pytest.approx(40.0), None)
 
 
-def test_who_comes_back_later_is_another_encounter() -> None:
+def test_an_aircraft_that_returns_later_is_another_encounter() -> None:
     def records() -> Iterator[dict[str, Any]]:
         for second in range(300):
             here = second < 100 or second >= 200
@@ -153,7 +153,7 @@ def test_who_comes_back_later_is_another_encounter() -> None:
     assert second.well_clear is True
 
 
-def test_changes_are_told_once_and_readiness_is_none() -> None:
+def test_each_change_is_listed_once_without_changes_of_readiness() -> None:
     records = [
         record(0),
         record(1, state="standby"),
@@ -189,58 +189,58 @@ def test_changes_are_told_once_and_readiness_is_none() -> None:
     ],
     ids=str,
 )
-def test_records_that_make_no_sense_are_left_out(change: dict[str, Any]) -> None:
+def test_invalid_records_are_left_out(change: dict[str, Any]) -> None:
     flight = flight_of([record(0), record(1) | change, record(2)])
     assert (len(flight), flight.unusable) == (2, 1)
     assert [*flight.time_s] == [0.0, 2.0]
 
 
 @pytest.mark.parametrize("line", [b"", b"\xff", b"null", b"[]", b"7", b'{"a":' * 5000, b'{"time_us":1e999}'])
-def test_lines_that_are_no_records_are_left_out(line: bytes) -> None:
-    flight = Flight("made-up")
-    flight.take(line)
+def test_lines_that_are_not_records_are_left_out(line: bytes) -> None:
+    flight = Flight("invented")
+    flight.add_decision(line)
     assert (len(flight), flight.unusable) == (0, 1)
 
 
-def test_an_aircraft_without_a_fix_is_nowhere() -> None:
-    nowhere = record(0)["own"] | {"lat_deg": 0.0, "lon_deg": 1e-7}
-    flight = flight_of([record(0) | {"own": nowhere}, record(1, 10.0), record(2, 20.0)])
+def test_decisions_without_a_fix_are_left_out() -> None:
+    no_fix = record(0)["own"] | {"lat_deg": 0.0, "lon_deg": 1e-7}
+    flight = flight_of([record(0) | {"own": no_fix}, record(1, 10.0), record(2, 20.0)])
     assert (len(flight), flight.unusable, flight.without_fix) == (2, 0, 1)
     assert flight.column("north_m").max() == pytest.approx(10.0, abs=0.1)
 
 
-def test_times_that_jump_are_not_believed_but_an_hour_without_position_is() -> None:
+def test_jumps_of_the_time_are_ignored_but_an_hour_without_position_is_not() -> None:
     times_us = [START_US, START_US + 10**6, START_US + 3601 * 10**6, 2**63, 2**63 + 10**6, 5, -(10**30)]
     flight = flight_of([record(0) | {"time_us": time_us} for time_us in times_us])
     assert [*flight.time_s] == [0.0, 1.0, 3601.0, 3601.0, 3602.0, 3602.0, 3602.0]
     assert flight.jumps == 3
     assert flight.unusable == 0
-    assert "at a time that is not known" in page_of(
+    assert "at an unknown time" in page_of(
         Log(flight_of([record(0) | {"time_us": 10**30}, record(1) | {"time_us": 10**30 + 1}]))
     )
 
 
-def test_the_link_counts_what_is_missing_and_where_it_was_silent() -> None:
+def test_the_link_counts_losses_and_gaps() -> None:
     encoder, splitter, link = Encoder(), FrameSplitter(), LinkLog()
     heartbeat = mavlink.MAVLink_heartbeat_message(1, 3, 217, 10, 4, 3)
     for number in range(100):
         raw = encoder.encode(heartbeat, 1, 1)
         (frame,) = splitter.feed(raw)
         if number not in (10, 11, 50) and not 60 <= number < 70:
-            link.observe(0.5 * number, frame)
+            link.add(0.5 * number, frame)
     raw = encoder.encode(mavlink.MAVLink_statustext_message(4, b"Fence bre", 7, 0), 1, 1)
     raw += encoder.encode(mavlink.MAVLink_statustext_message(4, b"ached", 7, 1), 1, 1)
     for frame in splitter.feed(raw):
-        link.observe(50.0, frame)
+        link.add(50.0, frame)
     autopilot = link.autopilot
     assert autopilot is not None
     assert (autopilot.messages, autopilot.lost) == (89, 13)
     assert autopilot.gaps == [(29.5, 35.0)]
     assert autopilot.per_second[3] == 2
-    assert [told.text for told in link.texts] == ["Fence breached"]
+    assert [one.text for one in link.texts] == ["Fence breached"]
 
 
-def test_a_page_is_whole_offline_and_the_same_every_time() -> None:
+def test_a_page_is_complete_works_offline_and_is_reproducible() -> None:
     flight = flight_of(avoided())
     flight.notes.append("<b>cut off</b>")
     text = page_of(Log(flight))
@@ -255,7 +255,7 @@ def test_a_page_is_whole_offline_and_the_same_every_time() -> None:
 
 
 @pytest.mark.parametrize("records", [[record(0)], [record(0), record(0)], [record(0)] * 3 + [record(1, 1e6)]])
-def test_flights_of_hardly_anything_make_a_page(records: list[dict[str, Any]]) -> None:
+def test_a_page_of_very_short_flights(records: list[dict[str, Any]]) -> None:
     for one in records:
         one["traffic"] = [track("A1", 0.0, 0.0)]
     assert "<h2>Encounters" in page_of(Log(flight_of(records)))
@@ -282,31 +282,31 @@ def test_clock() -> None:
 
 
 def recording(path: Path, *, close: bool = True) -> Path:
-    file = McapFile(path)
+    file = McapWriter(path)
     mission = {"items": [{"sequence": 1, "lat_deg": 47.0, "lon_deg": 8.0, "altitude_m": 500.0}]}
     for one in avoided():
-        notes = [Note(DECISION, one["time_us"], json.dumps(one))]
-        notes.append(Note(STATE, one["time_us"], json.dumps({"version": 1, "mission": mission})))
+        messages = [McapMessage(DECISION, one["time_us"], json.dumps(one))]
+        messages.append(McapMessage(STATE, one["time_us"], json.dumps({"version": 1, "mission": mission})))
         if one["time_us"] == START_US + 20_000_000:
             text = json.dumps({"time_us": one["time_us"], "severity": 4, "text": "Traffic <N1>"})
-            notes.append(Note(TEXT, one["time_us"], text))
-        file.flush(notes)
+            messages.append(McapMessage(TEXT, one["time_us"], text))
+        file.write(messages)
     if close:
         file.close()
     return path
 
 
-def test_a_recording_is_read_with_what_was_told_and_the_mission(tmp_path: Path) -> None:
+def test_a_recording_is_read_with_texts_and_mission(tmp_path: Path) -> None:
     log = read_log(recording(tmp_path / "a.mcap"), Engine)
     assert len(log.flight) == 200
-    assert [(told.time_s, told.text) for told in log.flight.told] == [(20.0, "Traffic <N1>")]
+    assert [(one.time_s, one.text) for one in log.flight.texts] == [(20.0, "Traffic <N1>")]
     assert log.flight.mission == [(47.0, 8.0)]
     assert log.link is None
-    assert log.flight.notes == ["a.tlog is not beside it: nothing is known of the link"]
+    assert log.flight.notes == ["a.tlog is missing: the link is unknown"]
     assert "Traffic &lt;N1&gt;" in page_of(log)
 
 
-def test_a_recording_that_was_cut_off_is_reported_up_to_there(tmp_path: Path) -> None:
+def test_a_truncated_recording_is_reported_up_to_its_end(tmp_path: Path) -> None:
     path = recording(tmp_path / "a.mcap", close=False)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     log = read_log(path, Engine)
@@ -321,7 +321,7 @@ def test_later_parts_are_read_too(tmp_path: Path) -> None:
     assert len(log.flight) == 400
 
 
-def test_the_tlog_beside_a_recording_tells_of_the_link(tmp_path: Path) -> None:
+def test_the_tlog_beside_a_recording_gives_the_link(tmp_path: Path) -> None:
     recording(tmp_path / "a.mcap")
     writer = TlogWriter(tmp_path / "a.tlog")
     for second in range(10):
@@ -332,7 +332,7 @@ def test_the_tlog_beside_a_recording_tells_of_the_link(tmp_path: Path) -> None:
     assert log.link is not None
     assert log.link.autopilot is not None
     assert log.link.autopilot.messages == 10
-    assert "messages a second" in page_of(log)
+    assert "messages per second" in page_of(log)
 
 
 @pytest.mark.parametrize(
@@ -340,16 +340,16 @@ def test_the_tlog_beside_a_recording_tells_of_the_link(tmp_path: Path) -> None:
     [
         (b"", "empty"),
         (b"\x89PNG\r\n\x1a\n" + bytes(500), "no MAVLink frame"),
-        (b"\x89MCAP0\r\n", "no decision"),
+        (b"\x89MCAP0\r\n", "no decisions"),
     ],
 )
-def test_what_tells_nothing_is_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+def test_files_without_a_flight_are_refused_in_one_line(tmp_path: Path, content: bytes, words: str) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(LogError, match=words):
         read_log(tmp_path / "a.mcap", Engine)
 
 
-def test_random_bytes_and_damage_never_raise_anything_else(tmp_path: Path) -> None:
+def test_random_bytes_and_damage_raise_log_errors_only(tmp_path: Path) -> None:
     chance = np.random.default_rng(5)
     whole = recording(tmp_path / "whole.mcap").read_bytes()
     path = tmp_path / "a.mcap"

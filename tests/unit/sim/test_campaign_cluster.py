@@ -1,4 +1,4 @@
-"""What a campaign on other machines rests on: addresses, what is installed, and what is passed on."""
+"""Campaigns on other machines: scheduler addresses, installed versions, and inputs for the workers."""
 
 import pickle
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from companion.errors import ConfigError
-from sim.campaign.cluster import place_of
+from sim.campaign.cluster import parse_scheduler_address
 from sim.campaign.environment import difference, environment
 from sim.campaign.plan import Plan
 from sim.encounters import Encounter, generate, write_encounters
@@ -23,16 +23,16 @@ from tests.support.paths import ENCOUNTER_MODELS
     ],
 )
 def test_an_address_is_a_host_and_a_port(address: str, place: tuple[str, int]) -> None:
-    assert place_of(address) == place
+    assert parse_scheduler_address(address) == place
 
 
 @pytest.mark.parametrize("address", ["", "somewhere", ":8786", "host:", "host:0", "host:65536", "ws://h:1"])
-def test_what_is_no_address_is_refused(address: str) -> None:
+def test_a_bad_address_is_refused(address: str) -> None:
     with pytest.raises(ConfigError, match="such as tcp://"):
-        place_of(address)
+        parse_scheduler_address(address)
 
 
-def test_what_differs_is_named() -> None:
+def test_a_difference_of_versions_is_named() -> None:
     here = environment(["companion", "orca"])
     assert {"companion", "Python", "numpy", "pymavlink", "pyrvo"} == set(here)
     assert difference(here, dict(here)) is None
@@ -48,10 +48,10 @@ def same(one: Encounter, other: Encounter) -> bool:
     )
 
 
-def test_what_is_passed_on_gives_the_same_encounters(tmp_path: Path) -> None:
-    """To workers that have none of the files."""
+def test_pickled_inputs_give_the_same_encounters(tmp_path: Path) -> None:
+    """Workers do not have the files."""
     write_encounters(tmp_path / "e.csv", [generate("mix", 1, number) for number in range(3)])
     model = ENCOUNTER_MODELS["invented"]
     for plan in (Plan(5), Plan(5, models=(str(tmp_path / "e.csv"),)), Plan(5, seed=2, models=(str(model),))):
-        passed_on = plan.source(pickle.loads(pickle.dumps(plan.given())))
-        assert all(same(passed_on(number), plan.source()(number)) for number in plan.numbers())
+        copied = plan.source(pickle.loads(pickle.dumps(plan.inputs())))
+        assert all(same(copied(number), plan.source()(number)) for number in plan.numbers())

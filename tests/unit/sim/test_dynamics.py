@@ -1,4 +1,4 @@
-"""The point mass against physics and against what was measured on ArduPlane."""
+"""The point mass against physics and measurements on ArduPlane."""
 
 import math
 
@@ -45,7 +45,7 @@ def test_a_steady_turn_is_g_tan_bank_over_v(bank_deg: float, airspeed_mps: float
     airspeed_mps=st.floats(0.0, 99.0),
     seconds=st.floats(0.05, 8.0),
 )
-def test_limits_hold_whatever_is_asked(
+def test_limits_hold_for_any_command(
     bank_deg: float, climb_mps: float, airspeed_mps: float, seconds: float
 ) -> None:
     frame = Airframe()
@@ -95,7 +95,7 @@ def test_crabs_into_the_wind() -> None:
 
 
 def test_turns_as_arduplane_was_measured() -> None:
-    """From course 91 to 14 degrees in 9.5 s with p3 = 5, then slow; here on the way to 10."""
+    """From course 91 to 14 degrees in 9.5 s with p3 = 5, then slowly to 10 degrees."""
     aircraft = FixedWing(course_rad=math.radians(91.0))
     aircraft.hold_course(math.radians(10.0), BANK_OF_5_MPS2)
     seconds = 0.0
@@ -152,7 +152,7 @@ def test_the_same_inputs_give_the_same_bits() -> None:
     assert places[0] == places[1]
 
 
-def test_the_way_of_a_step_in_a_turn_points_halfway_between_its_headings() -> None:
+def test_the_displacement_in_a_turn_is_halfway_between_the_headings() -> None:
     aircraft = FixedWing()
     aircraft.hold_bank(math.radians(30.0))
     fly(aircraft, 5.0)

@@ -1,4 +1,4 @@
-"""Encounters: built backwards, drawn from models, read from files, and how well they are seen."""
+"""Encounters: generated, sampled from models, read from files; and the surveillance of them."""
 
 import math
 from pathlib import Path as FilePath
@@ -25,7 +25,7 @@ from sim.encounters.sampling import WINDOW_HORIZONTAL_M
 from tests.support.paths import DAA_SCENARIOS, ENCOUNTER_MODELS
 
 DAA = "name sx sy sz trk gs vs time\n[none] [m] [m] [m] [deg] [m/s] [m/s] [s]\n"
-# The smallest model that there can be: always 60 to 90 kt, and level, or climbing once it has begun to.
+# The smallest possible model: 60 to 90 kt, level, or climbing once a climb has begun.
 SMALL = """# labels_initial
 "G", "A", "L", "v", "dv", "dh", "dpsi"
 # G_initial
@@ -85,7 +85,7 @@ def nearest_m(encounter: Encounter) -> float:
 
 
 def test_the_counts_of_a_model_are_read_column_by_column(small: EncounterModel) -> None:
-    """N of the climb a second later: from level 3 of 4 stay level, from climbing all go on climbing."""
+    """N of the climb a second later: from level, 3 of 4 stay level; from climbing, all continue."""
     (_, climb, _) = small.transition
     assert climb.shares == ((0.75,), (0.0,))
     assert climb.draw([0, 0, 0, 0, 0, 0, 0], 0.74) == 0
@@ -93,7 +93,7 @@ def test_the_counts_of_a_model_are_read_column_by_column(small: EncounterModel) 
     assert climb.draw([0, 0, 0, 0, 0, 1, 0], 0.01) == 1
 
 
-def test_what_is_drawn_keeps_to_the_model(small: EncounterModel) -> None:
+def test_drawn_paths_follow_the_model(small: EncounterModel) -> None:
     rng = np.random.default_rng(1)
     begins_level = 0
     for _ in range(400):
@@ -101,8 +101,8 @@ def test_what_is_drawn_keeps_to_the_model(small: EncounterModel) -> None:
         speed_mps = np.hypot(path.velocity_mps[:, 0], path.velocity_mps[:, 1])
         climbs = -path.velocity_mps[:, 2] > 0.0
         assert ((speed_mps > 30.0) & (speed_mps < 46.4)).all()
-        assert (np.diff(climbs.astype(int)) >= 0).all(), "who climbs goes on climbing"
-        assert (np.abs(path.velocity_mps[:, 1]) < 1e-9).all(), "the bin around zero is no turn at all"
+        assert (np.diff(climbs.astype(int)) >= 0).all(), "a climb continues"
+        assert (np.abs(path.velocity_mps[:, 1]) < 1e-9).all(), "the bin around zero gives no turn"
         begins_level += not climbs[0]
     assert 0.69 < begins_level / 400 < 0.81
 
@@ -113,7 +113,7 @@ def test_drawn_speeds_and_layers_are_as_frequent_as_counted(name: str) -> None:
     rng = np.random.default_rng(2)
     chances = rng.random((4000, 14)).tolist()
     begun = np.array([model._begin(iter(row))[0] for row in chances])
-    # The root's shares are those of the file; the layer's follow by summing over its parents.
+    # The shares of a root variable are those of the file.
     roots = np.diff([0.0, *model.initial[0].shares[0], 1.0])
     drawn = np.bincount(begun[:, 0], minlength=len(roots)) / len(begun)
     assert np.abs(drawn - roots).max() < 0.03
@@ -147,19 +147,16 @@ def test_sampled_encounters_depend_on_seed_and_number_alone(small: EncounterMode
     assert len(sample([small], 3, 7, intruders=4).intruders) == 4
 
 
-def test_weights_undo_what_is_drawn_too_often(small: EncounterModel) -> None:
-    """Across the relative motion aircraft pass evenly: by weight, as much in every eighth of the window.
-
-    These never turn, so that where they pass is where they were put.
-    """
+def test_weights_correct_for_oversampling(small: EncounterModel) -> None:
+    """Weighted misses are uniform over the window; these aircraft never turn, so the miss is as placed."""
     drawn = [sample([small], 4, number) for number in range(1500)]
     miss_m = np.array([nearest_m(encounter) for encounter in drawn])
-    # The speed at which they pass counts too; here it is the same on all sides.
+    # Divide out the weight of the closing speed.
     weights = np.array([encounter.weight / encounter.closing_mps for encounter in drawn])
     counted, _ = np.histogram(miss_m, bins=4, range=(0.0, WINDOW_HORIZONTAL_M), weights=weights)
     unweighted, _ = np.histogram(miss_m, bins=4, range=(0.0, WINDOW_HORIZONTAL_M))
     assert np.abs(counted / counted.sum() - 0.25).max() < 0.07
-    assert unweighted[0] / unweighted.sum() > 0.5, "half of them are drawn where collisions happen"
+    assert unweighted[0] / unweighted.sum() > 0.5, "half of the samples are in the core"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -190,7 +187,7 @@ def test_an_unknown_kind_is_refused() -> None:
         generate("zigzag", 0, 0)
 
 
-def test_csv_comes_back_as_it_was_written(tmp_path: FilePath) -> None:
+def test_written_csv_is_read_back_unchanged(tmp_path: FilePath) -> None:
     written = [generate("mix", 6, number) for number in range(5)]
     path = tmp_path / "encounters.csv"
     write_encounters(path, written)
@@ -244,8 +241,8 @@ def test_the_units_row_counts(tmp_path: FilePath) -> None:
         ("a.daa", "name\n", "no encounters"),
         ("a.daa", "name time\n[none] [s]\nownship, 0\n", "is missing"),
         ("a.daa", f"{DAA}o, 0, 0\n", "line 3"),
-        ("a.daa", f"{DAA}o, 0, 0, x, 0, 1, 0, 0\n", "x is no number"),
-        ("a.daa", f"{DAA}o, 0, 0, 1, 0, 1, 0, 0\n", "one aircraft alone"),
+        ("a.daa", f"{DAA}o, 0, 0, x, 0, 1, 0, 0\n", "x is not a number"),
+        ("a.daa", f"{DAA}o, 0, 0, 1, 0, 1, 0, 0\n", "only one aircraft"),
     ],
 )
 def test_broken_files_are_one_clear_line(tmp_path: FilePath, name: str, text: str, words: str) -> None:
@@ -263,7 +260,7 @@ def test_an_encounter_shorter_than_a_step_is_refused(tmp_path: FilePath) -> None
     lines = [line for line in path.read_text().splitlines() if ",0.0," in line[:60] or "time_s" in line]
     short = [line.replace(",0.0,", ",0.5,", 1) for line in lines[1:]]
     path.write_text("\n".join([*lines, *short]) + "\n")
-    with pytest.raises(ConfigError, match="less than a decision"):
+    with pytest.raises(ConfigError, match="less than a decision period"):
         read_encounters(path)
 
 

@@ -1,4 +1,4 @@
-"""The fake ArduPlane in GUIDED against the manners measured on the real one, the unhelpful ones included."""
+"""The fake ArduPlane in GUIDED against measurements on the real one, quirks included."""
 
 import math
 
@@ -26,7 +26,7 @@ from tests.support.vehicle_bench import (
 )
 
 
-def test_entering_guided_loiters_where_it_is() -> None:
+def test_guided_begins_with_a_loiter_at_the_present_position() -> None:
     bench = airborne()
     bench.fly(20.0)
     here_m = bench.vehicle.truth.position_m
@@ -38,7 +38,7 @@ def test_entering_guided_loiters_where_it_is() -> None:
     assert height_m(bench) == pytest.approx(300.0, abs=0.5)
 
 
-def test_change_heading_turns_as_measured_and_holds_for_ever() -> None:
+def test_change_heading_turns_as_measured_and_holds() -> None:
     bench = airborne(wind_mps=(-3.0, 4.0))
     bench.guided()
     bench.by_int(CHANGE_HEADING, 0, 91.0, 5.0)
@@ -54,7 +54,7 @@ def test_change_heading_turns_as_measured_and_holds_for_ever() -> None:
     assert course_deg(bench) == pytest.approx(10.0, abs=0.01)
 
 
-def test_a_heading_may_be_asked_for_instead_of_a_course() -> None:
+def test_a_heading_may_be_commanded_instead_of_a_course() -> None:
     bench = airborne(wind_mps=(0.0, 6.0))
     bench.guided()
     assert bench.by_int(CHANGE_HEADING, 1, 20.0, 5.0) == ACCEPTED
@@ -74,7 +74,7 @@ def test_a_heading_may_be_asked_for_instead_of_a_course() -> None:
         (math.nan, 90.0, 5.0),
     ],
 )
-def test_bad_headings_are_denied_and_change_nothing(params: tuple[float, float, float]) -> None:
+def test_bad_headings_are_denied_without_effect(params: tuple[float, float, float]) -> None:
     bench = airborne()
     bench.guided()
     bench.by_int(CHANGE_HEADING, 0, 270.0, 5.0)
@@ -92,7 +92,7 @@ def test_the_roll_limit_caps_the_bank() -> None:
     assert math.degrees(abs(bench.vehicle.truth.bank_rad)) == pytest.approx(20.0, abs=0.1)
 
 
-def test_speed_is_flown_within_the_parameters_only() -> None:
+def test_only_speeds_within_the_parameters_are_flown() -> None:
     bench = airborne()
     bench.guided()
     assert bench.by_int(CHANGE_SPEED, 0, 26.0, 1.0) == ACCEPTED
@@ -147,7 +147,7 @@ def test_guided_commands_fail_outside_guided_and_need_command_int(command: int) 
 
 
 @pytest.mark.parametrize("between", [Mode.LOITER, Mode.AUTO, Mode.FBWA])
-def test_entering_a_mode_forgets_the_guided_targets(between: Mode) -> None:
+def test_a_mode_change_clears_the_guided_targets(between: Mode) -> None:
     bench = airborne()
     bench.guided()
     bench.by_int(CHANGE_HEADING, 0, 90.0, 5.0)
@@ -164,7 +164,7 @@ def test_entering_a_mode_forgets_the_guided_targets(between: Mode) -> None:
     assert truth.airspeed_mps == pytest.approx(22.0, abs=0.2)
 
 
-def test_reposition_switches_flies_there_and_circles() -> None:
+def test_reposition_enters_guided_flies_there_and_circles() -> None:
     bench = airborne()
     place = FRAME.to_geo(1500.0, 1500.0, 0.0)
     target = (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), 250.0)
@@ -200,16 +200,16 @@ def test_local_setpoints_are_silently_ignored() -> None:
     bench, undisturbed = airborne(), airborne()
     for each in (bench, undisturbed):
         each.guided()
-    before = len(bench.said)
+    before = len(bench.received)
     for _ in range(50):
         bench.send(position_target(mavlink.MAV_FRAME_LOCAL_NED, -100.0, 0, local=True), COMPANION)
         for each in (bench, undisturbed):
             each.fly(0.2)
     assert bench.vehicle.truth == undisturbed.vehicle.truth
-    assert {m.get_type() for _, m in bench.said[before:]} == {"HEARTBEAT"}
+    assert {m.get_type() for _, m in bench.received[before:]} == {"HEARTBEAT"}
 
 
-def test_of_a_local_offset_only_the_height_is_taken() -> None:
+def test_only_the_height_of_a_local_offset_is_flown() -> None:
     bench = airborne()
     bench.guided()
     bench.by_int(CHANGE_HEADING, 0, 45.0, 5.0)
@@ -223,7 +223,7 @@ def test_of_a_local_offset_only_the_height_is_taken() -> None:
 @pytest.mark.parametrize(
     ("frame", "alt_m"), [(0, 944.1), (5, 944.1), (3, 360.0), (6, 360.0), (10, 360.0), (11, 360.0)]
 )
-def test_of_a_global_setpoint_only_the_height_is_taken_and_stays(frame: int, alt_m: float) -> None:
+def test_only_the_height_of_a_global_setpoint_is_flown_and_kept(frame: int, alt_m: float) -> None:
     bench = airborne()
     bench.guided()
     bench.by_int(CHANGE_HEADING, 0, 90.0, 5.0)
@@ -237,7 +237,7 @@ def test_of_a_global_setpoint_only_the_height_is_taken_and_stays(frame: int, alt
     assert bench.texts() == []
 
 
-def test_wrong_frames_masked_heights_and_other_modes() -> None:
+def test_targets_with_wrong_frame_masked_height_or_outside_guided_are_ignored() -> None:
     bench = airborne()
     bench.send(position_target(0, 944.1, 0), COMPANION)  # in AUTO
     bench.guided()

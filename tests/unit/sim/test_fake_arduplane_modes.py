@@ -1,4 +1,4 @@
-"""The fake ArduPlane's modes, arming and missions against what was measured on the real one."""
+"""The fake ArduPlane's modes, arming and missions against measurements on the real one."""
 
 import math
 
@@ -29,7 +29,7 @@ from tests.support.vehicle_bench import (
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_every_mode_flies_on_without_falling(mode: Mode) -> None:
+def test_every_mode_keeps_flying(mode: Mode) -> None:
     bench = airborne()
     assert bench.by_long(SET_MODE, 1, mode) == ACCEPTED
     bench.fly(60.0)
@@ -39,17 +39,17 @@ def test_every_mode_flies_on_without_falling(mode: Mode) -> None:
     assert truth.airspeed_mps == pytest.approx(22.0, abs=6.0)
 
 
-def test_mode_by_the_old_message_and_by_command_int() -> None:
+def test_mode_by_set_mode_message_and_by_command_int() -> None:
     bench = airborne()
     bench.send(mavlink.MAVLink_set_mode_message(1, 1, Mode.CIRCLE))
     assert bench.vehicle.truth.mode == "CIRCLE"
-    assert [(a.command, a.result) for a in bench.heard("COMMAND_ACK")] == [(11, ACCEPTED)]
+    assert [(a.command, a.result) for a in bench.messages("COMMAND_ACK")] == [(11, ACCEPTED)]
     assert bench.by_int(SET_MODE, 1, Mode.RTL) == ACCEPTED
     assert bench.vehicle.truth.mode == "RTL"
 
 
 @pytest.mark.parametrize("params", [(0.0, 15.0), (1.0, 99.0), (1.0, math.nan), (math.nan, 15.0), (1.0, 15.5)])
-def test_modes_that_do_not_exist_are_refused(params: tuple[float, float]) -> None:
+def test_unknown_modes_are_refused(params: tuple[float, float]) -> None:
     bench = airborne()
     assert bench.by_long(SET_MODE, *params) in (DENIED, FAILED)
     assert bench.vehicle.truth.mode == "AUTO"
@@ -66,7 +66,7 @@ def test_disarming_in_the_air_needs_force() -> None:
 
 
 def test_take_off_as_recorded() -> None:
-    """Throttle to 60 m within 11 s of arming, 10 m/s of climb, then the mission goes on."""
+    """60 m within 11 s of arming at 10 m/s of climb, then the mission continues."""
     bench = on_ground()
     assert bench.by_long(SET_MODE, 1, Mode.AUTO) == ACCEPTED
     bench.fly(5.0)
@@ -79,7 +79,7 @@ def test_take_off_as_recorded() -> None:
     assert fastest_mps == pytest.approx(10.0, abs=0.5)
     bench.fly(2.0)
     assert height_m(bench) > 60.0
-    assert [m.seq for m in bench.heard("MISSION_ITEM_REACHED")] == [1]
+    assert [m.seq for m in bench.messages("MISSION_ITEM_REACHED")] == [1]
     texts = bench.texts()
     assert texts[:2] == ["Mission: 1 Takeoff", "Throttle armed"]
     assert texts[2].startswith("Takeoff complete at 60.")
@@ -97,18 +97,18 @@ def test_the_mission_is_flown_to_its_end_and_then_home() -> None:
     while bench.vehicle.truth.mission_sequence == 2:
         bench.fly(1.0)
         aside_m = max(aside_m, abs(bench.vehicle.truth.position_m[1]))
-    assert aside_m < 70.0  # turning early at the corner is all
+    assert aside_m < 70.0  # only from turning early at the corner
     bench.fly(200.0)
     assert bench.vehicle.truth.mission_completed
     assert bench.vehicle.truth.mode == "RTL"
-    assert [m.seq for m in bench.heard("MISSION_ITEM_REACHED")] == [2, 3]
+    assert [m.seq for m in bench.messages("MISSION_ITEM_REACHED")] == [2, 3]
     assert "Mission complete, changing mode to RTL" in bench.texts()
     bench.fly(300.0)
     assert math.hypot(*bench.vehicle.truth.position_m[:2]) == pytest.approx(60.0, abs=25.0)
     assert height_m(bench) == pytest.approx(100.0, abs=1.0)
 
 
-def test_back_to_auto_resumes_the_same_item_straight() -> None:
+def test_auto_resumes_the_same_item_straight() -> None:
     bench = airborne()
     bench.fly(20.0)
     bench.guided()
@@ -125,7 +125,7 @@ def test_back_to_auto_resumes_the_same_item_straight() -> None:
     aside_m = (east_m - start_e) * math.cos(line_rad) - (north_m - start_n) * math.sin(line_rad)
     assert abs(aside_m) < 25.0
     bench.fly(140.0)
-    assert [m.seq for m in bench.heard("MISSION_ITEM_REACHED")] == [2]
+    assert [m.seq for m in bench.messages("MISSION_ITEM_REACHED")] == [2]
 
 
 def test_setting_the_current_item() -> None:
@@ -137,7 +137,7 @@ def test_setting_the_current_item() -> None:
     assert bench.vehicle.truth.mission_sequence == 2
 
 
-def test_an_acceptance_radius_is_kept() -> None:
+def test_an_acceptance_radius_is_used() -> None:
     place = FRAME.to_geo(1000.0, 0.0, -(HOME.altitude_m + 300.0))
     bench = airborne(
         mission=[takeoff_item(60.0), waypoint_item(place, acceptance_m=200.0), waypoint(1000.0, 900.0)]
@@ -147,7 +147,7 @@ def test_an_acceptance_radius_is_kept() -> None:
     assert 1000.0 - bench.vehicle.truth.position_m[0] == pytest.approx(200.0, abs=2.0)
 
 
-def test_loitering_without_end_does_not_complete_the_waypoints_after() -> None:
+def test_an_unlimited_loiter_does_not_complete_later_waypoints() -> None:
     loiter = MissionItem(
         NAV_LOITER_UNLIM,
         (0.0, 0.0, -80.0, 0.0),

@@ -1,4 +1,4 @@
-"""What the fake ArduPlane tells, to whom and when, against what was recorded from the real one."""
+"""The fake ArduPlane's telemetry against recordings of the real one: content, rates and addresses."""
 
 import math
 from collections.abc import Callable
@@ -46,33 +46,34 @@ CONSTANT: dict[str, dict[str, float]] = {
 }  # fmt: skip
 RECORDED = "arduplane_sitl_adsb_two_intruders"
 
-# --- telling about itself ---
+# --- content ---
 
 
 def test_heartbeat_once_a_second_on_every_channel_with_the_recorded_modes() -> None:
     bench = on_ground(channels=(0, 1))
     bench.fly(10.0)
-    assert len(bench.heard("HEARTBEAT", 0)) == len(bench.heard("HEARTBEAT", 1)) == 10
+    assert len(bench.messages("HEARTBEAT", 0)) == len(bench.messages("HEARTBEAT", 1)) == 10
     bench.vehicle.set_mode(Mode.AUTO)
     bench.fly(1.0)
     bench.vehicle.arm()
     bench.fly(20.0)
-    told = [
-        (m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status) for m in bench.heard("HEARTBEAT")
+    received = [
+        (m.type, m.autopilot, m.base_mode, m.custom_mode, m.system_status)
+        for m in bench.messages("HEARTBEAT")
     ]
-    assert told[0] == (1, 3, 81, 0, 3)
-    assert (1, 3, 89, 10, 3) in told
-    assert told[-1] == (1, 3, 217, 10, 4)
+    assert received[0] == (1, 3, 81, 0, 3)
+    assert (1, 3, 89, 10, 3) in received
+    assert received[-1] == (1, 3, 217, 10, 4)
 
 
-def test_every_message_can_be_packed_and_says_the_truth() -> None:
+def test_every_message_can_be_packed_and_carries_the_true_state() -> None:
     bench = airborne(rate_hz=2.0, wind_mps=(2.0, -1.0))
     bench.guided()
     bench.by_int(CHANGE_ALTITUDE, frame=3, place=(0, 0, 400.0))
     bench.fly(5.0)
     encoder, splitter = Encoder(), FrameSplitter()
     decoded: dict[str, Any] = {}
-    for _, message in bench.said:
+    for _, message in bench.received:
         assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
         (frame,) = splitter.feed_datagram(encoder.encode(message, 1, 1))
         decoded[message.get_type()] = decode(frame)
@@ -85,7 +86,7 @@ def test_every_message_can_be_packed_and_says_the_truth() -> None:
     assert decoded["VFR_HUD"].climb == pytest.approx(4.5, abs=0.1)  # up is positive
     assert position.hdg / 100.0 == pytest.approx(math.degrees(truth.heading_rad), abs=1.0)
     assert decoded["ATTITUDE"].roll == pytest.approx(truth.bank_rad, abs=0.02)
-    assert decoded["WIND"].direction == pytest.approx(math.degrees(math.atan2(1.0, -2.0)))  # where it is from
+    assert decoded["WIND"].direction == pytest.approx(math.degrees(math.atan2(1.0, -2.0)))  # comes from
     assert decoded["WIND"].speed == pytest.approx(math.hypot(2.0, 1.0))
     assert decoded["POSITION_TARGET_GLOBAL_INT"].alt == pytest.approx(984.1, abs=0.01)
     assert decoded["LOCAL_POSITION_NED"].z == pytest.approx(HOME.altitude_m + truth.position_m[2], abs=0.1)
@@ -98,7 +99,7 @@ def fly_level() -> dict[str, Message]:
     bench = airborne(rate_hz=2.0)
     bench.by_long(512, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     bench.fly(2.0)
-    return {message.get_type(): message for _, message in bench.said}
+    return {message.get_type(): message for _, message in bench.received}
 
 
 def recorded() -> dict[str, Message]:
@@ -115,7 +116,7 @@ def test_fields_that_never_change_are_those_of_the_recorded_flight(
     for kind, fields in CONSTANT.items():
         assert {name: getattr(messages[kind], name) for name in fields} == fields, kind
     assert all(math.isnan(q) for q in messages["HOME_POSITION"].q)
-    # Both fly level to the north, so what the fields mean shows in their signs and sizes.
+    # Both fly level to the north, so signs and sizes show the meaning of the fields.
     assert abs(messages["ATTITUDE"].yaw) < 0.1
     assert abs(messages["VFR_HUD"].airspeed - 22.0) < 0.5
     assert abs(messages["GLOBAL_POSITION_INT"].relative_alt - 300_000) < 1000
@@ -125,14 +126,14 @@ def test_message_intervals_belong_to_the_channel() -> None:
     bench = on_ground(channels=(0, 1))
     assert bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_ATTITUDE, 100_000, channel=1) == ACCEPTED
     bench.fly(10.0)
-    assert len(bench.heard("ATTITUDE", 0)) == 0
-    assert len(bench.heard("ATTITUDE", 1)) == 100
+    assert len(bench.messages("ATTITUDE", 0)) == 0
+    assert len(bench.messages("ATTITUDE", 1)) == 100
     assert bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_ATTITUDE, -1, channel=1) == ACCEPTED
     bench.fly(10.0)
-    assert len(bench.heard("ATTITUDE", 1)) == 100
+    assert len(bench.messages("ATTITUDE", 1)) == 100
 
 
-def test_an_interval_for_a_message_that_is_not_streamed_is_denied_aloud() -> None:
+def test_an_interval_for_an_unknown_message_is_denied_with_a_text() -> None:
     bench = on_ground()
     assert bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_COLLISION, 1_000_000) == DENIED
     assert "No ap_message for mavlink id (247)" in bench.texts()
@@ -143,16 +144,16 @@ def test_data_streams_set_a_group_at_once() -> None:
     group = mavlink.MAV_DATA_STREAM_POSITION
     bench.send(mavlink.MAVLink_request_data_stream_message(1, 1, group, 5, 1))
     bench.fly(4.0)
-    assert len(bench.heard("GLOBAL_POSITION_INT")) == len(bench.heard("LOCAL_POSITION_NED")) == 20
+    assert len(bench.messages("GLOBAL_POSITION_INT")) == len(bench.messages("LOCAL_POSITION_NED")) == 20
     bench.send(mavlink.MAVLink_request_data_stream_message(1, 1, group, 5, 0))
     bench.fly(4.0)
-    assert len(bench.heard("GLOBAL_POSITION_INT")) == 20
+    assert len(bench.messages("GLOBAL_POSITION_INT")) == 20
 
 
 def test_a_message_on_request() -> None:
     bench = on_ground()
     assert bench.by_long(512, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == ACCEPTED
-    (version,) = bench.heard("AUTOPILOT_VERSION")
+    (version,) = bench.messages("AUTOPILOT_VERSION")
     assert version.flight_sw_version >> 16 == 0x0407
     assert bench.by_long(512, 9999) == FAILED
 
@@ -160,31 +161,31 @@ def test_a_message_on_request() -> None:
 def test_timesync_and_ping_are_answered() -> None:
     bench = on_ground()
     bench.send(mavlink.MAVLink_timesync_message(tc1=0, ts1=123))
-    (answer,) = bench.heard("TIMESYNC")
+    (answer,) = bench.messages("TIMESYNC")
     assert answer.ts1 == 123
     assert answer.tc1 > 0
     bench.send(mavlink.MAVLink_ping_message(5, 7, 0, 0))
-    (pong,) = bench.heard("PING")
+    (pong,) = bench.messages("PING")
     assert (pong.seq, pong.target_system, pong.target_component) == (7, *GCS)
 
 
-# --- who is spoken to ---
+# --- addresses ---
 
 
 @pytest.mark.parametrize(
     ("target", "answered"),
     [((1, 1), True), ((1, 0), True), ((0, 0), True), ((2, 1), False), ((1, 191), False), ((255, 0), False)],
 )
-def test_only_its_own_addresses(target: tuple[int, int], answered: bool) -> None:
+def test_only_messages_to_its_own_addresses_are_handled(target: tuple[int, int], answered: bool) -> None:
     bench = airborne()
     assert (bench.by_long(SET_MODE, 1, Mode.LOITER, target=target) == ACCEPTED) is answered
     assert (bench.vehicle.truth.mode == "LOITER") is answered
 
 
-def test_the_answer_goes_to_the_channel_that_asked() -> None:
+def test_the_answer_goes_to_the_channel_of_the_request() -> None:
     bench = airborne(channels=(0, 1))
     assert bench.by_long(SET_MODE, 1, Mode.LOITER, channel=1) == ACCEPTED
-    assert bench.heard("COMMAND_ACK", 0) == []
+    assert bench.messages("COMMAND_ACK", 0) == []
 
 
 def test_unknown_commands_are_unsupported() -> None:
@@ -197,8 +198,8 @@ def test_unknown_commands_are_unsupported() -> None:
 def test_the_rhythm_of_stepping_changes_nothing() -> None:
     often, seldom = airborne(rate_hz=2.0), airborne(rate_hz=2.0)
     for step in range(1, 15_001):
-        often.said += often.vehicle.step(START_S + step * 0.01)
+        often.received += often.vehicle.step(START_S + step * 0.01)
     for step in range(1, 31):
-        seldom.said += seldom.vehicle.step(START_S + step * 5.0)
+        seldom.received += seldom.vehicle.step(START_S + step * 5.0)
     assert often.vehicle.truth == seldom.vehicle.truth
-    assert [str(m) for _, m in often.said] == [str(m) for _, m in seldom.said]
+    assert [str(m) for _, m in often.received] == [str(m) for _, m in seldom.received]

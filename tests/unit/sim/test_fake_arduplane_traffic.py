@@ -1,4 +1,4 @@
-"""Traffic through the fake ArduPlane, with the quirks of the real one."""
+"""The fake ArduPlane's traffic list, with the quirks of the real one."""
 
 from typing import Any
 
@@ -36,63 +36,63 @@ def traffic_bench(interval_us: float = 200_000) -> PlaneBench:
     return bench
 
 
-def test_traffic_is_resent_where_it_was_asked_for_as_from_the_autopilot() -> None:
+def test_traffic_is_resent_on_request_from_the_autopilots_address() -> None:
     bench = traffic_bench()
     bench.send(adsb(), (1, 156), RECEIVER)
     bench.fly(0.5)
-    told = bench.heard("ADSB_VEHICLE")
-    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in told} == {(1, 1)}
-    assert told[0].to_dict() == adsb().to_dict()
-    assert bench.heard("ADSB_VEHICLE", 1) == []
-    assert bench.heard("ADSB_VEHICLE", RECEIVER) == []
+    received = bench.messages("ADSB_VEHICLE")
+    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in received} == {(1, 1)}
+    assert received[0].to_dict() == adsb().to_dict()
+    assert bench.messages("ADSB_VEHICLE", 1) == []
+    assert bench.messages("ADSB_VEHICLE", RECEIVER) == []
 
 
-def test_the_same_report_comes_again_unaged_for_five_seconds() -> None:
+def test_a_report_is_repeated_unchanged_for_five_seconds() -> None:
     bench = traffic_bench()
     bench.send(adsb(tslc=1), (1, 156), RECEIVER)
     bench.fly(20.0)
-    told = bench.heard("ADSB_VEHICLE")
-    assert 5 <= len(told) <= 7  # at most once a second, twice at the very first as recorded
-    assert {m.tslc for m in told} == {1}
+    received = bench.messages("ADSB_VEHICLE")
+    assert 5 <= len(received) <= 7  # at most once a second, twice at the very first as recorded
+    assert {m.tslc for m in received} == {1}
 
 
-def test_the_list_is_told_one_by_one() -> None:
+def test_the_list_is_sent_one_by_one() -> None:
     bench = traffic_bench()
     for _ in range(10):
         for icao in (1, 2, 3):
             bench.send(adsb(icao), (1, 156), RECEIVER)
         bench.fly(1.0)
-    told = [m.ICAO_address for m in bench.heard("ADSB_VEHICLE")]
-    assert told[:6] == [1, 2, 3, 1, 2, 3]
-    assert 27 <= len(told) <= 33
+    received = [m.ICAO_address for m in bench.messages("ADSB_VEHICLE")]
+    assert received[:6] == [1, 2, 3, 1, 2, 3]
+    assert 27 <= len(received) <= 33
 
 
-def test_any_of_two_flags_is_enough_and_no_flag_is_not() -> None:
+def test_one_of_two_flags_is_enough() -> None:
     bench = traffic_bench()
     bench.send(adsb(1, flags=1, altitude=2**31 - 1, heading=65_535, hor_velocity=65_535), (1, 156), RECEIVER)
     bench.send(adsb(2, flags=12), (1, 156), RECEIVER)
     bench.send(adsb(3, north_m=11_000.0), (1, 156), RECEIVER)
     bench.send(adsb(0x1000000), (1, 156), RECEIVER)
     bench.fly(3.0)
-    assert {m.ICAO_address for m in bench.heard("ADSB_VEHICLE")} == {1}
-    assert bench.heard("ADSB_VEHICLE")[0].hor_velocity == 65_535
+    assert {m.ICAO_address for m in bench.messages("ADSB_VEHICLE")} == {1}
+    assert bench.messages("ADSB_VEHICLE")[0].hor_velocity == 65_535
 
 
-def test_the_own_transponder_comes_back_unless_its_address_is_known() -> None:
+def test_the_own_transponder_is_forwarded_unless_its_address_is_set() -> None:
     bench = traffic_bench()
     bench.send(adsb(0xBEEF), (1, 156), RECEIVER)
     bench.fly(1.0)
-    assert bench.heard("ADSB_VEHICLE")
+    assert bench.messages("ADSB_VEHICLE")
     bench.send(mavlink.MAVLink_param_set_message(1, 1, b"ADSB_ICAO_ID", float(0xBEEF), 6))
     bench.send(adsb(0xBEEF), (1, 156), RECEIVER)
-    bench.said.clear()
+    bench.received.clear()
     bench.fly(5.0)
-    assert bench.heard("ADSB_VEHICLE") == []
+    assert bench.messages("ADSB_VEHICLE") == []
 
 
-def test_without_a_receiver_type_nothing_is_forwarded() -> None:
+def test_without_receiver_type_nothing_is_forwarded() -> None:
     bench = traffic_bench()
     bench.send(mavlink.MAVLink_param_set_message(1, 1, b"ADSB_TYPE", 0.0, 2))
     bench.send(adsb(), (1, 156), RECEIVER)
     bench.fly(3.0)
-    assert bench.heard("ADSB_VEHICLE") == []
+    assert bench.messages("ADSB_VEHICLE") == []

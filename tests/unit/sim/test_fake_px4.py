@@ -1,4 +1,4 @@
-"""The fake PX4 outside OFFBOARD: modes, commands, mission, parameters, traffic, and what it tells."""
+"""The fake PX4 outside OFFBOARD: telemetry, modes, commands, mission, parameters, traffic."""
 
 import math
 import struct
@@ -27,16 +27,16 @@ from tests.support.vehicle_bench import (
 INT32, REAL32 = 6, 9
 
 
-# --- what it tells ---
+# --- telemetry ---
 
 
-def test_every_message_can_be_packed_and_says_the_truth() -> None:
+def test_every_message_can_be_packed_and_carries_the_true_state() -> None:
     bench = airborne(quiet=False, wind_mps=(2.0, -1.0))
     bench.engage()
     bench.stream(5.0, course_deg=60.0, height_m=150.0)
     encoder, splitter = Encoder(), FrameSplitter()
     decoded: dict[str, Any] = {}
-    for _, message in bench.said:
+    for _, message in bench.received:
         assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
         (frame,) = splitter.feed_datagram(encoder.encode(message, 1, 1))
         decoded[message.get_type()] = decode(frame)
@@ -59,18 +59,18 @@ def test_every_message_can_be_packed_and_says_the_truth() -> None:
 def test_heartbeats_of_the_modes() -> None:
     bench = airborne()
     for mode, base_mode in ((Px4Mode.HOLD, 128 + 29), (Px4Mode.POSCTL, 128 + 81), (Px4Mode.MANUAL, 128 + 65)):
-        bench.said.clear()
+        bench.received.clear()
         bench.vehicle.set_mode(mode)
         bench.fly(0.3)
-        (told,) = bench.heard("HEARTBEAT")
-        assert (told.custom_mode, told.base_mode, told.system_status) == (mode, base_mode, 4)
+        (received,) = bench.messages("HEARTBEAT")
+        assert (received.custom_mode, received.base_mode, received.system_status) == (mode, base_mode, 4)
         bench.fly(1.0)
 
 
-def test_the_version_and_messages_that_there_are_not() -> None:
+def test_the_version_and_unknown_messages() -> None:
     bench = on_ground()
     assert bench.by_long(REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == ACCEPTED
-    (version,) = bench.heard("AUTOPILOT_VERSION")
+    (version,) = bench.messages("AUTOPILOT_VERSION")
     assert version.flight_sw_version >> 16 == 0x010F
     assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
     assert bench.by_long(REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_WIND) == FAILED
@@ -82,9 +82,9 @@ def test_the_version_and_messages_that_there_are_not() -> None:
 
 
 @pytest.mark.parametrize("mode", [m for m in Px4Mode if m not in (Px4Mode.OFFBOARD, Px4Mode.LAND)])
-def test_every_mode_flies_on_without_falling(mode: Px4Mode) -> None:
+def test_every_mode_keeps_flying(mode: Px4Mode) -> None:
     bench = airborne()
-    assert bench.ask_mode(mode) == ACCEPTED
+    assert bench.request_mode(mode) == ACCEPTED
     bench.fly(60.0)
     truth = bench.vehicle.truth
     assert not truth.on_ground
@@ -94,24 +94,24 @@ def test_every_mode_flies_on_without_falling(mode: Px4Mode) -> None:
 
 
 @pytest.mark.parametrize("params", [(0.0, 4.0, 3.0), (1.0, 9.0, 0.0), (1.0, 4.0, 99.0), (1.0, math.nan, 0.0)])
-def test_modes_that_do_not_exist_are_refused(params: tuple[float, float, float]) -> None:
+def test_unknown_modes_are_refused(params: tuple[float, float, float]) -> None:
     bench = airborne()
     assert bench.by_long(SET_MODE, *params) == DENIED
     assert bench.mode() == "MISSION"
 
 
-def test_mode_by_the_old_message() -> None:
+def test_mode_by_set_mode_message() -> None:
     bench = airborne()
     bench.send(mavlink.MAVLink_set_mode_message(1, 1, int(Px4Mode.RETURN)))
     assert bench.mode() == "RETURN"
-    assert [(a.command, a.result) for a in bench.heard("COMMAND_ACK")] == [(SET_MODE, ACCEPTED)]
+    assert [(a.command, a.result) for a in bench.messages("COMMAND_ACK")] == [(SET_MODE, ACCEPTED)]
 
 
-def test_mission_needs_a_mission() -> None:
+def test_mission_mode_needs_a_mission() -> None:
     bench = airborne(mission=[waypoint(1000.0, 0.0), waypoint(2000.0, 0.0)])
     bench.send(mavlink.MAVLink_mission_clear_all_message(1, 1))
     assert bench.mode() == "HOLD"
-    assert bench.ask_mode(Px4Mode.MISSION) == REJECTED
+    assert bench.request_mode(Px4Mode.MISSION) == REJECTED
 
 
 def test_landing_ends_on_the_ground_and_disarmed() -> None:
@@ -145,11 +145,11 @@ def test_take_off_and_mission_to_its_end() -> None:
     assert truth.mission_completed
     assert truth.mode == "MISSION"
     assert math.dist(truth.position_m[:2], (4000.0, 3000.0)) == pytest.approx(80.0, abs=25.0)
-    assert [m.seq for m in bench.heard("MISSION_ITEM_REACHED")] == [0, 1, 2]
+    assert [m.seq for m in bench.messages("MISSION_ITEM_REACHED")] == [0, 1, 2]
     assert bench.texts().count("Mission finished, loitering") == 1
 
 
-def test_reposition_holds_there_at_a_height_above_the_sea_whatever_the_frame() -> None:
+def test_reposition_holds_there_at_a_height_above_sea_level_in_any_frame() -> None:
     bench = airborne()
     place = FRAME.to_geo(800.0, 800.0, 0.0)
     target = (round(place.lat_deg * 1e7), round(place.lon_deg * 1e7), HOME.altitude_m + 120.0)
@@ -169,7 +169,7 @@ def test_change_speed_is_flown_outside_offboard() -> None:
     assert bench.vehicle.truth.airspeed_mps == pytest.approx(18.0, abs=0.2)
 
 
-# --- the mission again ---
+# --- the mission resumed ---
 
 
 def test_the_mission_resumes_at_the_same_item_straight() -> None:
@@ -186,12 +186,12 @@ def test_the_mission_resumes_at_the_same_item_straight() -> None:
     assert abs(aside_m) < 25.0
 
 
-def test_from_well_below_it_climbs_first_in_a_loiter() -> None:
+def test_well_below_the_item_it_climbs_in_a_loiter_first() -> None:
     bench = airborne(mission=[MISSION[0], waypoint(4000.0, 0.0, 160.0)])
-    bench.ask_mode(Px4Mode.HOLD)
+    bench.request_mode(Px4Mode.HOLD)
     bench.fly(5.0)
     here_m = bench.vehicle.truth.position_m
-    bench.ask_mode(Px4Mode.MISSION)
+    bench.request_mode(Px4Mode.MISSION)
     farthest_m = 0.0
     while bench.height_m() < 145.0:
         bench.fly(1.0)
@@ -201,24 +201,24 @@ def test_from_well_below_it_climbs_first_in_a_loiter() -> None:
     assert bench.vehicle.truth.position_m[0] > 600.0
 
 
-def test_items_are_asked_for_as_integers_and_counted_from_the_first() -> None:
+def test_items_are_requested_as_integers_and_counted_from_zero() -> None:
     bench = on_ground()
     items = [MISSION[0], waypoint(500.0, 0.0)]
     bench.send(mavlink.MAVLink_mission_count_message(1, 1, 2))
     for sequence, item in enumerate(items):
-        assert bench.heard("MISSION_REQUEST_INT")[-1].seq == sequence
+        assert bench.messages("MISSION_REQUEST_INT")[-1].seq == sequence
         bench.send(
             mavlink.MAVLink_mission_item_int_message(
                 1, 1, sequence, item.frame, item.command, 0, 1, *item.params,
                 item.lat_e7, item.lon_e7, item.altitude_m,
             )
         )  # fmt: skip
-    assert bench.heard("MISSION_ACK")[-1].type == mavlink.MAV_MISSION_ACCEPTED
+    assert bench.messages("MISSION_ACK")[-1].type == mavlink.MAV_MISSION_ACCEPTED
     assert bench.vehicle.flight.mission.items == items
     bench.vehicle.add_channel(0, stream_rate_hz=1.0)
     bench.fly(2.0)
-    told = bench.heard("MISSION_CURRENT")[-1]
-    assert (told.seq, told.total) == (0, 2)
+    received = bench.messages("MISSION_CURRENT")[-1]
+    assert (received.seq, received.total) == (0, 2)
 
 
 # --- parameters ---
@@ -232,34 +232,34 @@ def as_int(value: float) -> int:
     return int(struct.unpack("<i", struct.pack("<f", value))[0])
 
 
-def test_integers_travel_as_bytes() -> None:
+def test_integers_are_encoded_as_bytes() -> None:
     bench = on_ground()
     bench.send(mavlink.MAVLink_param_request_read_message(1, 1, b"SYS_AUTOSTART", -1))
-    (told,) = bench.heard("PARAM_VALUE")
-    assert (told.param_type, as_int(told.param_value)) == (INT32, 2100)
+    (received,) = bench.messages("PARAM_VALUE")
+    assert (received.param_type, as_int(received.param_value)) == (INT32, 2100)
     bench.set_parameter(b"COM_OBL_RC_ACT", as_float(5), INT32)
     assert bench.vehicle.parameters["COM_OBL_RC_ACT"] == 5.0
-    assert as_int(bench.heard("PARAM_VALUE")[-1].param_value) == 5
+    assert as_int(bench.messages("PARAM_VALUE")[-1].param_value) == 5
 
 
 @pytest.mark.parametrize(("value", "kind"), [(5.0, REAL32), (as_float(5), 2)])
-def test_an_integer_sent_with_another_type_is_not_taken(value: float, kind: int) -> None:
+def test_an_integer_with_another_type_is_refused(value: float, kind: int) -> None:
     bench = on_ground()
     bench.set_parameter(b"COM_OBL_RC_ACT", value, kind)
     assert bench.vehicle.parameters["COM_OBL_RC_ACT"] == 0.0
-    assert as_int(bench.heard("PARAM_VALUE")[-1].param_value) == 0
+    assert as_int(bench.messages("PARAM_VALUE")[-1].param_value) == 0
 
 
-def test_the_list_has_the_names_of_the_envelope() -> None:
+def test_the_list_has_the_envelope_parameters() -> None:
     bench = on_ground()
     bench.send(mavlink.MAVLink_param_request_list_message(1, 1))
-    told = bench.heard("PARAM_VALUE")
-    assert [m.param_index for m in told] == list(range(len(told)))
-    assert len(told) >= 30
+    received = bench.messages("PARAM_VALUE")
+    assert [m.param_index for m in received] == list(range(len(received)))
+    assert len(received) >= 30
     assert {
         "FW_AIRSPD_MIN", "FW_AIRSPD_TRIM", "FW_AIRSPD_MAX", "FW_R_LIM", "FW_T_CLMB_MAX", "FW_T_SINK_MAX",
         "NAV_LOITER_RAD", "NAV_TRAFF_AVOID", "COM_OF_LOSS_T", "COM_OBL_RC_ACT", "MIS_TAKEOFF_ALT",
-    } <= {m.param_id for m in told}  # fmt: skip
+    } <= {m.param_id for m in received}  # fmt: skip
 
 
 # --- traffic ---
@@ -273,32 +273,32 @@ def report(north_m: float = 3000.0, height_m: float = 300.0) -> Message:
     )  # fmt: skip
 
 
-def test_traffic_is_passed_on_once_and_echoed_to_its_sender() -> None:
+def test_traffic_is_forwarded_once_and_echoed_to_its_sender() -> None:
     bench = Px4Bench(airborne().vehicle, channels=(0, 1))
     bench.send(report(), (1, 156), channel=1)
     bench.fly(2.0)
     for channel in (0, 1):
-        (told,) = bench.heard("ADSB_VEHICLE", channel)
-        assert (told.get_srcSystem(), told.get_srcComponent()) == (1, 1)
-        assert told.to_dict() == report().to_dict()
+        (received,) = bench.messages("ADSB_VEHICLE", channel)
+        assert (received.get_srcSystem(), received.get_srcComponent()) == (1, 1)
+        assert received.to_dict() == report().to_dict()
 
 
-def test_traffic_keeps_to_an_interval_and_can_be_stopped() -> None:
+def test_traffic_follows_an_interval_and_can_be_stopped() -> None:
     bench = airborne()
     bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, 1_000_000)
     bench.send(report(), (1, 156))
     bench.fly(0.5)
-    assert bench.heard("ADSB_VEHICLE") == []
+    assert bench.messages("ADSB_VEHICLE") == []
     bench.fly(0.6)
-    assert len(bench.heard("ADSB_VEHICLE")) == 1
+    assert len(bench.messages("ADSB_VEHICLE")) == 1
     bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE, -1)
     bench.send(report(), (1, 156))
     bench.fly(3.0)
-    assert len(bench.heard("ADSB_VEHICLE")) == 1
+    assert len(bench.messages("ADSB_VEHICLE")) == 1
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "OFFBOARD"), (1, "OFFBOARD"), (2, "RETURN"), (4, "HOLD")])
-def test_its_own_traffic_action_takes_over_from_offboard(action: int, mode: str) -> None:
+def test_its_own_traffic_action_ends_offboard(action: int, mode: str) -> None:
     bench = airborne(parameters={"NAV_TRAFF_AVOID": action})
     bench.engage()
     bench.send(report(north_m=400.0, height_m=110.0), (1, 156))
@@ -307,18 +307,18 @@ def test_its_own_traffic_action_takes_over_from_offboard(action: int, mode: str)
     assert bench.texts() == (["Traffic alert"] if action else [])
 
 
-def test_only_its_own_addresses_and_answers_to_the_sender() -> None:
+def test_only_its_own_addresses_are_handled_and_the_sender_is_answered() -> None:
     bench = airborne()
     assert bench.by_long(SET_MODE, 1, 4, 3, target=(2, 1)) == -1
     assert bench.by_long(SET_MODE, 1, 4, 3) == ACCEPTED
-    answer = bench.heard("COMMAND_ACK")[-1]
+    answer = bench.messages("COMMAND_ACK")[-1]
     assert (answer.target_system, answer.target_component) == GCS
 
 
 def test_the_rhythm_of_stepping_changes_nothing() -> None:
     often, seldom = airborne(quiet=False), airborne(quiet=False)
     for step in range(1, 3001):
-        often.said += often.vehicle.step(1_800_000_000.0 + step * 0.01)
+        often.received += often.vehicle.step(1_800_000_000.0 + step * 0.01)
     seldom.fly(30.0)
     assert often.vehicle.truth == seldom.vehicle.truth
-    assert [str(m) for _, m in often.said] == [str(m) for _, m in seldom.said]
+    assert [str(m) for _, m in often.received] == [str(m) for _, m in seldom.received]

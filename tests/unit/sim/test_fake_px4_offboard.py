@@ -1,4 +1,4 @@
-"""OFFBOARD of the fake PX4 against what was measured on the real one: what it flies, and what breaks it."""
+"""OFFBOARD of the fake PX4 against measurements: what it flies, and what invalidates its setpoint."""
 
 import math
 
@@ -30,39 +30,39 @@ def engaged(**options: object) -> Px4Bench:
 # --- entering, losing and coming back ---
 
 
-def test_it_is_refused_without_a_stream_and_entered_with_one() -> None:
+def test_offboard_needs_a_stream() -> None:
     bench = airborne()
-    assert bench.ask_mode(Px4Mode.OFFBOARD) == REJECTED
+    assert bench.request_mode(Px4Mode.OFFBOARD) == REJECTED
     bench.stream(0.2, VELOCITY)
-    assert bench.ask_mode(Px4Mode.OFFBOARD) == REJECTED
+    assert bench.request_mode(Px4Mode.OFFBOARD) == REJECTED
     bench.stream(0.3, VELOCITY)
-    assert bench.ask_mode(Px4Mode.OFFBOARD) == ACCEPTED
+    assert bench.request_mode(Px4Mode.OFFBOARD) == ACCEPTED
     assert bench.vehicle.truth.companion_flies
 
 
-def test_a_stream_below_2_hz_is_none() -> None:
+def test_a_stream_below_2_hz_does_not_count() -> None:
     bench = airborne()
     for _ in range(5):
         bench.send(bench.setpoint(VELOCITY))
         bench.fly(0.6)
     bench.send(bench.setpoint(VELOCITY))
-    assert bench.ask_mode(Px4Mode.OFFBOARD) == REJECTED
+    assert bench.request_mode(Px4Mode.OFFBOARD) == REJECTED
 
 
-def test_the_heartbeat_tells_of_a_new_mode_at_once() -> None:
+def test_a_new_mode_is_reported_by_an_early_heartbeat() -> None:
     bench = airborne()
     bench.stream(0.55, VELOCITY)
-    bench.said.clear()
-    bench.ask_mode(Px4Mode.OFFBOARD)
+    bench.received.clear()
+    bench.request_mode(Px4Mode.OFFBOARD)
     bench.fly(0.15)
-    (told,) = bench.heard("HEARTBEAT")
-    assert (told.custom_mode, told.autopilot, told.type) == (6 << 16, 12, 1)
+    (received,) = bench.messages("HEARTBEAT")
+    assert (received.custom_mode, received.autopilot, received.type) == (6 << 16, 12, 1)
 
 
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, "POSCTL"), (1, "ALTCTL"), (2, "MANUAL"), (3, "RETURN"), (4, "LAND"), (5, "HOLD")]
 )
-def test_a_silent_second_loses_it_and_a_new_stream_takes_it_back(action: int, mode: str) -> None:
+def test_a_silent_second_ends_offboard_and_a_new_stream_re_enters_it(action: int, mode: str) -> None:
     bench = engaged(parameters={"COM_OBL_RC_ACT": action})
     bench.fly(0.8)
     assert bench.mode() == "OFFBOARD"
@@ -77,19 +77,19 @@ def test_a_silent_second_loses_it_and_a_new_stream_takes_it_back(action: int, mo
     assert not bench.vehicle.truth.uncontrolled
 
 
-def test_after_a_commanded_mode_a_stream_takes_nothing_back() -> None:
+def test_after_a_commanded_mode_a_stream_does_not_re_enter() -> None:
     bench = engaged()
     bench.release()
     bench.stream(3.0, VELOCITY)
     assert bench.mode() == "MISSION"
     lost = engaged()
     lost.fly(2.0)
-    lost.ask_mode(Px4Mode.HOLD)
+    lost.request_mode(Px4Mode.HOLD)
     lost.stream(3.0, VELOCITY)
     assert lost.mode() == "HOLD"
 
 
-def test_how_long_a_silence_may_be_is_a_parameter() -> None:
+def test_the_stream_timeout_is_a_parameter() -> None:
     bench = engaged(parameters={"COM_OF_LOSS_T": 3.0})
     bench.fly(2.8)
     assert bench.mode() == "OFFBOARD"
@@ -102,7 +102,7 @@ def test_how_long_a_silence_may_be_is_a_parameter() -> None:
 
 @pytest.mark.parametrize(("turn_deg", "expected_s"), UNTIL_WITHIN_5_DEG_S.items())
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_courses_are_turned_to_as_measured(turn_deg: float, expected_s: float, side: float) -> None:
+def test_turns_take_as_long_as_measured(turn_deg: float, expected_s: float, side: float) -> None:
     bench = engaged()
     bench.stream(2.0)
     started_s = arrived_s = math.nan
@@ -144,7 +144,7 @@ def test_it_flies_the_line_through_the_position_in_wind() -> None:
     assert bench.course_deg() == pytest.approx(90.0, abs=0.5)
 
 
-def test_the_size_of_the_velocity_and_change_speed_are_ignored_but_a_parameter_is_flown() -> None:
+def test_airspeed_follows_the_parameter_not_velocity_or_change_speed() -> None:
     bench = engaged()
     assert bench.by_long(178, 0, 19.0, -1) == ACCEPTED
     bench.stream(10.0, speed_mps=19.0)
@@ -166,7 +166,7 @@ def test_a_position_alone_is_circled() -> None:
 
 
 @pytest.mark.parametrize("body", [False, True])
-def test_velocity_alone_freezes_what_it_does(body: bool) -> None:
+def test_velocity_alone_freezes_attitude_and_thrust(body: bool) -> None:
     bench = engaged()
     bench.stream(1.2, course_deg=180.0)
     bank_rad = bench.vehicle.truth.bank_rad
@@ -212,13 +212,13 @@ def test_local_frame_and_height_above_home() -> None:
 def test_other_frames_do_not_count_as_a_stream(frame: int) -> None:
     bench = airborne()
     bench.stream(2.0, VELOCITY, frame=frame)
-    assert bench.ask_mode(Px4Mode.OFFBOARD) == REJECTED
+    assert bench.request_mode(Px4Mode.OFFBOARD) == REJECTED
     bench.engage()
     bench.stream(1.5, frame=frame)
     assert bench.mode() == "POSCTL"
 
 
-def test_setpoints_without_anything_valid_do_not_count() -> None:
+def test_setpoints_without_a_valid_field_do_not_count() -> None:
     bench = engaged()
     bench.stream(1.5, 4095)
     assert bench.mode() == "POSCTL"
@@ -228,10 +228,10 @@ def test_there_are_no_guided_commands() -> None:
     assert engaged().by_int(CHANGE_HEADING, 0, 90.0, 5.0) == UNSUPPORTED
 
 
-# --- what breaks it ---
+# --- what invalidates the setpoint ---
 
 
-def test_the_right_way_in_and_out_stays_sane() -> None:
+def test_correct_entry_and_exit_keep_the_setpoint_valid() -> None:
     bench = airborne(quiet=False)
     for number in range(5):
         bench.engage()
@@ -241,14 +241,14 @@ def test_the_right_way_in_and_out_stays_sane() -> None:
         assert not bench.vehicle.truth.uncontrolled
     assert bench.mode() == "MISSION"
     assert not [text for text in bench.texts() if text.startswith("FAKE VEHICLE")]
-    assert all(math.isfinite(m.q[0]) for m in bench.heard("ATTITUDE_TARGET"))
+    assert all(math.isfinite(m.q[0]) for m in bench.messages("ATTITUDE_TARGET"))
 
 
 @pytest.mark.parametrize("off_m", [15.0, -15.0, 5.5])
-def test_leaving_far_from_its_height_poisons_the_controller(off_m: float) -> None:
+def test_leaving_far_from_the_commanded_height_invalidates_the_setpoint(off_m: float) -> None:
     bench = engaged(height_m=200.0, quiet=False)
     bench.stream(0.5, height_m=200.0 + off_m)
-    assert bench.ask_mode(Px4Mode.MISSION) == ACCEPTED
+    assert bench.request_mode(Px4Mode.MISSION) == ACCEPTED
     bench.fly(10.0)
     truth = bench.vehicle.truth
     assert truth.uncontrolled
@@ -256,14 +256,14 @@ def test_leaving_far_from_its_height_poisons_the_controller(off_m: float) -> Non
     assert abs(truth.bank_rad) > 0.3
     assert bench.height_m() < 190.0
     assert "FAKE VEHICLE: attitude setpoint is NaN" in bench.texts()
-    assert all(math.isnan(q) for q in bench.heard("ATTITUDE_TARGET")[-1].q)
+    assert all(math.isnan(q) for q in bench.messages("ATTITUDE_TARGET")[-1].q)
 
 
 @pytest.mark.parametrize("off_m", [0.0, 4.0])
-def test_leaving_at_its_height_does_not(off_m: float) -> None:
+def test_leaving_at_the_commanded_height_does_not(off_m: float) -> None:
     bench = engaged()
     bench.stream(0.5, height_m=100.0 + off_m)
-    bench.ask_mode(Px4Mode.MISSION)
+    bench.request_mode(Px4Mode.MISSION)
     bench.fly(1.0)
     assert not bench.vehicle.truth.uncontrolled
 
@@ -272,12 +272,12 @@ def test_one_level_setpoint_just_before_leaving_is_too_late() -> None:
     bench = engaged()
     bench.stream(0.5, height_m=130.0)
     bench.stream(0.1)
-    bench.ask_mode(Px4Mode.MISSION)
+    bench.request_mode(Px4Mode.MISSION)
     bench.fly(0.1)
     assert bench.vehicle.truth.uncontrolled
 
 
-def test_a_stream_lost_far_from_its_height_poisons_too() -> None:
+def test_a_stream_lost_far_from_the_commanded_height_invalidates_too() -> None:
     bench = engaged()
     bench.stream(0.5, height_m=130.0)
     bench.fly(1.2)
@@ -285,7 +285,7 @@ def test_a_stream_lost_far_from_its_height_poisons_too() -> None:
     assert bench.vehicle.truth.uncontrolled
 
 
-def test_falling_back_to_velocity_far_from_its_height_poisons_and_the_recovery_heals() -> None:
+def test_velocity_far_from_the_commanded_height_invalidates_and_the_recovery_restores() -> None:
     bench = engaged(height_m=300.0)
     bench.stream(0.5, height_m=330.0)
     bench.stream(0.2, VELOCITY)
@@ -303,15 +303,15 @@ def test_falling_back_to_velocity_far_from_its_height_poisons_and_the_recovery_h
 
 
 @pytest.mark.parametrize("strict", [True, False])
-def test_entering_straight_with_position_and_velocity_poisons_when_strict(strict: bool) -> None:
+def test_direct_entry_with_position_and_velocity_invalidates_when_strict(strict: bool) -> None:
     bench = airborne(strict=strict)
     bench.stream(0.6)
-    assert bench.ask_mode(Px4Mode.OFFBOARD) == ACCEPTED
+    assert bench.request_mode(Px4Mode.OFFBOARD) == ACCEPTED
     bench.stream(0.3)
     assert bench.vehicle.truth.uncontrolled is strict
 
 
-def test_coming_back_with_position_and_velocity_poisons_as_well() -> None:
+def test_re_entry_with_position_and_velocity_invalidates_too() -> None:
     bench = engaged()
     bench.fly(2.0)
     bench.stream(0.3)
@@ -327,7 +327,7 @@ def test_setpoints_that_make_the_attitude_nan(mask: int, speed_mps: float) -> No
     assert bench.mode() == "OFFBOARD"
 
 
-def test_a_pilot_in_manual_flies_past_the_poisoned_controller() -> None:
+def test_manual_bypasses_the_invalid_setpoint() -> None:
     bench = engaged()
     bench.stream(0.5, height_m=130.0)
     bench.vehicle.set_mode("MANUAL")

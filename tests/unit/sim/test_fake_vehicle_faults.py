@@ -1,4 +1,4 @@
-"""What testers do to either fake vehicle: fences, reboots, failsafes, sticks, unanswered commands."""
+"""Faults of both fake vehicles: fences, reboots, failsafes, sticks, unanswered commands."""
 
 from collections.abc import Callable
 from typing import Any
@@ -38,7 +38,7 @@ def place(bench: Bench, north_m: float, east_m: float) -> GeoPoint:
 
 
 def upload(bench: Bench, items: list[tuple[int, float, float, float]]) -> int:
-    """Each item: command, first parameter, north and east from home; the result in MISSION_ACK."""
+    """Upload items of command, first parameter, north and east from home; the MISSION_ACK result."""
     bench.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), FENCE))
     for sequence, (command, value, north_m, east_m) in enumerate(items):
         there = place(bench, north_m, east_m)
@@ -48,7 +48,7 @@ def upload(bench: Bench, items: list[tuple[int, float, float, float]]) -> int:
                 round(there.lat_deg * 1e7), round(there.lon_deg * 1e7), 0.0, FENCE,
             )
         )  # fmt: skip
-    return int(bench.heard("MISSION_ACK")[-1].type)
+    return int(bench.messages("MISSION_ACK")[-1].type)
 
 
 def square(command: int, half_m: float, north_m: float = 0.0) -> list[tuple[int, float, float, float]]:
@@ -66,15 +66,15 @@ def test_a_fence_is_uploaded_downloaded_and_cleared(autopilot: str) -> None:
     items = [(RETURN_POINT, 0.0, 0.0, 0.0), *square(INCLUSION, 3000.0), (CIRCLE_OUT, 150.0, 900.0, 900.0)]
     assert upload(bench, items) == mavlink.MAV_MISSION_ACCEPTED
     bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, FENCE))
-    assert bench.heard("MISSION_COUNT")[-1].count == 6
+    assert bench.messages("MISSION_COUNT")[-1].count == 6
     for sequence in range(6):
         bench.send(mavlink.MAVLink_mission_request_int_message(1, 1, sequence, FENCE))
-    told = bench.heard("MISSION_ITEM_INT")
-    assert [(m.command, m.param1, m.mission_type) for m in told] == [(i[0], i[1], FENCE) for i in items]
-    assert [m.x for m in told] == [round(place(bench, i[2], i[3]).lat_deg * 1e7) for i in items]
+    received = bench.messages("MISSION_ITEM_INT")
+    assert [(m.command, m.param1, m.mission_type) for m in received] == [(i[0], i[1], FENCE) for i in items]
+    assert [m.x for m in received] == [round(place(bench, i[2], i[3]).lat_deg * 1e7) for i in items]
     bench.send(mavlink.MAVLink_mission_clear_all_message(1, 1, FENCE))
     bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, FENCE))
-    assert bench.heard("MISSION_COUNT")[-1].count == 0
+    assert bench.messages("MISSION_COUNT")[-1].count == 0
     assert bench.vehicle.flight.mission.items == mission
 
 
@@ -82,13 +82,13 @@ def test_a_fence_is_uploaded_downloaded_and_cleared(autopilot: str) -> None:
 @pytest.mark.parametrize(
     ("items", "result"),
     [
-        (square(INCLUSION, 500.0)[:3], mavlink.MAV_MISSION_INVALID),  # says four, has three
+        (square(INCLUSION, 500.0)[:3], mavlink.MAV_MISSION_INVALID),  # four announced, three sent
         ([(EXCLUSION, 2.0, 0.0, 0.0), (EXCLUSION, 2.0, 9.0, 0.0)], mavlink.MAV_MISSION_INVALID),
         ([(CIRCLE_IN, 0.0, 0.0, 0.0)], mavlink.MAV_MISSION_INVALID),
         ([(16, 0.0, 0.0, 0.0)], mavlink.MAV_MISSION_UNSUPPORTED),
     ],
 )
-def test_fences_that_bound_nothing_are_refused(autopilot: str, items: Any, result: int) -> None:
+def test_incomplete_fences_are_refused(autopilot: str, items: Any, result: int) -> None:
     bench = AIRBORNE[autopilot]()
     assert upload(bench, square(INCLUSION, 3000.0)) == mavlink.MAV_MISSION_ACCEPTED
     assert upload(bench, items) == result
@@ -105,7 +105,7 @@ def test_fences_that_bound_nothing_are_refused(autopilot: str, items: Any, resul
         [(CIRCLE_OUT, 100.0, 400.0, 0.0)],
     ],
 )
-def test_a_broken_fence_takes_the_aircraft_home(autopilot: str, items: Any) -> None:
+def test_a_fence_breach_returns_the_aircraft_home(autopilot: str, items: Any) -> None:
     bench = AIRBORNE[autopilot](parameters=FENCE_ON[autopilot])
     assert upload(bench, items) == mavlink.MAV_MISSION_ACCEPTED
     while bench.vehicle.truth.position_m[0] < 290.0:
@@ -117,20 +117,20 @@ def test_a_broken_fence_takes_the_aircraft_home(autopilot: str, items: Any) -> N
 
 
 @both
-def test_a_fence_that_is_off_is_not_watched(autopilot: str) -> None:
+def test_a_disabled_fence_has_no_effect(autopilot: str) -> None:
     bench = AIRBORNE[autopilot](parameters=FENCE_OFF[autopilot])
     upload(bench, square(INCLUSION, 100.0))
     bench.fly(20.0)
     assert bench.vehicle.truth.mode == ON_MISSION[autopilot]
 
 
-def test_arduplane_tells_of_a_breach_and_may_only_report_it() -> None:
+def test_arduplane_reports_a_breach_without_an_action() -> None:
     bench = arduplane_bench.airborne(parameters={"FENCE_ENABLE": 1, "FENCE_ACTION": 0})
     upload(bench, square(EXCLUSION, 100.0, 400.0))
-    assert bench.heard("PARAM_VALUE")[-1].param_id == "FENCE_TOTAL"
+    assert bench.messages("PARAM_VALUE")[-1].param_id == "FENCE_TOTAL"
     bench.fly(40.0)
-    told = bench.heard("FENCE_STATUS")
-    assert [(m.breach_status, m.breach_count, m.breach_type) for m in told] == [(1, 1, 3), (0, 1, 0)]
+    received = bench.messages("FENCE_STATUS")
+    assert [(m.breach_status, m.breach_count, m.breach_type) for m in received] == [(1, 1, 3), (0, 1, 0)]
     assert bench.vehicle.truth.mode == "AUTO"
 
 
@@ -138,20 +138,20 @@ def test_arduplane_tells_of_a_breach_and_may_only_report_it() -> None:
 
 
 @both
-def test_a_reboot_in_flight_forgets_everything_but_the_flight(autopilot: str) -> None:
+def test_a_reboot_in_flight_resets_streams_and_boot_time_only(autopilot: str) -> None:
     bench = AIRBORNE[autopilot]()
     attitude = mavlink.MAVLINK_MSG_ID_ATTITUDE
     bench.by_long(SET_INTERVAL, attitude, 100_000)
     bench.fly(5.0)
     before = bench.vehicle.truth
-    assert bench.heard("ATTITUDE")[-1].time_boot_ms > 30_000
+    assert bench.messages("ATTITUDE")[-1].time_boot_ms > 30_000
     bench.vehicle.reboot(bench.vehicle.time_s)
     assert bench.vehicle.boots == 2
-    bench.said.clear()
+    bench.received.clear()
     bench.fly(5.0)
-    assert bench.heard("ATTITUDE") == []
+    assert bench.messages("ATTITUDE") == []
     bench.by_long(512, attitude)
-    assert bench.heard("ATTITUDE")[-1].time_boot_ms == pytest.approx(5000, abs=100)
+    assert bench.messages("ATTITUDE")[-1].time_boot_ms == pytest.approx(5000, abs=100)
     truth = bench.vehicle.truth
     assert (truth.armed, truth.mode) == (True, ON_MISSION[autopilot])
     assert truth.position_m[0] > before.position_m[0] + 50.0
@@ -174,27 +174,32 @@ def test_a_reboot_ends_what_a_companion_commanded() -> None:
 
 
 @both
-def test_a_failsafe_is_critical_and_may_go_home(autopilot: str) -> None:
+def test_a_failsafe_is_critical_and_may_return_home(autopilot: str) -> None:
     bench = AIRBORNE[autopilot]()
     bench.vehicle.fail_safe(True)
     bench.fly(1.0)
-    assert bench.heard("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_CRITICAL
+    assert bench.messages("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_CRITICAL
     assert bench.vehicle.truth.mode == ON_MISSION[autopilot]
     bench.vehicle.fail_safe(True, return_home=True)
     assert bench.vehicle.truth.mode == HOMEWARD[autopilot]
     bench.vehicle.fail_safe(False)
     bench.fly(1.1)
-    assert bench.heard("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_ACTIVE
+    assert bench.messages("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_ACTIVE
 
 
 @both
-def test_sticks_are_told_and_flown_by_the_pilots_modes(autopilot: str) -> None:
+def test_sticks_are_reported_and_flown_in_the_piloted_modes(autopilot: str) -> None:
     bench = AIRBORNE[autopilot]()
     bench.vehicle.move_sticks(roll=0.5, throttle=1.0)
     bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 500_000)
     bench.fly(1.0)
-    told = bench.heard("RC_CHANNELS")[-1]
-    assert (told.chan1_raw, told.chan2_raw, told.chan3_raw, told.chancount) == (1700, 1500, 1900, 8)
+    received = bench.messages("RC_CHANNELS")[-1]
+    assert (received.chan1_raw, received.chan2_raw, received.chan3_raw, received.chancount) == (
+        1700,
+        1500,
+        1900,
+        8,
+    )
     assert abs(bench.vehicle.truth.bank_rad) < 0.05
     bench.vehicle.set_mode("MANUAL")
     bench.fly(5.0)
@@ -202,7 +207,7 @@ def test_sticks_are_told_and_flown_by_the_pilots_modes(autopilot: str) -> None:
 
 
 @both
-def test_a_command_is_refused_until_told_otherwise(autopilot: str) -> None:
+def test_a_command_is_refused_until_the_fault_ends(autopilot: str) -> None:
     bench = AIRBORNE[autopilot]()
     bench.vehicle.refuse(SET_MODE, DENIED)
     assert bench.by_long(SET_MODE, 1, *LOITER[autopilot]) == DENIED
@@ -213,7 +218,7 @@ def test_a_command_is_refused_until_told_otherwise(autopilot: str) -> None:
 
 @both
 @pytest.mark.parametrize("does", [True, False])
-def test_a_command_is_never_acknowledged_but_perhaps_done(autopilot: str, does: bool) -> None:
+def test_a_silenced_command_is_not_acknowledged_but_may_be_executed(autopilot: str, does: bool) -> None:
     bench = AIRBORNE[autopilot]()
     bench.vehicle.silence(SET_MODE, does=does)
     assert bench.by_long(SET_MODE, 1, *LOITER[autopilot]) == -1
@@ -233,17 +238,17 @@ def test_modes_by_name(kind: type[FakeVehicle]) -> None:
     assert Px4Mode.MANUAL.name == Mode.MANUAL.name
 
 
-def test_the_ellipsoid_may_be_elsewhere() -> None:
+def test_the_geoid_height_shifts_the_ellipsoid_altitude() -> None:
     bench = arduplane_bench.airborne(geoid_height_m=19.5)
     bench.by_long(512, mavlink.MAVLINK_MSG_ID_GPS_RAW_INT)
-    told = bench.heard("GPS_RAW_INT")[-1]
-    assert told.alt_ellipsoid - told.alt == pytest.approx(19_500, abs=1)
+    received = bench.messages("GPS_RAW_INT")[-1]
+    assert received.alt_ellipsoid - received.alt == pytest.approx(19_500, abs=1)
 
 
-# --- ArduPlane of another age, and its own avoidance ---
+# --- an older ArduPlane, and its own avoidance ---
 
 
-def test_the_old_names_mean_the_same() -> None:
+def test_the_names_of_4_3_have_the_same_effect() -> None:
     old = arduplane_bench.airborne(firmware="4.3")
     names = {p.name: p.value for p in old.vehicle.parameters}
     assert (names["ARSPD_FBW_MIN"], names["ARSPD_FBW_MAX"]) == (10.0, 30.0)
@@ -257,7 +262,7 @@ def test_the_old_names_mean_the_same() -> None:
     old.fly(5.0)
     assert abs(old.vehicle.truth.bank_rad) == pytest.approx(0.349, abs=0.01)
     old.by_long(512, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-    assert old.heard("AUTOPILOT_VERSION")[-1].flight_sw_version >> 16 == 0x0403
+    assert old.messages("AUTOPILOT_VERSION")[-1].flight_sw_version >> 16 == 0x0403
 
 
 def intruder(bench: Bench, ahead_m: float) -> Message:
@@ -278,7 +283,7 @@ def intruder(bench: Bench, ahead_m: float) -> Message:
         ({"AVD_ENABLE": 0, "AVD_F_ACTION": 3}, "AUTO"),
     ],
 )
-def test_arduplanes_own_avoidance_takes_the_mode_when_told_to(parameters: Any, mode: str) -> None:
+def test_arduplanes_own_avoidance_changes_the_mode_if_enabled(parameters: Any, mode: str) -> None:
     bench = arduplane_bench.airborne(parameters=parameters)
     bench.send(intruder(bench, 400.0), (1, 156))
     bench.fly(1.0)

@@ -1,4 +1,4 @@
-"""Lines with faults: what becomes of a thousand items, by a clock that is an argument."""
+"""Lines with faults: loss, delay, order and duplication of a thousand items."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from sim.faults import MAX_IN_FLIGHT, Faults, FaultyLine
 
 
 def through(faults: Faults, count: int = 1000, seed: int = 3) -> tuple[list[int], FaultyLine[int]]:
-    """What comes out of a line into which a number goes every 10 ms, in its order."""
+    """The output of a line that gets a number every 10 ms."""
     line: FaultyLine[int] = FaultyLine(faults, seed)
     out = []
     for number in range(count):
@@ -16,7 +16,7 @@ def through(faults: Faults, count: int = 1000, seed: int = 3) -> tuple[list[int]
     return out + line.take(1e6), line
 
 
-def test_a_line_without_faults_passes_everything_on_at_once() -> None:
+def test_a_line_without_faults_delivers_everything_at_once() -> None:
     line: FaultyLine[str] = FaultyLine(Faults(), 0)
     line.put("a", 5.0)
     assert line.next_due_s == 5.0
@@ -65,7 +65,7 @@ def test_duplication() -> None:
     assert line.counters.overtaken == 0
 
 
-def test_a_cut_line_loses_what_is_on_the_way_too() -> None:
+def test_a_cut_line_loses_items_in_flight_too() -> None:
     line: FaultyLine[int] = FaultyLine(Faults(delay_s=1.0), 0)
     line.put(1, 0.0)
     line.cut()
@@ -76,7 +76,7 @@ def test_a_cut_line_loses_what_is_on_the_way_too() -> None:
     assert line.counters.cut == 2
 
 
-def test_what_is_on_the_way_is_bounded() -> None:
+def test_items_in_flight_are_bounded() -> None:
     line: FaultyLine[int] = FaultyLine(Faults(delay_s=60.0), 0)
     for number in range(MAX_IN_FLIGHT + 5):
         line.put(number, 0.0)

@@ -1,4 +1,4 @@
-"""The paper's scenes: what they refuse, extremes that must fly, and random fields."""
+"""The paper's scenes: refused files, extreme scenes that must fly, and random fields."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ import yaml
 
 from companion.errors import ConfigError
 from sim.files import checked_from
-from sim.paper.fields import random_field, way_exists
+from sim.paper.fields import path_exists, random_field
 from sim.paper.flight import Flight, fly
 from sim.paper.measures import Measures, measure
 from sim.paper.methods import INNER, OUTER, TWO_LAYER
@@ -67,12 +67,12 @@ MISTAKES: dict[str, tuple[dict[str, Any], str]] = {
     "two at one start": ({"uavs": [UAV, OTHER | {"start": [0.1, 0.1]}]}, "U2 starts where U1 starts"),
     "no speed": ({"uavs": [UAV | {"step": 0.0}]}, "uavs.0.step"),
     "speed backwards": ({"uavs": [UAV | {"step": -0.05}]}, "uavs.0.step"),
-    "one id for two UAVs": ({"uavs": [UAV, OTHER | {"id": "U1"}]}, "the id U1 is there twice"),
+    "one id for two UAVs": ({"uavs": [UAV, OTHER | {"id": "U1"}]}, "the id U1 is used twice"),
     "one id for two obstacles": (
         {"obstacles": [STONE, STONE | {"at": [2.5, 0.0]}]},
-        "the id S1 is there twice",
+        "the id S1 is used twice",
     ),
-    "one id for UAV and obstacle": ({"obstacles": [STONE | {"id": "U1"}]}, "the id U1 is there twice"),
+    "one id for UAV and obstacle": ({"obstacles": [STONE | {"id": "U1"}]}, "the id U1 is used twice"),
     "unknown key": ({"colour": "red"}, "colour: unknown key"),
     "unknown key within": ({"obstacles": [STONE | {"colour": "red"}]}, "obstacles.0.colour: unknown key"),
     "NaN": ({"obstacles": [STONE | {"radius": math.nan}]}, "obstacles.0.radius"),
@@ -80,7 +80,7 @@ MISTAKES: dict[str, tuple[dict[str, Any], str]] = {
     "three coordinates": ({"uavs": [UAV | {"goal": [1.0, 2.0, 3.0]}]}, "uavs.0.goal"),
     "inner larger than outer": ({"inner_radius": 6.0}, "inner_radius must not exceed outer_radius"),
     "no radius": ({"obstacles": [STONE | {"radius": 0.0}]}, "obstacles.0.radius"),
-    "nobody": ({"uavs": []}, "uavs"),
+    "no UAV": ({"uavs": []}, "uavs"),
     "no step": ({"step_s": 0.0}, "step_s"),
     "words for numbers": ({"unit_m": "far"}, "unit_m"),
     "empty id": ({"uavs": [UAV | {"id": ""}]}, "uavs.0.id"),
@@ -132,15 +132,15 @@ def test_a_damaged_file_is_one_line_that_names_it(tmp_path: Path, content: bytes
     assert "\n" not in str(error.value)
 
 
-def test_a_scene_that_is_not_there_is_said_so(tmp_path: Path) -> None:
+def test_a_missing_scene_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="nowhere: no such scene"):
         load_scene("nowhere")
     with pytest.raises(ConfigError, match="No such file"):
         load_scene(tmp_path / "nowhere.yaml")
 
 
-def test_an_obstacle_that_only_comes_by_the_goal_is_none_of_its_mistakes() -> None:
-    """It moves, so that the goal is free again when we come."""
+def test_a_moving_obstacle_may_start_at_the_goal() -> None:
+    """The goal is free when the UAV arrives."""
     moving = STONE | {"at": [3.0, 3.0], "velocity": [0.05, 0.0]}
     assert scene(obstacles=[moving]).obstacles[0].centre(10) == pytest.approx((3.5, 3.0))
 
@@ -165,22 +165,22 @@ def test_without_obstacles_it_flies_straight_and_arrives(method: Any) -> None:
     assert reports_no_nan(measures)
 
 
-# A goal a few steps ahead, given up after three times as many: can so many be borne at every step?
+# A goal a few steps ahead: the test is the cost of one step with very many obstacles.
 NEAR_GOAL = UAV | {"goal": [0.42, 0.42], "step": 0.15}
 
 
-def test_ten_thousand_obstacles_far_away_disturb_nobody() -> None:
+def test_ten_thousand_distant_obstacles_have_no_effect() -> None:
     far = stones(*((50.0 + i % 100, 50.0 + i // 100) for i in range(10_000)))
     flight = fly(replace(scene(uavs=[NEAR_GOAL], obstacles=[]), obstacles=far), TWO_LAYER)
     assert flight.arrived
     assert has_no_nan(flight)
-    assert (flight.uavs[0].layer == 0).all(), "nothing of it within the outer layer"
+    assert (flight.uavs[0].layer == 0).all(), "no obstacle within the outer layer"
     assert reports_no_nan(measure(flight))
 
 
 @pytest.mark.parametrize("method", [TWO_LAYER, OUTER], ids=lambda method: method.name)
-def test_ten_thousand_obstacles_near_by_can_be_borne(method: Any) -> None:
-    """A ring of them all around, all within the outer layer."""
+def test_ten_thousand_near_obstacles_can_be_flown(method: Any) -> None:
+    """A ring around the UAV, all within the outer layer."""
     near = stones(
         *(
             ((1.5 + 0.03 * (i // 250)) * math.cos(0.025 * i), (1.5 + 0.03 * (i // 250)) * math.sin(0.025 * i))
@@ -204,7 +204,7 @@ def test_a_seed_draws_the_same_field_every_time() -> None:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_drawn_field_keeps_what_the_file_says(seed: int) -> None:
+def test_a_random_field_is_within_the_ranges_of_the_file(seed: int) -> None:
     drawn, field = FIELDS.random, random_field(FIELDS, seed)
     assert drawn is not None
     uav = field.uavs[0]
@@ -219,7 +219,7 @@ def test_a_drawn_field_keeps_what_the_file_says(seed: int) -> None:
         assert drawn.speed[0] <= math.hypot(*sphere.velocity) <= drawn.speed[1] + 1e-12
 
 
-def test_a_scene_that_says_nothing_of_drawing_is_refused() -> None:
+def test_a_scene_without_random_section_is_refused() -> None:
     with pytest.raises(ConfigError, match="random"):
         random_field(load_scene("single"), 1)
 
@@ -231,43 +231,43 @@ def test_a_clearance_that_leaves_no_room_is_refused() -> None:
         random_field(replace(FIELDS, random=replace(drawn, clearance=50.0, moving=(0, 0))), 1)
 
 
-def test_ranges_the_wrong_way_round_are_refused() -> None:
+def test_reversed_ranges_are_refused() -> None:
     drawn = yaml.safe_load((SCENE_FOLDER / "fields.yaml").read_text(encoding="utf-8"))
     drawn["random"]["radius"] = [0.6, 0.2]
     with pytest.raises(ConfigError, match=r"random: .*radius: from 0\.6 to 0\.2"):
         checked_from(drawn, Scene, "fields.yaml")
 
 
-def test_there_is_a_way_over_an_open_field() -> None:
-    assert way_exists(scene(obstacles=[]), 200)
-    assert way_exists(scene(), 200)
+def test_a_path_exists_over_an_open_field() -> None:
+    assert path_exists(scene(obstacles=[]), 200)
+    assert path_exists(scene(), 200)
 
 
 def ring(around: tuple[float, float], gap: int = 0) -> tuple[Sphere, ...]:
-    """A closed wall of 32 stones, or with so many of them missing on the far side of the start."""
+    """A closed wall of 32 stones, or with `gap` stones missing on the side away from the start."""
     angles = [math.pi / 4.0 + 2.0 * math.pi * (i + 0.5) / 32 for i in range(32)]
     kept = angles[gap:]
     return stones(*((around[0] + math.cos(a), around[1] + math.sin(a)) for a in kept), radius=0.15)
 
 
-def test_there_is_no_way_to_a_goal_that_is_walled_in() -> None:
-    assert not way_exists(replace(scene(obstacles=[]), obstacles=ring((3.0, 3.0))), 500)
+def test_no_path_exists_to_a_goal_that_is_walled_in() -> None:
+    assert not path_exists(replace(scene(obstacles=[]), obstacles=ring((3.0, 3.0))), 500)
 
 
-def test_there_is_a_way_through_a_gap_in_the_wall() -> None:
-    assert way_exists(replace(scene(obstacles=[]), obstacles=ring((3.0, 3.0), gap=6)), 1000)
+def test_a_path_exists_through_a_gap_in_the_wall() -> None:
+    assert path_exists(replace(scene(obstacles=[]), obstacles=ring((3.0, 3.0), gap=6)), 1000)
 
 
-def test_there_is_no_way_out_for_who_is_walled_in() -> None:
-    assert not way_exists(replace(scene(obstacles=[]), obstacles=ring((0.0, 0.0))), 500)
+def test_no_path_exists_from_a_start_that_is_walled_in() -> None:
+    assert not path_exists(replace(scene(obstacles=[]), obstacles=ring((0.0, 0.0))), 500)
 
 
-def test_there_is_no_way_when_time_is_too_short() -> None:
-    """84.9 steps of the way at cruise, 60.6 at the fastest."""
-    assert not way_exists(scene(obstacles=[]), 45)
+def test_no_path_exists_if_time_is_too_short() -> None:
+    """The straight path takes 84.9 steps at cruise, 60.6 at the maximum speed."""
+    assert not path_exists(scene(obstacles=[]), 45)
 
 
-def test_a_wall_that_moves_away_opens_the_way() -> None:
+def test_a_wall_that_moves_away_opens_the_path() -> None:
     wall = ring((3.0, 3.0))
     leaving = tuple(replace(stone, velocity=(0.05, 0.05)) for stone in wall)
-    assert way_exists(replace(scene(obstacles=[]), obstacles=leaving), 1000)
+    assert path_exists(replace(scene(obstacles=[]), obstacles=leaving), 1000)

@@ -1,4 +1,4 @@
-"""The studies' arithmetic: intervals, the choice of the transition domain, ratios and their words."""
+"""The studies' arithmetic: intervals, the choice of the transition domain, ratios and their texts."""
 
 import math
 from dataclasses import replace
@@ -36,7 +36,7 @@ def point(delta_deg: float, share: tuple[float, float, float], safety: float) ->
 
 
 def test_the_interval_of_a_share_is_wilsons() -> None:
-    # Worked by hand from the formula with z = 1.96: 8 of 10.
+    # By hand from the formula with z = 1.96: 8 of 10.
     assert share_with_interval(8, 10) == pytest.approx((0.8, 0.4902, 0.9433), abs=1e-3)
     assert share_with_interval(200, 200)[2] == 1.0
     assert share_with_interval(200, 200)[1] == pytest.approx(0.9812, abs=1e-3)
@@ -55,7 +55,7 @@ def test_the_largest_safety_value_wins_among_those_that_arrive() -> None:
         point(5.0, (0.90, 0.86, 0.93), 5.0),
         point(60.0, (0.97, 0.94, 0.99), 5.2),
         point(90.0, (0.98, 0.95, 0.99), 5.4),
-        point(120.0, (0.80, 0.74, 0.85), 5.9),  # flies about, and does not arrive
+        point(120.0, (0.80, 0.74, 0.85), 5.9),  # detours, and does not arrive
     ]
     assert best_delta_beta_deg(points) == 90.0
 
@@ -65,22 +65,22 @@ def experiments(**changes: Measures) -> dict[str, dict[str, Measures]]:
     return {"single": rows, "group": rows}
 
 
-def test_what_falls_short_is_said_with_its_reason() -> None:
+def test_a_missed_target_is_reported_with_its_reason() -> None:
     outer = replace(FLOWN, path_ratio=1.5, min_clearance=0.04)
     inner = replace(FLOWN, safety_value=2.0, heading_effort=0.1)
     text = table(experiments(outer=outer, inner=inner), {})
     assert text.count("**short**") == 2, "the safety value against the outer layer, in both experiments"
-    assert "1.50 times the straight way" in text
+    assert "1.50 times the straight path" in text
     assert text.count("reached") == 4
 
 
-def test_nothing_is_short_where_nothing_is() -> None:
+def test_without_missed_targets_none_is_reported() -> None:
     better = replace(FLOWN, safety_value=7.0, heading_effort=0.001)
     text = table(experiments(two_layer=better), {})
     assert "short" not in text.split("## Two layers against one")[1]
 
 
-def test_who_did_not_arrive_is_not_compared() -> None:
+def test_a_flight_without_arrival_is_not_compared() -> None:
     lost = replace(FLOWN, arrived=False)
     assert table(experiments(outer=lost), {}).count("did not arrive") == 2
 
@@ -99,7 +99,7 @@ def test_the_report_has_the_keys_of_the_contract() -> None:
 
 
 def test_the_goals_are_the_papers_ratios() -> None:
-    """What is asked for is what the paper reports, give or take the second digit."""
+    """The targets are the paper's ratios, up to the second digit."""
     for goal in GOALS:
         both = PAPER[goal.experiment]["two_layer"].get(goal.measure)
         one = PAPER[goal.experiment][goal.against].get(goal.measure)

@@ -1,4 +1,4 @@
-"""The methods that ours is measured against: each does what its description says, within the limits."""
+"""The peers: each follows its published description, within the limits."""
 
 import importlib
 import math
@@ -15,7 +15,7 @@ from companion.errors import ConfigError
 from companion.model import Decision, Goal, Guidance, Layer, Ownship, Track, TrafficKind, Vec3
 from companion.units import wrap_pi
 from sim.dynamics import Airframe, FixedWing
-from sim.peers import PEERS, Decides, PeerLimits, make_peer
+from sim.peers import PEERS, Peer, PeerLimits, make_peer
 from sim.peers.ardupilot import ArduPilot, ArduPilotParams, perpendicular
 from sim.peers.mvp import Mvp, MvpParams, velocity_change_mps
 from sim.peers.peer import Relative, mission_of, relatives
@@ -39,12 +39,12 @@ FRAME = Airframe(
 NMAC_M = (152.4, 30.48)
 NORTH = Goal(course_rad=0.0, airspeed_mps=25.0, altitude_m=150.0)
 STEP_S = 0.05
-MEETING_S = 80.0  # when the two would meet if nobody avoided
+MEETING_S = 80.0  # time of the collision without avoidance
 AVOIDING = ["ardupilot", "mvp", "orca"]
 
 
-def peer_of(name: str, limits: PeerLimits = LIMITS) -> Decides:
-    """The peer, or a skipped test where its optional library is not there."""
+def peer_of(name: str, limits: PeerLimits = LIMITS) -> Peer:
+    """The peer; the test is skipped without its optional library."""
     if name == "orca":
         pytest.importorskip("pyrvo")
     return make_peer(name, limits)
@@ -59,7 +59,7 @@ def track(position_m: Vec3, velocity_mps: Vec3, name: str = "A") -> Track:
 
 
 def meeting(course_deg: float, speed_mps: float, above_m: float = 0.0, aside_m: float = 0.0) -> Track:
-    """Who meets us, flying north at 25 m/s and 150 m, in `MEETING_S`, so much above and to the east."""
+    """An aircraft that meets us (north at 25 m/s, at 150 m) in `MEETING_S`, with this miss."""
     course_rad = math.radians(course_deg)
     velocity = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad), 0.0
     place = 25.0 * MEETING_S - velocity[0] * MEETING_S, aside_m - velocity[1] * MEETING_S, -150.0 - above_m
@@ -67,8 +67,8 @@ def meeting(course_deg: float, speed_mps: float, above_m: float = 0.0, aside_m: 
 
 
 @dataclass
-class Flown:
-    """What came of a flight: distances relative to an NMAC (below 1: it is one), and what was decided."""
+class FlightResult:
+    """The result of a flight: the closest approach relative to an NMAC (below 1: NMAC), and the decisions."""
 
     nearest: float
     decisions: list[Decision]
@@ -80,10 +80,10 @@ class Flown:
         return [decision.guidance for decision in self.decisions if decision.guidance is not None]
 
 
-def fly(peer: Decides, tracks: Sequence[Track], seconds: float = 200.0) -> Flown:
+def fly(peer: Peer, tracks: Sequence[Track], seconds: float = 200.0) -> FlightResult:
     """A closed loop at 1 Hz on perfect reports; the mission is a course, an airspeed and a height."""
     wing = FixedWing((0.0, 0.0, -150.0), 0.0, 25.0, airframe=FRAME)
-    flown = Flown(math.inf, [], 0.0, wing)
+    flown = FlightResult(math.inf, [], 0.0, wing)
     for step in range(round(seconds / STEP_S)):
         now_s = step * STEP_S
         there = [
@@ -124,7 +124,7 @@ ENCOUNTERS = {
 
 @pytest.mark.parametrize("encounter", ENCOUNTERS)
 @pytest.mark.parametrize("name", AVOIDING)
-def test_whoever_avoids_has_no_near_collision_and_resumes_the_mission(name: str, encounter: str) -> None:
+def test_every_peer_avoids_the_collision_and_resumes_the_mission(name: str, encounter: str) -> None:
     assert fly(make_peer("none", LIMITS), ENCOUNTERS[encounter]).nearest < 1.0
     flown = fly(peer_of(name), ENCOUNTERS[encounter], seconds=300.0)
     assert flown.nearest >= 1.0
@@ -152,7 +152,7 @@ def test_commands_keep_the_limits(name: str, encounter: str) -> None:
     wind=st.none() | st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0)),
 )
 @settings(derandomize=True, deadline=None, max_examples=200)
-def test_there_is_a_finite_answer_within_the_limits_to_anything(
+def test_every_input_gives_a_finite_answer_within_the_limits(
     name: str, place: Vec3, velocity: Vec3, own_velocity: Vec3, wind: tuple[float, float] | None
 ) -> None:
     me = replace(own(velocity_mps=own_velocity), wind_mps=wind)
@@ -173,15 +173,15 @@ def test_there_is_a_finite_answer_within_the_limits_to_anything(
         [replace(meeting(180.0, 40.0), kind=TrafficKind.SURFACE_VEHICLE)],
         [track((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))],
     ],
-    ids=["nobody", "flying away", "high above", "on the ground", "not a number"],
+    ids=["no traffic", "flying away", "high above", "on the ground", "not a number"],
 )
-def test_what_does_no_harm_is_not_avoided(name: str, harmless: list[Track]) -> None:
+def test_harmless_traffic_is_not_avoided(name: str, harmless: list[Track]) -> None:
     decision = peer_of(name).decide(0.0, own(), harmless, NORTH)
     assert (decision.layer, decision.guidance) == (Layer.CLEAR, None)
 
 
 @pytest.mark.parametrize("name", AVOIDING)
-def test_the_threat_is_named_and_a_reset_forgets_it(name: str) -> None:
+def test_the_threat_is_named_and_a_reset_clears_it(name: str) -> None:
     peer = peer_of(name)
     decision = peer.decide(0.0, own(), [track((900.0, 0.0, -150.0), (-40.0, 0.0, 0.0))], NORTH)
     assert decision.layer is Layer.OUTER
@@ -192,7 +192,7 @@ def test_the_threat_is_named_and_a_reset_forgets_it(name: str) -> None:
     assert peer.decide(0.1, own(), [], NORTH).guidance is None
 
 
-def test_nobody_never_avoids() -> None:
+def test_the_unmitigated_flight_never_avoids() -> None:
     flown = fly(make_peer("none", LIMITS), [meeting(180.0, 40.0)])
     assert not flown.guidance
     assert flown.furthest_aside_m < 1.0
@@ -210,19 +210,19 @@ def seen(position_m: Vec3, velocity_mps: Vec3) -> Relative:
 @pytest.mark.parametrize(
     ("position_m", "velocity_mps", "expected"),
     [
-        # We are 100 m west of the line of one who comes south, and level with it: straight west, and down.
+        # We are 100 m west of the line of a southbound intruder, and level with it: west, and down.
         ((500.0, 100.0, -150.0), (-40.0, 0.0, 0.0), (0.0, -100.0, -1e-6)),
-        # One who flies north-east from 100 m south of us: its line passes 100 m / sqrt(2) from us.
+        # A north-eastbound intruder 100 m south of us: its line passes 100 m / sqrt(2) from us.
         ((-100.0, 0.0, -130.0), (30.0, 30.0, 0.0), (50.0, -50.0, 20.0)),
         # On the line itself, head-on: to the right of our course.
         ((500.0, 0.0, -150.0), (-40.0, 0.0, 0.0), (0.0, 1.0, -1e-6)),
-        # One who hovers is fled from straight away.
+        # A hovering intruder: straight away.
         ((300.0, -400.0, -160.0), (0.0, 0.0, 0.0), (-300.0, 400.0, -10.0)),
-        # One who climbs 1 in 1 and is 100 m ahead: (50, -50) is at right angles to its path.
+        # An intruder 100 m ahead that climbs 1 in 1: (50, -50) is perpendicular to its path.
         ((100.0, 0.0, -150.0), (-30.0, 0.0, -30.0), (-50.0, 0.0, -50.0)),
     ],
 )
-def test_ardupilot_flies_at_right_angles_to_the_intruders_path(
+def test_ardupilot_flies_perpendicular_to_the_intruders_path(
     position_m: Vec3, velocity_mps: Vec3, expected: Vec3
 ) -> None:
     away = perpendicular(seen(position_m, velocity_mps), own())
@@ -232,7 +232,7 @@ def test_ardupilot_flies_at_right_angles_to_the_intruders_path(
         assert math.fsum(a * v for a, v in zip(away, up, strict=True)) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_ardupilot_turns_across_and_climbs_or_sinks_with_all_it_has() -> None:
+def test_ardupilot_turns_across_and_climbs_or_sinks_at_full_rate() -> None:
     intruder = track((800.0, 100.0, -140.0), (-40.0, 0.0, 0.0))
     guidance = ArduPilot(LIMITS).decide(0.0, own(), [intruder], NORTH).guidance
     assert guidance == Guidance(pytest.approx(1.5 * math.pi), 25.0, 160.0)
@@ -272,7 +272,7 @@ def test_ardupilot_avoids_the_most_imminent_and_recovers_after_two_seconds() -> 
     assert peer.decide(2.0, own(), [], NORTH).guidance is None
 
 
-def test_ardupilot_forgets_who_is_not_heard_of() -> None:
+def test_ardupilot_ignores_old_tracks() -> None:
     intruder = replace(track((800.0, 100.0, -140.0), (-40.0, 0.0, 0.0)), age_s=6.0)
     assert ArduPilot(LIMITS).decide(0.0, own(), [intruder], NORTH).guidance is None
 
@@ -292,7 +292,7 @@ def test_mvp_moves_the_closest_approach_to_the_rim_of_the_zone() -> None:
 
 
 def test_mvps_new_relative_track_touches_the_zone() -> None:
-    # With the published cosine to first order only: the miss is the radius within a per cent.
+    # The published cosine is a first-order correction: the miss is the radius within one per cent.
     relative = seen((3000.0, 300.0, -150.0), (-35.0, 0.0, 0.0))
     north, east, _ = velocity_change_mps(relative, MvpParams(), 0.0)
     v_north, v_east, v_down = relative.velocity_mps
@@ -318,11 +318,11 @@ def test_mvp_goes_to_the_right_head_on_and_holds_until_past() -> None:
     assert 0.0 < flown.guidance[0].course_rad < math.pi / 2.0
     guided = [decision.guidance is not None for decision in flown.decisions]
     assert guided.index(True) == pytest.approx(MEETING_S - 60.0 - 609.6 / 65.0, abs=1.0)
-    assert sum(a != b for a, b in pairwise(guided)) == 2, "once, and without a break"
+    assert sum(a != b for a, b in pairwise(guided)) == 2, "one avoidance without interruption"
     assert flown.nearest > 0.95 * 609.6 / NMAC_M[0]
 
 
-def test_mvp_looks_as_far_ahead_as_it_is_told() -> None:
+def test_mvps_look_ahead_is_a_parameter() -> None:
     intruder = track((609.6 + 60.0 * 30.5, 0.0, -150.0), (-35.0, 0.0, 0.0))  # in the zone in 30.5 s
     assert Mvp(LIMITS, MvpParams(look_ahead_s=30.0)).decide(0.0, own(), [intruder], NORTH).guidance is None
     assert (
@@ -347,7 +347,7 @@ def test_orca_takes_its_half_of_the_change_and_keeps_the_missions_height() -> No
     assert guidance.altitude_m == 150.0
 
 
-def test_orca_in_a_wind_aims_with_the_air() -> None:
+def test_orca_accounts_for_the_wind() -> None:
     ahead = 1500.0, 100.0, -150.0
     calm, windy = own(), replace(own(velocity_mps=(25.0, 8.0, 0.0)), wind_mps=(0.0, 8.0))
     goal = replace(NORTH, course_rad=math.atan2(8.0, 25.0))
@@ -362,7 +362,7 @@ def test_orca_in_a_wind_aims_with_the_air() -> None:
     assert wrap_pi(carried.course_rad) == pytest.approx(math.atan2(east_mps, north_mps), abs=1e-3)
 
 
-def test_without_its_library_orca_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_its_library_orca_reports_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> ModuleType:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 

@@ -15,6 +15,7 @@ from companion.links import Link, OnFrames, open_link
 from companion.links.udp import UdpInLink
 from sim.faults import Faults
 from sim.relay import MAX_SOURCES, Relay
+from tests.support.faulty_flight import free_ports
 from tests.support.inbox import Inbox, frame, until
 
 pytestmark = pytest.mark.wire
@@ -57,7 +58,7 @@ async def ends(forth: Faults | None = None, back: Faults | None = None) -> Async
             yield both
 
 
-async def test_both_ways_through_the_ports_that_the_ends_learn() -> None:
+async def test_both_ways_between_the_ends() -> None:
     async with ends() as both:
         question, answer = frame(1), frame(2)
         both.vehicle.send(question)
@@ -77,7 +78,7 @@ async def test_each_direction_has_its_own_faults() -> None:
         assert both.at_vehicle.raws == []
 
 
-async def test_what_is_delayed_comes_later_and_in_another_order() -> None:
+async def test_delayed_datagrams_come_later_and_in_another_order() -> None:
     async with ends(forth=Faults(delay_s=0.05, jitter_s=0.1)) as both:
         sent, began_s = [frame(number) for number in range(40)], time.monotonic()
         for raw in sent:
@@ -101,14 +102,14 @@ async def test_cut_and_mended() -> None:
         assert both.at_companion.raws == [second]
 
 
-async def test_answers_come_back_to_whom_they_are_for() -> None:
+async def test_answers_return_to_their_source() -> None:
     async with ends() as both:
         other, at_other = open_link(both.vehicle.address), Inbox()
         async with running(other, at_other):
             both.vehicle.send(frame(1))
             other.send(frame(2))
             await both.at_companion.until(2)
-            assert len(both.companion.peers.present()) == 2, "the companion sees them apart"
+            assert len(both.companion.peers.present()) == 2, "two sources for the companion"
             answer = frame(3)
             both.companion.send(answer)
             await both.at_vehicle.until(1)
@@ -127,7 +128,7 @@ async def test_many_sources_come_and_go() -> None:
         await both.at_companion.until(MAX_SOURCES + 11)
 
 
-async def test_an_end_that_is_not_there_is_counted_and_survived() -> None:
+async def test_a_missing_end_is_counted() -> None:
     async with ends() as both:
         both.companion.close()
         for _ in range(1000):
@@ -161,14 +162,12 @@ async def test_a_port_in_use_is_named() -> None:
             await Relay(listen, "udpout:127.0.0.1:1").open()
 
 
-async def test_the_command_relays_until_it_is_told_to_end() -> None:
+async def test_the_command_relays_until_sigterm() -> None:
     companion = open_link("udpin:127.0.0.1:0")
     assert isinstance(companion, UdpInLink)
     heard = Inbox()
     async with running(companion, heard):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        (port,) = free_ports(1)
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-c", "from sim.cli import main; main()", "relay",
             "--listen", f"udpin:127.0.0.1:{port}", "--to", f"udpout:127.0.0.1:{companion.local_port}",

@@ -1,4 +1,4 @@
-"""Scenario files: what they refuse, and whether they do what they promise."""
+"""Scenario files and their worlds: errors, and the conflicts that they describe."""
 
 import math
 from pathlib import Path
@@ -7,15 +7,8 @@ import pytest
 
 from companion.errors import ConfigError
 from sim.files import checked_from
-from sim.scenario import (
-    SCENARIO_FOLDER,
-    Autopilot,
-    Scenario,
-    build_world,
-    load_scenario,
-    scenario_names,
-    undisturbed,
-)
+from sim.scenario import SCENARIO_FOLDER, Autopilot, Scenario, load_scenario, scenario_names
+from sim.world import build_world, undisturbed
 
 START_S = 1_800_000_000.0
 NMAC_HORIZONTAL_M, NMAC_VERTICAL_M = 152.4, 30.48
@@ -44,7 +37,7 @@ AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
 
 
 def nmacs(name: str, autopilot: Autopilot) -> int:
-    """How many intruders come to an NMAC when nobody avoids."""
+    """Number of intruders with an NMAC without avoidance."""
     scenario = load_scenario(name)
     world = build_world(scenario, START_S, autopilot=autopilot)
     met = set()
@@ -57,7 +50,7 @@ def nmacs(name: str, autopilot: Autopilot) -> int:
     return len(met)
 
 
-def test_the_promised_scenarios_are_there() -> None:
+def test_the_documented_scenarios_exist() -> None:
     assert set(scenario_names()) >= {*CONFLICTS, "clear"}
 
 
@@ -153,7 +146,7 @@ def test_building_is_deterministic() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_named(change: dict[str, object], message: str) -> None:
+def test_an_error_is_named(change: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         checked_from({**SMALL, **change}, Scenario, "file.yaml")
     assert str(caught.value).startswith("file.yaml: ")
@@ -161,7 +154,7 @@ def test_what_is_wrong_is_named(change: dict[str, object], message: str) -> None
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+def test_unreadable_files_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"there are: .*head-on"):
         load_scenario("nose-dive")
     with pytest.raises(ConfigError, match=r"none\.yaml: No such file"):

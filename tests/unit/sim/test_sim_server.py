@@ -1,4 +1,4 @@
-"""The simulated clock, and the vehicle behind links: in memory, without sockets."""
+"""The simulated clock, and the vehicle server on links in memory."""
 
 import asyncio
 import itertools
@@ -21,7 +21,7 @@ HOME = GeoPoint(47.0, 8.0, 400.0)
 
 
 class Stopwatch:
-    """A monotonic clock in the test's hands."""
+    """A monotonic clock set by the test."""
 
     def __init__(self) -> None:
         self.seconds = 100.0
@@ -41,19 +41,19 @@ def test_the_clock_runs_at_its_speed_in_whole_microseconds() -> None:
 
 
 @pytest.mark.parametrize("speedup", [0.0, -1.0, float("nan"), float("inf")])
-def test_speeds_that_make_no_sense_are_refused(speedup: float) -> None:
+def test_bad_speedups_are_refused(speedup: float) -> None:
     with pytest.raises(ValueError, match="speedup"):
         ScaledClock(speedup)
 
 
-def test_a_held_clock_stands_still_says_so_and_never_jumps() -> None:
+def test_a_held_clock_stops_reports_it_and_never_jumps() -> None:
     real = Stopwatch()
     clock = ScaledClock(10.0, start_s=START_S, monotonic_s=real)
     clock.hold_at(START_S + 5.0)
     real.seconds += 0.4
     assert clock.now_s() == START_S + 4.0
     assert clock.overruns == 0
-    real.seconds += 1.0  # a second of doing something else
+    real.seconds += 1.0  # a busy second
     assert clock.now_s() == clock.now_s() == START_S + 5.0
     assert (clock.overruns, clock.slipped_s) == (1, 9.0)
     clock.hold_at(START_S + 20.0)
@@ -65,7 +65,7 @@ def test_a_held_clock_stands_still_says_so_and_never_jumps() -> None:
     assert clock.now_s() == START_S + 9.0
 
 
-def test_a_limit_already_past_holds_the_clock_where_it_is() -> None:
+def test_a_limit_in_the_past_stops_the_clock() -> None:
     real = Stopwatch()
     clock = ScaledClock(10.0, start_s=START_S, monotonic_s=real)
     real.seconds += 3.0
@@ -82,7 +82,7 @@ async def test_sleeping_is_scaled() -> None:
 
 
 class Watch(list[Truth]):
-    """The truths that the server told, and a way to wait for them."""
+    """The truths observed from the server, and a way to wait for them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -99,7 +99,7 @@ class Watch(list[Truth]):
                 await self.news.wait()
 
 
-async def test_vehicle_and_peer_talk_through_junk() -> None:
+async def test_vehicle_and_peer_communicate_despite_junk() -> None:
     clock = ScaledClock(20.0, start_s=START_S)
     near, far = memory_pair()
     truths = Watch()
@@ -144,7 +144,7 @@ async def test_vehicle_and_peer_talk_through_junk() -> None:
     assert [t.time_s for t in truths] == sorted({t.time_s for t in truths})
 
 
-async def test_a_speedup_beyond_the_machine_is_told_and_time_stays_whole() -> None:
+async def test_an_impossible_speedup_is_reported_and_steps_stay_small() -> None:
     looks = itertools.count()
     clock = ScaledClock(start_s=START_S, monotonic_s=lambda: float(next(looks)))  # a second for each look
     near, _ = memory_pair()

@@ -1,4 +1,4 @@
-"""Scripted aircraft and the receiver that reports them."""
+"""Scripted intruders and the receiver that reports them."""
 
 import math
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message
-from sim.traffic import ADSB_RECEIVER, ALL_VALID, AdsbReceiver, Intruder, Manoeuvre, ReceiverModel
+from sim.traffic import ADSB_RECEIVER, ALL_VALID, AdsbReceiver, Intruder, Maneuver, ReceiverModel
 
 START_S = 1_800_000_000.0
 FRAME = LocalFrame(-35.0, 149.0)
@@ -29,7 +29,7 @@ def collect(receiver: AdsbReceiver, seconds: float, period_s: float = 0.05) -> l
 
 @settings(derandomize=True, deadline=None)
 @given(st.floats(-300.0, 300.0))
-def test_without_manoeuvres_it_flies_straight_before_and_after(seconds: float) -> None:
+def test_without_maneuvers_it_flies_straight_before_and_after(seconds: float) -> None:
     position_m, velocity_mps = STRAIGHT.state_at(START_S + seconds)
     assert position_m == pytest.approx(
         (1000.0 - 60.0 * seconds, 200.0 + 10.0 * seconds, -500.0 - 2.0 * seconds), abs=1e-3
@@ -39,14 +39,14 @@ def test_without_manoeuvres_it_flies_straight_before_and_after(seconds: float) -
 
 @settings(derandomize=True, deadline=None)
 @given(at=st.floats(1.0, 59.0), rate=st.floats(-0.2, 0.2), climb_mps=st.floats(-10.0, 10.0))
-def test_the_way_fits_the_velocity_through_manoeuvres(at: float, rate: float, climb_mps: float) -> None:
+def test_the_path_fits_the_velocity_through_maneuvers(at: float, rate: float, climb_mps: float) -> None:
     intruder = Intruder(
         1,
         "TURN",
         START_S,
         (0.0, 0.0, -300.0),
         (50.0, 0.0, 0.0),
-        manoeuvres=(Manoeuvre(START_S + 10.0, 0.05), Manoeuvre(START_S + 30.0, rate, climb_mps)),
+        maneuvers=(Maneuver(START_S + 10.0, 0.05), Maneuver(START_S + 30.0, rate, climb_mps)),
     )
     step_s = 1e-3
     before_m, _ = intruder.state_at(START_S + at - step_s)
@@ -62,7 +62,7 @@ def test_the_way_fits_the_velocity_through_manoeuvres(at: float, rate: float, cl
 def test_a_turn_is_to_the_right_and_comes_round() -> None:
     rate_rps = math.radians(3.0)
     intruder = Intruder(
-        1, "TURN", START_S, (0.0, 0.0, 0.0), (50.0, 0.0, 0.0), manoeuvres=(Manoeuvre(START_S, rate_rps),)
+        1, "TURN", START_S, (0.0, 0.0, 0.0), (50.0, 0.0, 0.0), maneuvers=(Maneuver(START_S, rate_rps),)
     )
     position_m, velocity_mps = intruder.state_at(START_S + 30.0)
     assert velocity_mps[1] == pytest.approx(50.0)
@@ -84,14 +84,14 @@ def test_reports_carry_the_wire_units() -> None:
     assert report.tslc == 0
 
 
-def test_one_report_a_second_whatever_the_rhythm_of_asking() -> None:
+def test_one_report_a_second_at_any_polling_rate() -> None:
     often = collect(AdsbReceiver([STRAIGHT], FRAME, START_S), 20.0)
     seldom = collect(AdsbReceiver([STRAIGHT], FRAME, START_S), 20.0, period_s=2.5)
     assert [t for t, _ in often] == pytest.approx([float(k) for k in range(21)])
     assert [r.lat for _, r in often] == [r.lat for _, r in seldom]
 
 
-def test_it_is_heard_only_while_it_is_there() -> None:
+def test_an_intruder_is_received_only_while_it_transmits() -> None:
     intruder = Intruder(
         1, "SHORT", START_S, (0.0, 0.0, 0.0), (50.0, 0.0, 0.0), (), START_S + 5.0, START_S + 8.5
     )
@@ -99,7 +99,7 @@ def test_it_is_heard_only_while_it_is_there() -> None:
     assert times == pytest.approx([5.0, 6.0, 7.0, 8.0])
 
 
-def test_out_of_range_is_not_heard() -> None:
+def test_an_intruder_out_of_range_is_not_received() -> None:
     receiver = AdsbReceiver([STRAIGHT], FRAME, START_S, model=ReceiverModel(range_m=900.0))
     assert receiver.reports(START_S, (0.0, 0.0, 0.0)) == []
     assert len(receiver.reports(START_S + 5.0, (0.0, 0.0, 0.0))) == 3  # those of 3, 4 and 5 s
@@ -134,7 +134,7 @@ def test_loss_noise_and_seed() -> None:
     assert sum(errors_m) / len(errors_m) == pytest.approx(0.0, abs=2.0)
 
 
-def test_one_aircraft_more_changes_nothing_for_the_others() -> None:
+def test_another_aircraft_does_not_change_the_reports_of_the_first() -> None:
     model = ReceiverModel(horizontal_sigma_m=15.0, loss=0.3)
     other = Intruder(0xB00001, "OTHER", START_S, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     alone = collect(AdsbReceiver([STRAIGHT], FRAME, START_S, model=model), 60.0)
@@ -142,7 +142,7 @@ def test_one_aircraft_more_changes_nothing_for_the_others() -> None:
     assert [str(r) for _, r in both if r.ICAO_address == STRAIGHT.icao] == [str(r) for _, r in alone]
 
 
-def test_pressure_altitude_is_marked_and_off() -> None:
+def test_pressure_altitude_is_marked_and_offset() -> None:
     model = ReceiverModel(barometric=True, altitude_offset_m=120.0)
     (report,) = AdsbReceiver([STRAIGHT], FRAME, START_S, model=model).reports(START_S)
     assert report.altitude_type == 0

@@ -1,4 +1,4 @@
-"""One aircraft heard in several ways is one track; two aircraft stay two; we are none."""
+"""One aircraft from several sources is one track; two aircraft stay two; our own echo is none."""
 
 import math
 from dataclasses import replace
@@ -15,8 +15,9 @@ from companion.model import (
     Vec3,
     adsb_key,
 )
-from companion.traffic import Datum, Dropped, OwnMotion, Tracker, TrafficParams
-from companion.traffic.altitude_datums import AS_REPORTED
+from companion.traffic import DropReason, Tracker, TrafficParams
+from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
+from companion.traffic.ownship_echo import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)
 FAST: Vec3 = (45.0, 20.0, 0.0)
@@ -37,7 +38,7 @@ def report(
     velocity_mps: Vec3 = FAST,
     key: str | None = None,
 ) -> TrafficReport:
-    """What one source says at a time of an aircraft that flies straight, `off_m` beside its path."""
+    """One source's report of an aircraft in straight flight, displaced from its path by `off_m`."""
     north_m, east_m, down_m = (v * time_s + o for v, o in zip(velocity_mps, off_m, strict=True))
     place = FRAME.to_geo(north_m, east_m, down_m - 500.0)
     key = key or KEYS[source]
@@ -59,7 +60,7 @@ def only(tracker: Tracker, now_s: float) -> Track:
 
 
 @pytest.mark.parametrize("pair", [(ADSB, UTM), (ADSB, SYSTEM), (UTM, SYSTEM)], ids=str)
-def test_two_ways_to_hear_one_aircraft_become_one_track_after_some_reports(
+def test_one_aircraft_from_two_sources_becomes_one_track_after_some_reports(
     pair: tuple[TrafficSource, TrafficSource],
 ) -> None:
     tracker, counts = Tracker(), []
@@ -75,11 +76,11 @@ def test_two_ways_to_hear_one_aircraft_become_one_track_after_some_reports(
     assert tracker.without_position(12.0) == 0
 
 
-def test_three_ways_become_one_and_a_report_names_the_common_track() -> None:
+def test_three_sources_become_one_track_and_each_report_updates_it() -> None:
     tracker = Tracker()
     for second in range(12):
-        renewed = [tracker.receive(report(source, float(second)), second) for source in TrafficSource]
-    assert renewed == ["4B1234"] * 3
+        updated = [tracker.receive(report(source, float(second)), second) for source in TrafficSource]
+    assert updated == ["4B1234"] * 3
     assert ids(tracker, 12.0) == ["4B1234"]
 
 
@@ -93,7 +94,7 @@ def test_three_ways_become_one_and_a_report_names_the_common_track() -> None:
         ((0.0, 30.0, 0.0), (45.0, 20.0, -5.0)),  # climbing through
     ],
 )
-def test_two_aircraft_heard_in_different_ways_stay_two(off_m: Vec3, velocity_mps: Vec3) -> None:
+def test_two_aircraft_of_different_sources_stay_two(off_m: Vec3, velocity_mps: Vec3) -> None:
     tracker = Tracker()
     for second in range(-20, 20):
         tracker.receive(report(ADSB, float(second)), second)
@@ -101,7 +102,7 @@ def test_two_aircraft_heard_in_different_ways_stay_two(off_m: Vec3, velocity_mps
         assert len(ids(tracker, second)) == 2
 
 
-def test_two_of_one_source_are_never_one() -> None:
+def test_two_targets_of_one_source_are_never_merged() -> None:
     tracker = Tracker()
     for second in range(30):
         for source, keys in (
@@ -111,11 +112,11 @@ def test_two_of_one_source_are_never_one() -> None:
         ):
             for key in keys:
                 tracker.receive(report(source, float(second), key=key), second)
-    # Each source hears two, so two there are.
+    # Each source reports two aircraft, so there are two.
     assert ids(tracker, 30.0) == ["4B1234", "4B1235"]
 
 
-def test_in_a_formation_each_is_merged_with_itself() -> None:
+def test_in_a_formation_each_aircraft_is_merged_with_itself() -> None:
     tracker = Tracker()
     for second in range(20):
         for off_m, address, name in (
@@ -128,13 +129,13 @@ def test_in_a_formation_each_is_merged_with_itself() -> None:
     assert tracker.receive(report(UTM, 21.0, (25.0, 150.0, 0.0), key="UTM-A2"), 21.0) == "4B0002"
 
 
-def test_what_was_one_splits_only_when_clearly_apart_for_some_reports() -> None:
+def test_a_merged_track_splits_only_after_some_reports_clearly_apart() -> None:
     tracker = Tracker()
     for second in range(10):
         tracker.receive(report(ADSB, float(second)), second)
         tracker.receive(report(UTM, float(second)), second)
     assert len(ids(tracker, 9.0)) == 1
-    # 100 m aside is too far to merge, and not far enough to split.
+    # 100 m to the side is too far to merge, and not far enough to split.
     for second in range(10, 30):
         tracker.receive(report(ADSB, float(second)), second)
         tracker.receive(report(UTM, float(second), (0.0, 5.0 * min(second - 9, 20), 0.0)), second)
@@ -146,7 +147,7 @@ def test_what_was_one_splits_only_when_clearly_apart_for_some_reports() -> None:
         counts.append(len(ids(tracker, second)))
     assert counts[0] == 1
     assert counts[-1] == 2
-    assert counts == sorted(counts), "no to and fro"
+    assert counts == sorted(counts), "never merged again"
 
 
 def test_a_single_wrong_report_neither_merges_nor_splits() -> None:
@@ -159,7 +160,7 @@ def test_a_single_wrong_report_neither_merges_nor_splits() -> None:
             assert len(ids(tracker, second)) == 1
 
 
-def test_the_fresher_leads_and_then_the_more_accurate() -> None:
+def test_the_fresher_target_leads_and_then_the_more_accurate_one() -> None:
     tracker = Tracker()
     for second in range(10):
         tracker.receive(report(ADSB, float(second)), second)
@@ -173,7 +174,7 @@ def test_the_fresher_leads_and_then_the_more_accurate() -> None:
     assert (track.track_id, track.age_s) == ("4B1234", 0.0)
 
 
-def test_when_one_way_falls_silent_the_other_goes_on() -> None:
+def test_a_merged_track_continues_when_one_source_falls_silent() -> None:
     tracker = Tracker()
     for second in range(10):
         tracker.receive(report(ADSB, float(second)), second)
@@ -187,46 +188,47 @@ def test_when_one_way_falls_silent_the_other_goes_on() -> None:
     assert ids(tracker, 40.0) == []
 
 
-def test_the_common_track_has_the_height_that_compares_best() -> None:
+def test_a_merged_track_has_the_most_certain_altitude() -> None:
     tracker = Tracker()
-    tracker.datums = {**AS_REPORTED, AltitudeReference.BAROMETRIC: Datum(0.0, 60.0)}
+    offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
     for second in range(10):
-        # Barometers are 66 m off; the gate allows for it, as it is known not to be known.
-        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second)
-        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second)
-    track = only(tracker, 9.0)
+        # Barometers are 66 m off; the gate allows for it, because their offset is uncertain.
+        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second, offsets)
+        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second, offsets)
+    (track,) = tracker.tracks(9.0, FRAME, offsets)
     assert track.position_m[2] == pytest.approx(-500.0)
     assert track.vertical_uncertainty_m == 4.0
-    tracker.datums = {**AS_REPORTED, AltitudeReference.GEOMETRIC: Datum(0.0, 50.0)}
-    assert only(tracker, 9.0).position_m[2] == pytest.approx(-434.0)
+    offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
+    (track,) = tracker.tracks(9.0, FRAME, offsets)
+    assert track.position_m[2] == pytest.approx(-434.0)
 
 
-def test_who_stands_on_the_ground_is_no_traffic() -> None:
+def test_aircraft_on_the_ground_are_not_traffic() -> None:
     tracker = Tracker()
     tracker.receive(report(UTM, 0.0), 0.0)
     assert ids(tracker, 0.0) == ["UTM-A1"]
     assert tracker.receive(replace(report(UTM, 1.0), airborne=False), 1.0) is None
     assert ids(tracker, 1.0) == []
-    assert tracker.dropped == {Dropped.ON_GROUND: 1}
+    assert tracker.dropped == {DropReason.ON_GROUND: 1}
 
 
-# --- ourselves -----------------------------------------------------------------------------------
+# --- echoes of our own aircraft ------------------------------------------------------------------
 
 
 def fly_own(tracker: Tracker, from_s: int, until_s: int) -> None:
     """Our own position at 10 Hz, along the path of `report`, at whole seconds `until_s` included."""
     for tick in range(from_s * 10, until_s * 10 + 1):
-        note_own(tracker, tick / 10.0)
+        observe_ownship(tracker, tick / 10.0)
 
 
-def note_own(tracker: Tracker, time_s: float) -> None:
+def observe_ownship(tracker: Tracker, time_s: float) -> None:
     place = FRAME.to_geo(FAST[0] * time_s, FAST[1] * time_s, -500.0)
-    tracker.note_own(OwnMotion(time_s, place.lat_deg, place.lon_deg, 500.0, FAST[0], FAST[1], 0.0))
+    tracker.observe_ownship(OwnshipFix(time_s, place.lat_deg, place.lon_deg, 500.0, FAST[0], FAST[1], 0.0))
 
 
 @pytest.mark.parametrize("source", TrafficSource)
 @pytest.mark.parametrize("late_s", [0, 1, 2, 3])
-def test_what_was_where_we_were_is_ourselves_at_once_and_stays_so(source: TrafficSource, late_s: int) -> None:
+def test_a_target_first_received_on_our_trail_is_an_echo_at_once(source: TrafficSource, late_s: int) -> None:
     tracker = Tracker()
     fly_own(tracker, 0, 9)
     for second in range(10, 40):
@@ -234,11 +236,11 @@ def test_what_was_where_we_were_is_ourselves_at_once_and_stays_so(source: Traffi
         late = replace(report(source, float(second - late_s), (4.0, -6.0, 5.0)), time_s=float(second))
         assert tracker.receive(late, second) is None
         assert ids(tracker, second) == []
-    assert tracker.dropped == {Dropped.OWN: 30}
+    assert tracker.dropped == {DropReason.OWN: 30}
     assert tracker.without_position(40.0) == 0
 
 
-def test_who_comes_to_us_is_not_ourselves_even_as_near_as_that() -> None:
+def test_an_aircraft_that_approaches_is_not_an_echo_even_within_the_gate() -> None:
     tracker = Tracker()
     for second in range(30):
         fly_own(tracker, second - 1, second)
@@ -247,29 +249,29 @@ def test_who_comes_to_us_is_not_ourselves_even_as_near_as_that() -> None:
         assert len(ids(tracker, second)) == 1
 
 
-def test_who_was_first_heard_elsewhere_is_ourselves_only_after_several_reports() -> None:
-    tracker, heard = Tracker(), []
+def test_a_target_first_received_elsewhere_is_an_echo_only_after_several_reports() -> None:
+    tracker, is_traffic = Tracker(), []
     for second in range(20):
         fly_own(tracker, second - 1, second)
         off_m = (0.0, max(60.0 - 10.0 * second, 0.0), 0.0)
-        heard.append(tracker.receive(report(UTM, float(second), off_m), second) is not None)
-    assert all(heard[:8])
-    assert not any(heard[14:])
+        is_traffic.append(tracker.receive(report(UTM, float(second), off_m), second) is not None)
+    assert all(is_traffic[:8])
+    assert not any(is_traffic[14:])
 
 
-def test_an_echo_that_leaves_us_is_somebody() -> None:
-    tracker, seen = Tracker(), []
+def test_an_echo_that_leaves_our_trail_is_traffic() -> None:
+    tracker, counts = Tracker(), []
     for second in range(10, 40):
         fly_own(tracker, second - 1, second)
         off_m = (0.0, 12.0 * max(second - 20, 0), 0.0)
         tracker.receive(report(UTM, float(second), off_m), second)
-        seen.append(len(ids(tracker, second)))
-    assert seen[:10] == [0] * 10
-    assert seen[-6:] == [1] * 6
+        counts.append(len(ids(tracker, second)))
+    assert counts[:10] == [0] * 10
+    assert counts[-6:] == [1] * 6
 
 
 @pytest.mark.parametrize("off_m", [(24.0, 0.0, 0.0), (0.0, 24.0, 0.0), (0.0, -24.0, 0.0)])
-def test_an_echo_may_be_as_far_off_as_positions_err(off_m: Vec3) -> None:
+def test_an_echo_may_be_displaced_by_the_error_of_positions(off_m: Vec3) -> None:
     tracker = Tracker()
     for second in range(10, 20):
         fly_own(tracker, second - 1, second)
@@ -277,7 +279,7 @@ def test_an_echo_may_be_as_far_off_as_positions_err(off_m: Vec3) -> None:
 
 
 @pytest.mark.parametrize("gap_s", [2, 12, 40])
-def test_an_echo_stays_ourselves_while_our_own_position_is_silent(gap_s: int) -> None:
+def test_an_echo_stays_an_echo_while_our_own_position_is_missing(gap_s: int) -> None:
     tracker = Tracker()
     for second in range(10, 90):
         if not 20 <= second < 20 + gap_s:
@@ -286,15 +288,15 @@ def test_an_echo_stays_ourselves_while_our_own_position_is_silent(gap_s: int) ->
         assert ids(tracker, second) == []
 
 
-def test_our_own_id_is_ourselves_wherever_it_is_reported() -> None:
+def test_our_own_id_is_never_traffic_wherever_it_is_reported() -> None:
     tracker = Tracker(TrafficParams(own_uas_id="a100"))
     assert tracker.receive(report(UTM, 0.0, (5000.0, 0.0, 0.0)), 0.0) is None
-    assert tracker.dropped == {Dropped.OWN: 1}
+    assert tracker.dropped == {DropReason.OWN: 1}
     with pytest.raises(ValueError, match="own_uas_id must be up to 18 bytes in hexadecimal"):
         TrafficParams(own_uas_id="A1Z")
 
 
-def test_obstacles_and_cars_are_merged_with_nobody() -> None:
+def test_obstacles_are_never_merged() -> None:
     tracker = Tracker()
     still = (0.0, 0.0, 0.0)
     for second in range(0, 60, 8):

@@ -35,7 +35,7 @@ def tracks(engine: Engine) -> tuple[Track, ...]:
     return engine.snapshot(T0 + 0.1).tracks
 
 
-def test_another_system_is_traffic_with_its_down_velocity_down() -> None:
+def test_another_system_is_traffic_with_its_velocity_in_north_east_down() -> None:
     engine = new_engine()
     engine.receive(Heartbeat(OTHER, COPTER, 3, True, 5, 4), T0)
     engine.receive(position(OTHER, T0, north_m=2000.0), T0)
@@ -56,13 +56,13 @@ def test_another_system_needs_no_heartbeat() -> None:
 
 
 @pytest.mark.parametrize("component", [1, 2, 154, 196, 240])
-def test_no_part_of_our_own_system_is_traffic(component: int) -> None:
+def test_components_of_our_own_system_are_not_traffic(component: int) -> None:
     engine = new_engine()
     engine.receive(position(Sender(1, component), T0, north_m=2000.0), T0)
     assert tracks(engine) == ()
 
 
-def test_before_our_own_system_is_known_nobody_is_another() -> None:
+def test_other_systems_are_not_traffic_before_our_own_is_known() -> None:
     engine = Engine()
     engine.receive(position(OTHER, T0, north_m=2000.0), T0)
     assert engine.tracker.tracks(T0, LocalFrame(-35.0, 149.0)) == ()
@@ -82,7 +82,7 @@ def test_before_our_own_system_is_known_nobody_is_another() -> None:
         (ROVER, 30.0, 8.0, [TrafficKind.SURFACE_VEHICLE]),  # uphill
     ],
 )
-def test_what_stands_on_the_ground_is_no_traffic(
+def test_systems_on_the_ground_are_surface_vehicles_or_not_traffic(
     vehicle_type: int, height_m: float, speed_mps: float, kinds: list[TrafficKind]
 ) -> None:
     engine = new_engine()
@@ -93,7 +93,7 @@ def test_what_stands_on_the_ground_is_no_traffic(
     assert [track.kind for track in tracks(engine)] == kinds
 
 
-def test_a_gimbal_does_not_speak_for_its_aircraft() -> None:
+def test_a_gimbal_does_not_set_the_type_of_its_vehicle() -> None:
     engine = new_engine()
     engine.receive(Heartbeat(OTHER, ROVER, 3, True, 0, 4), T0)
     engine.receive(Heartbeat(Sender(7, 154), 26, 8, False, 0, 4), T0)

@@ -1,4 +1,4 @@
-"""What the display shows: a moment as JSON, the trends of several, and a recorded flight that is played."""
+"""The state as JSON, statistics of several snapshots, the pipe, and a replay."""
 
 import asyncio
 import json
@@ -9,23 +9,23 @@ from pathlib import Path
 
 import pytest
 
-from companion.airspace.fence_zones import FenceZone
+from companion.airspace.fences import FenceZone
 from companion.engine import Engine
 from companion.model import Track
 from companion.recording.recorder import Recorder
 from companion.web import Observers
 from companion.web import state as state_module
-from companion.web.live_snapshot import Health, LinkCount, live_snapshot_of
-from companion.web.loop_times import LoopTimes
-from companion.web.pipe import packed, unpacked
+from companion.web.display import pack, unpack
+from companion.web.health import Health, LinkCount, LoopTimes
+from companion.web.live_snapshot import live_snapshot_of
+from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
 from companion.web.settings import Settings
-from companion.web.source import Recorded
 from companion.web.state import state_of
-from tests.support.web_bench import health, moment_after
+from tests.support.web_bench import health, snapshot_after
 
 
-def test_an_engine_that_has_heard_nothing_has_a_state() -> None:
+def test_an_engine_without_data_has_a_state() -> None:
     state = state_of(live_snapshot_of(Engine(), 1_700_000_000.0, health()), 1, RollingStats())
     assert state["own"] is None
     assert state["tracks"] == state["cones"] == state["predicted"] == []
@@ -34,8 +34,8 @@ def test_an_engine_that_has_heard_nothing_has_a_state() -> None:
     json.dumps(state, allow_nan=False)
 
 
-def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
-    state = state_of(moment_after(40.0), 7, RollingStats())
+def test_a_conflict_has_threat_track_and_cone() -> None:
+    state = state_of(snapshot_after(40.0), 7, RollingStats())
     json.dumps(state, allow_nan=False)
     assert (state["sequence"], state["aircraft"]["mode"]) == (7, "GUIDED")
     assert state["decision"]["layer"] == "outer"
@@ -45,7 +45,7 @@ def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
     assert threat["track"] == track["track"] == cone["track"] == track["icao"] == "A00001"
     assert track["level"] == "caution"
     assert cone["inside"] is True
-    # An intruder five kilometres ahead, its volume with margin 701 m: asin(701 / 5074).
+    # The intruder is five kilometres ahead, its volume with margin has 701 m: asin(701 / 5074).
     assert cone["half_angle_deg"] == pytest.approx(
         math.degrees(math.asin(701.04 / track["distance_m"])), abs=0.1
     )
@@ -53,15 +53,15 @@ def test_a_conflict_is_shown_with_all_that_belongs_to_it() -> None:
     assert 0.0 <= cone["bearing_deg"] < 360.0
     assert track["north_m"] - state["own"]["north_m"] == pytest.approx(track["distance_m"], abs=1.0)
     assert [item["sequence"] for item in state["mission"]["items"]] == [0, 2]
-    # A minute at 22 m/s and the wind.
+    # One minute at 22 m/s plus wind.
     first, last = state["predicted"][0], state["predicted"][-1]
     assert math.dist(first[:2], last[:2]) == pytest.approx(60.0 * 24.0, rel=0.02)
     assert last[2] == pytest.approx(state["decision"]["guidance"]["altitude_m"], abs=1.0)
 
 
-def test_how_near_traffic_is_shows_in_its_symbol() -> None:
-    moment = moment_after(20.0)
-    own = moment.snapshot.ownship
+def test_only_near_traffic_is_proximate() -> None:
+    snapshot = snapshot_after(20.0)
+    own = snapshot.snapshot.ownship
     assert own is not None
     north_m, east_m, down_m = own.position_m
 
@@ -70,27 +70,27 @@ def test_how_near_traffic_is_shows_in_its_symbol() -> None:
             f"{off_m},{above_m}", own.time_s, (north_m + off_m, east_m, down_m - above_m), (0.0, 9.0, 0.0)
         )
 
-    shown = replace(moment.snapshot, tracks=(at(2000.0, 0.0), at(4000.0, 0.0), at(2000.0, 500.0)))
-    state = state_of(replace(moment, snapshot=shown), 1, RollingStats())
+    shown = replace(snapshot.snapshot, tracks=(at(2000.0, 0.0), at(4000.0, 0.0), at(2000.0, 500.0)))
+    state = state_of(replace(snapshot, snapshot=shown), 1, RollingStats())
     assert [track["level"] for track in state["tracks"]] == ["proximate", "other", "other"]
 
 
-def test_rates_are_those_of_the_last_seconds_and_silence_is_seen() -> None:
+def test_rates_cover_the_last_seconds_and_silence_is_measured() -> None:
     now_s = [100.0]
-    trends = RollingStats(lambda: now_s[0])
+    stats = RollingStats(lambda: now_s[0])
     for second in range(11):
         now_s[0] = 100.0 + second
         frames = 50 * min(second, 8)
-        trends.show(health(links=(LinkCount("udpin:x:1", frames, second, 0, 0, 0),), tick_s=0.001 * second))
-    (link,) = trends.links()
+        stats.add(health(links=(LinkCount("udpin:x:1", frames, second, 0, 0, 0),), tick_s=0.001 * second))
+    (link,) = stats.links()
     assert link["silent_s"] == pytest.approx(2.0)
     assert link["frames_per_s"] == pytest.approx(30.0), "150 in five seconds"
     assert link["lost_share"] == pytest.approx(5 / 155, abs=1e-4)
     assert link["connected"] is True
-    assert trends.tick_ms_p99() == pytest.approx(9.0)
+    assert stats.tick_ms_p99() == pytest.approx(9.0)
 
 
-def test_ticks_are_counted_by_how_long_they_took() -> None:
+def test_ticks_are_counted_by_their_duration() -> None:
     times = LoopTimes()
     for seconds in (0.0001, 0.0005, 0.004, 3.0):
         times.observe(seconds)
@@ -99,30 +99,30 @@ def test_ticks_are_counted_by_how_long_they_took() -> None:
     assert times.total_s == pytest.approx(3.0046)
 
 
-async def test_a_moment_comes_out_of_the_pipe_as_it_went_in() -> None:
-    moment = moment_after(40.0)
+async def test_a_snapshot_passes_through_the_pipe_unchanged() -> None:
+    snapshot = snapshot_after(40.0)
     reader = asyncio.StreamReader()
-    reader.feed_data(packed(Settings()) + packed(moment)[:-1])
-    assert await unpacked(reader) == Settings()
+    reader.feed_data(pack(Settings()) + pack(snapshot)[:-1])
+    assert await unpack(reader) == Settings()
     reader.feed_eof()
     with pytest.raises(EOFError):
-        await unpacked(reader)
+        await unpack(reader)
     reader = asyncio.StreamReader()
-    reader.feed_data(packed(moment))
-    again = await unpacked(reader)
-    assert state_of(again, 1, RollingStats()) == state_of(moment, 1, RollingStats())
+    reader.feed_data(pack(snapshot))
+    again = await unpack(reader)
+    assert state_of(again, 1, RollingStats()) == state_of(snapshot, 1, RollingStats())
 
 
-def film() -> Recorded:
-    source = Recorded()
+def recorded() -> RecordedSource:
+    source = RecordedSource()
     for tick in range(100):
         layer = "clear" if tick < 50 else "outer"
         source.add(tick / 10.0, {"sequence": tick, "decision": {"layer": layer, "because": "so"}})
     return source
 
 
-async def test_a_recorded_flight_is_played_stopped_and_searched() -> None:
-    source = film()
+async def test_a_recorded_flight_plays_pauses_and_seeks() -> None:
+    source = recorded()
     assert source.layers() == [(0.0, "clear", "so"), (5.0, "outer", "so")]
     view = source.view()
     states = view.states()
@@ -132,70 +132,72 @@ async def test_a_recorded_flight_is_played_stopped_and_searched() -> None:
         return state
 
     assert (await shown())["sequence"] == 0
-    view.ask({"play": False, "seek_s": 7.25})
+    view.control({"play": False, "seek_s": 7.25})
     state = await shown()
     assert state["sequence"] == 72
     assert state["replay"] == {"at_s": 7.25, "duration_s": 9.9, "playing": False, "speed": 1.0}
-    view.ask({"seek_s": 1e9})
+    view.control({"seek_s": 1e9})
     assert (await shown())["sequence"] == 99
-    view.ask({"play": True, "speed": 10})
+    view.control({"play": True, "speed": 10})
     assert (await shown())["sequence"] == 0, "from the beginning again"
     later = await shown()
     assert 5 <= later["sequence"] <= 40  # type: ignore[operator]
 
 
-@pytest.mark.parametrize("wish", [{"speed": "fast"}, {"seek_s": math.nan}, {"play": 1}, {"seek_s": True}, {}])
-async def test_a_wish_that_makes_no_sense_changes_nothing(wish: dict[str, object]) -> None:
-    view = film().view()
+@pytest.mark.parametrize(
+    "message", [{"speed": "fast"}, {"seek_s": math.nan}, {"play": 1}, {"seek_s": True}, {}]
+)
+async def test_an_invalid_message_changes_nothing(message: dict[str, object]) -> None:
+    view = recorded().view()
     states = view.states()
     before = json.loads(await anext(states))["replay"]
-    view.ask({"play": False})
+    view.control({"play": False})
     await anext(states)
-    view.ask(wish)
+    view.control(message)
     assert json.loads(await anext(states))["replay"] == {**before, "playing": False}
 
 
-def test_health_counts_links_that_were_never_heard() -> None:
-    trends = RollingStats(lambda: 1.0)
-    assert trends.links() == []
-    assert trends.tick_ms_p99() is None
-    trends.show(Health.of(0.0, LoopTimes(), ()))
-    assert trends.links() == []
+def test_without_links_there_are_no_statistics_of_links() -> None:
+    stats = RollingStats(lambda: 1.0)
+    assert stats.links() == []
+    assert stats.tick_ms_p99() is None
+    stats.add(Health.of(0.0, LoopTimes(), ()))
+    assert stats.links() == []
 
 
-class Engineless:
-    """Stands where an engine should: whatever is asked of it fails."""
+class BrokenEngine:
+    """Stands in for an engine; every access fails."""
 
 
-def test_what_cannot_be_shown_is_told_once_and_never_raised(caplog: pytest.LogCaptureFixture) -> None:
-    recorded: list[str] = []
+def test_a_failing_observer_is_logged_once_and_never_raises(caplog: pytest.LogCaptureFixture) -> None:
+    lines: list[str] = []
 
-    class Notes(Recorder):
+    class Lines(Recorder):
         def __init__(self) -> None:
             """Nothing to open."""
 
         def state(self, time_us: int, line: str) -> None:  # noqa: ARG002
-            recorded.append(line)
+            lines.append(line)
 
-    onlookers = Observers(None, Notes())
+    observers = Observers(None, Lines())
     for tick in range(3):
-        onlookers.look(Engineless(), tick * 10_000_000, health)  # type: ignore[arg-type]
+        observers.look(BrokenEngine(), tick * 10_000_000, health)  # type: ignore[arg-type]
     assert [r.getMessage() for r in caplog.records] == ["state in the record: switched off"]
-    onlookers = Observers(None, Notes())
+    observers = Observers(None, Lines())
     for tick in range(250):
-        onlookers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
-    assert [json.loads(line)["sequence"] for line in recorded] == [1, 2, 3], "every ten seconds"
+        observers.look(Engine(), 1_700_000_000_000_000 + tick * 100_000, health)
+    assert [json.loads(line)["sequence"] for line in lines] == [1, 2, 3], "every ten seconds"
 
 
-def test_every_key_is_explained() -> None:
+def test_state_md_explains_every_key() -> None:
     text = (Path(state_module.__file__).parent / "state.md").read_text()
     explained = set(re.findall(r"`(\w+)`", text)) | set(re.findall(r"\b(\w+_(?:m|deg))\b", text))
-    moment = moment_after(40.0)
+    snapshot = snapshot_after(40.0)
     zone = FenceZone(inclusion=True, centre_deg=(-35.0, 149.0), radius_m=100.0)
-    moment = replace(moment, zones=(zone,), health=health(links=(LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)))
-    trends = RollingStats()
-    trends.show(moment.health)
-    assert keys_of(state_of(moment, 1, trends)) <= explained
+    snapshot = replace(snapshot, zones=(zone,), health=health(links=(LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)))
+    stats = RollingStats()
+    stats.add(snapshot.health)
+    assert keys_of(state_of(snapshot, 1, stats)) <= explained
 
 
 def keys_of(value: object) -> set[str]:

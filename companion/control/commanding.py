@@ -1,0 +1,58 @@
+"""What is sent to the autopilot while it is ours: the stream around a mode change, and the guidance."""
+
+from dataclasses import replace
+
+from companion.autopilots.adapter import RefusedValue
+from companion.control.handover import Handover
+from companion.control.state_machine import ENTERING, State
+from companion.mavlink.dialect import Message
+from companion.model import Guidance
+from companion.ownship.aircraft import Aircraft
+
+
+class Commanding:
+    """Turns guidance into the adapter's messages, when they may be sent."""
+
+    def __init__(self, aircraft: Aircraft, handover: Handover) -> None:
+        self._aircraft = aircraft
+        self._handover = handover
+        self._refused: list[RefusedValue] = []
+
+    @property
+    def may_fly(self) -> bool:
+        """Whether guidance may be sent: flying, and nothing heard speaks against it."""
+        return self._handover.supervisor.flying and self._aircraft.guided
+
+    def messages(
+        self, guidance: Guidance | None, now_s: float, *, max_bank_rad: float, urgent: bool
+    ) -> list[Message]:
+        """What to send on this tick; without `guidance`, what the state needs.
+
+        `urgent`: the decision was made just now, for traffic that was heard just now.
+        """
+        adapter, aircraft, state = self._aircraft.adapter, self._aircraft, self._handover.supervisor.state
+        if adapter is None or not self._handover.holds:
+            return []
+        level = aircraft.guidance_command(aircraft.present_guidance(), max_bank_rad=max_bank_rad)
+        if level is None:
+            return []
+        # PX4 would enter OFFBOARD by itself with the first setpoint that comes through again, and wrongly so.
+        releasing = state in (State.RELEASING, State.STOPPING)
+        contact = aircraft.in_contact(now_s) or not (releasing or adapter.leaves_guided_by_itself)
+        if not (contact and aircraft.heard(now_s)):
+            return []
+        if state in ENTERING:
+            return adapter.entering(level, now_s)
+        if releasing and aircraft.guided:
+            return adapter.leaving(level, now_s)
+        guidance = guidance or self._handover.guidance()
+        if not self.may_fly or guidance is None:
+            return []
+        messages = adapter.command(replace(level, guidance=guidance), now_s, urgent=urgent)
+        self._refused += adapter.refused_values()
+        return messages
+
+    def take_refused(self) -> list[RefusedValue]:
+        """The values that the autopilot will not fly, since the last call."""
+        refused, self._refused = self._refused, []
+        return refused

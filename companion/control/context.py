@@ -1,0 +1,55 @@
+"""What every part of the control room works with on one tick."""
+
+from dataclasses import dataclass
+
+from companion.autopilots.adapter import Adapter
+from companion.control import suppressed_threats
+from companion.control.state_machine import Event, StateData, Supervisor, SupervisorParams
+from companion.mavlink.dialect import Message
+from companion.model import Decision, Layer, Role
+from companion.output.notice import AnyNotice
+from companion.ownship.aircraft import Aircraft
+
+# What control returns: messages for the autopilot and notices for the operator, in their order.
+Outgoing = list[Message | AnyNotice]
+
+
+@dataclass(slots=True)
+class ControlContext:
+    """The aircraft, the state machine, and what the operator and the avoidance want now."""
+
+    aircraft: Aircraft
+    supervisor: Supervisor
+    params: SupervisorParams
+    role: Role
+    decision: Decision
+
+    @property
+    def data(self) -> StateData:
+        """The data of the present state."""
+        return self.supervisor.data
+
+    @property
+    def adapter(self) -> Adapter:
+        """The adapter of our autopilot; RuntimeError without one, as nothing is held then."""
+        adapter = self.aircraft.adapter
+        if adapter is None:
+            raise RuntimeError("no autopilot: the supervisor must not get here")
+        return adapter
+
+    @property
+    def prior_mode(self) -> str:
+        """Name of the mode to give back to."""
+        return self.adapter.mode_name(self.data.prior.mode)
+
+    @property
+    def clear(self) -> bool:
+        """Whether nothing has to be avoided: no conflict, or only suppressed ones."""
+        if self.decision.layer is Layer.CLEAR:
+            return True
+        return bool(self.data.suppressed_s) and suppressed_threats.covers(self.data, self.decision)
+
+    @property
+    def conflict(self) -> Event:
+        """The event of the present conflict."""
+        return Event.INNER_CONFLICT if self.decision.layer is Layer.INNER else Event.OUTER_CONFLICT

@@ -1,0 +1,70 @@
+"""Giving the aircraft back when the engine has failed: without the engine, and never against the pilot."""
+
+from companion.control.mode_request import ModeRequest
+from companion.control.state_machine import FLYING, HELD, State, Supervisor
+from companion.mavlink.dialect import Message
+from companion.mavlink.facts import Fact, Heartbeat
+from companion.ownship.aircraft import Aircraft
+
+# A heartbeat older than this says nothing about who has the aircraft.
+_FRESH_S = 1.5
+
+
+class EmergencyRelease:
+    """Asks for the former mode while the newest heartbeat shows our guided mode.
+
+    It listens while it works: once another mode was seen after ours, no mode is asked for again.
+    """
+
+    def __init__(self, aircraft: Aircraft, supervisor: Supervisor, now_s: float) -> None:
+        self._aircraft = aircraft
+        self._adapter = aircraft.adapter
+        self._prior = supervisor.data.prior
+        self._mode, self._heartbeat_s = aircraft.custom_mode, aircraft.heartbeat_s
+        self._was_guided = supervisor.state in FLYING
+        self._request: ModeRequest | None = None
+        held = supervisor.state in HELD or supervisor.state is State.STOPPING
+        if held and self._adapter is not None:
+            self._adapter.drop_commands()
+            self._request = ModeRequest(
+                self._adapter.guided_mode, self._prior.mode, now_s, delay_s=self._adapter.exit_s
+            )
+        self._note_mode()
+
+    @property
+    def finished(self) -> bool:
+        """Whether there is nothing more to do: the aircraft is not ours, and what we borrowed is back."""
+        return self._request is None and not (self._adapter is not None and self._adapter.changed_parameters)
+
+    def observe(self, fact: Fact, now_s: float) -> None:
+        """Take in a fact."""
+        if self._adapter is None or fact.sender != self._adapter.target:
+            return
+        if isinstance(fact, Heartbeat):
+            self._mode, self._heartbeat_s = fact.custom_mode, now_s
+            self._note_mode()
+        self._adapter.observe(fact, now_s)
+        self._aircraft.observe(fact, now_s)  # last: it may be what failed
+
+    def messages(self, now_s: float) -> list[Message]:
+        """What to send now; to be called ten times a second."""
+        adapter, request = self._adapter, self._request
+        if adapter is None:
+            return []
+        messages = adapter.tick(now_s)
+        fresh = 0.0 <= now_s - self._heartbeat_s <= _FRESH_S
+        if request is None or not fresh or not adapter.is_guided(self._mode):
+            return messages
+        level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
+        if level is not None:
+            messages += adapter.leaving(level, now_s)
+        if request.due(self._mode, self._heartbeat_s, now_s):
+            messages += adapter.restore_mode(self._prior)
+        return messages
+
+    def _note_mode(self) -> None:
+        """End the request when the guided mode has been left, no matter by whom."""
+        guided = self._adapter is not None and self._adapter.is_guided(self._mode)
+        if self._was_guided and not guided:
+            self._request = None
+        self._was_guided |= guided

@@ -1,0 +1,55 @@
+"""Sends the mode request that is under way, and hears what the autopilot answers."""
+
+from companion.control.context import ControlContext, Outgoing
+from companion.control.mode_request import ModeRequest
+from companion.control.state_machine import ENTERING
+from companion.mavlink.dialect import mavlink
+from companion.mavlink.facts import CommandResult
+
+
+class ModeRequester:
+    """Works on `StateData.request`."""
+
+    def __init__(self, context: ControlContext) -> None:
+        self._context = context
+
+    @property
+    def request(self) -> ModeRequest:
+        """The request under way; RuntimeError without one, as the states that ask have one."""
+        request = self._context.data.request
+        if request is None:
+            raise RuntimeError("no request under way: the supervisor must not get here")
+        return request
+
+    def send(self, now_s: float) -> Outgoing:
+        """The request, when the heartbeats allow that it is sent now."""
+        context, data, request = self._context, self._context.data, self.request
+        aircraft, adapter = context.aircraft, context.adapter
+        if not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
+            return []
+        entering = context.supervisor.state in ENTERING
+        if entering:
+            data.requested_s = now_s
+        if not entering and request.wanted == data.prior.mode:
+            return [*adapter.restore_mode(data.prior)]
+        return [adapter.set_mode(request.wanted)]
+
+    def answered(self, fact: CommandResult, now_s: float) -> None:
+        """Take in an acknowledgement of a command; those about other things are the adapter's."""
+        context, data = self._context, self._context.data
+        if fact.command not in context.adapter.mode_commands:
+            context.adapter.observe(fact, now_s)
+        elif data.request is not None and fact.result == mavlink.MAV_RESULT_ACCEPTED:
+            data.request.accepted(now_s)
+        elif data.request is not None and fact.result != mavlink.MAV_RESULT_IN_PROGRESS:
+            self._refused(data.request, fact, now_s)
+
+    def _refused(self, request: ModeRequest, fact: CommandResult, now_s: float) -> None:
+        entering = self._context.supervisor.state in ENTERING
+        if entering and fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+            request.postponed(now_s)
+            return
+        request.refused(now_s)
+        # Of several requests that were sent, another one may still be obeyed.
+        if entering and request.refusals >= request.tries:
+            self._context.data.forget_request()

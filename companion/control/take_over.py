@@ -1,0 +1,82 @@
+"""Taking the aircraft over: the guided mode is asked for until the heartbeat shows it."""
+
+from companion.control.context import ControlContext, Outgoing
+from companion.control.mode_request import ModeRequest
+from companion.control.pilot_overrides import PilotOverrides
+from companion.control.rejoin import Rejoin
+from companion.control.release import Release
+from companion.control.requesting import ModeRequester
+from companion.control.state_machine import OVERRIDES, Event, State
+from companion.mavlink.dialect import mavlink
+from companion.output.notice import ConflictNotice, Notice
+
+_LONGEST_ENGAGING_S = 3.0
+# The wait after a refusal grows with the refusals in a row, up to this many times.
+_LONGEST_WAIT = 5
+
+
+class TakeOver:
+    """Into the guided mode, for a conflict or for the controller to recover."""
+
+    def __init__(
+        self, context: ControlContext, overrides: PilotOverrides, requester: ModeRequester, release: Release
+    ) -> None:
+        self._context = context
+        self._overrides = overrides
+        self._requester = requester
+        self._release = release
+        self.engagements = 0  # take-overs since the start
+
+    def begin(self, now_s: float) -> Outgoing:
+        """Take the aircraft over from the mode that it is in."""
+        context, data = self._context, self._context.data
+        adapter = context.adapter
+        context.supervisor.handle(context.conflict)
+        data.prior = context.aircraft.prior_flight_state(now_s)
+        self._overrides.begin(data)
+        data.rejoin = Rejoin.to(data.prior, adapter)
+        data.request = ModeRequest(data.prior.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
+        adapter.drop_commands()
+        return [*self._requester.send(now_s), ConflictNotice(flying=True)]
+
+    def re_enter(self, now_s: float) -> Outgoing:
+        """Enter the guided mode again, in which the controller recovers; then the aircraft is given back."""
+        context, data = self._context, self._context.data
+        adapter = context.adapter
+        data.guided_since_s = None
+        self._overrides.begin(data, OVERRIDES)
+        data.request = ModeRequest(
+            context.aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+        )
+        text = "Avoidance: attitude setpoint lost, recovering"
+        return [*self._requester.send(now_s), Notice(mavlink.MAV_SEVERITY_CRITICAL, text)]
+
+    def go_on(self, now_s: float) -> Outgoing:
+        """Ask until the heartbeat shows the guided mode, or there is no more reason to."""
+        context, data, request = self._context, self._context.data, self._requester.request
+        if context.aircraft.guided:
+            return self._taken(now_s)
+        if context.clear and context.supervisor.handle(Event.CLEAR):
+            return self._release.begin(now_s)
+        if not (request.refusals or now_s - request.asked_s >= _LONGEST_ENGAGING_S):
+            return self._requester.send(now_s)
+        if not request.refusals and context.aircraft.heartbeat_s <= request.sent_s:
+            # No heartbeat since: the aircraft may be in the guided mode by now, flown by no one.
+            context.supervisor.handle(Event.UNKNOWN)
+            return self._release.begin(now_s)
+        context.supervisor.handle(Event.REFUSED)
+        data.given_up += 1
+        data.wait_until_s = now_s + context.params.retry_s * min(data.given_up, _LONGEST_WAIT)
+        outcome = "refused" if request.refusals or request.postponements else "did not answer"
+        return [Notice(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {outcome}")]
+
+    def _taken(self, now_s: float) -> Outgoing:
+        context, data = self._context, self._context.data
+        context.supervisor.handle(Event.TAKEN)
+        data.guided_since_s, data.left_in_prior_mode = now_s, True
+        self.engagements += 1
+        if context.supervisor.state is State.RECOVERING:
+            data.invalid_s = now_s
+        else:
+            context.supervisor.handle(context.conflict)
+        return []

@@ -1,0 +1,139 @@
+"""The decision of a tick: own state, tracks and goal in the local frame, within the limits of this place."""
+
+import math
+from dataclasses import replace
+
+from companion.airspace.altitude_limits import HeightLimits, limit_heights
+from companion.airspace.obstacles import ObstacleMap
+from companion.avoidance import Avoider, Envelope
+from companion.control.handover import Handover
+from companion.control.state_machine import WATCHING
+from companion.engine_config import EngineConfig
+from companion.geodesy import LocalFrame
+from companion.model import Decision, Goal, Layer, Ownship, Role, Track
+from companion.ownship.aircraft import Aircraft
+from companion.ownship.autopilot_queries import AutopilotQueries
+from companion.traffic import TrafficPicture
+
+# Far from its origin the flat frame bends; closer than this its error cannot be seen.
+_FRAME_REACH_M = 5_000.0
+
+
+class Deciding:
+    """Holds the standing decision, and what it was made from."""
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        queries: AutopilotQueries,
+        picture: TrafficPicture,
+        obstacles: ObstacleMap,
+        config: EngineConfig,
+        handover: Handover,
+        avoider: Avoider,
+    ) -> None:
+        self.avoider = avoider
+        self.config = config
+        self.frame: LocalFrame | None = None
+        self.goal: Goal | None = None
+        self.decision = Decision(Layer.CLEAR, because="no position")
+        self.own: Ownship | None = None
+        self.tracks: tuple[Track, ...] = ()
+        self._aircraft = aircraft
+        self._queries = queries
+        self._picture = picture
+        self._obstacles = obstacles
+        self._handover = handover
+        self._conflict_over = False
+        self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
+
+    def forget_conflict(self) -> None:
+        """Begin the next decision without the memory of this conflict."""
+        self._conflict_over = True
+
+    def update(self, role: Role, now_s: float) -> None:
+        """Decide; for a moment without a new position the last decision stands."""
+        aircraft = self._aircraft
+        if self._conflict_over:
+            self._conflict_over = False
+            self.avoider.reset()
+        if aircraft.position_lost(now_s):
+            self.own, self.tracks = None, ()
+            self._do_without("no position")
+            return
+        if now_s - aircraft.position_s > self.config.engine.position_stale_s:
+            return
+        self.frame = self._frame_here()
+        if self.frame is None:
+            return
+        self.own = aircraft.ownship(self.frame)
+        self.tracks = self._picture.tracks(now_s, self.frame)
+        self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.home_altitude_m())
+        self.goal = self._goal_now(self.frame, now_s)
+        if self.own is None or role is Role.OFF or not self._may_decide():
+            self._do_without("off" if role is Role.OFF else "not flying")
+            return
+        self._apply_limits(self.frame, now_s)
+        self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
+
+    def _do_without(self, because: str) -> None:
+        self.avoider.reset()
+        self.decision = Decision(Layer.CLEAR, because=because)
+
+    def _may_decide(self) -> bool:
+        """Not on the ground; while it flies for us the aircraft may sink below the lowest height."""
+        min_height_m = self.config.supervisor.min_height_m
+        return self._handover.supervisor.flying or self._aircraft.flying(min_height_m)
+
+    def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
+        """What the mission wants; while the aircraft is ours, what it wanted at the take-over."""
+        if self.goal is None or self._handover.supervisor.state in WATCHING:
+            goal = self._aircraft.goal(frame, now_s)
+            if self._aircraft.mission_outdated(now_s):
+                self._queries.reread_mission(now_s)
+            return goal
+        if self.goal.position_m is not None:
+            return self.goal
+        # Taken over before the mission was read, as after a restart: it does not lead straight on.
+        place = self._handover.goes_on_to()
+        if place is None:
+            return self.goal
+        return replace(self.goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
+
+    def _frame_here(self) -> LocalFrame | None:
+        """The local frame. It moves along with the aircraft, and the goal with it."""
+        place = self._aircraft.place()
+        frame = self.frame
+        if place is None:
+            return frame
+        if frame is not None and math.hypot(*frame.to_ned_m(place)[:2]) <= _FRAME_REACH_M:
+            return frame
+        here = LocalFrame(place.lat_deg, place.lon_deg)
+        if frame is not None and self.goal is not None and self.goal.position_m is not None:
+            moved = here.to_ned_m(frame.to_geo(*self.goal.position_m))
+            self.goal = replace(self.goal, position_m=moved)
+        return here
+
+    def _apply_limits(self, frame: LocalFrame, now_s: float) -> None:
+        """Give the avoider the aircraft's envelope, with floor, ceiling and fence of this place."""
+        aircraft, adapter = self._aircraft, self._aircraft.adapter
+        self.avoider.prefers_turns = adapter is not None and adapter.invalid_after_climbs
+        home_m = aircraft.home_altitude_m()
+        if home_m is None:
+            return
+        floor_m, ceiling_m = self.config.supervisor.min_height_m, self.config.engine.max_height_m
+        heights = self._queries.heights(floor_m, ceiling_m, now_s)
+        limits = self._queries.envelope, heights, home_m, aircraft.terrain.altitude_m(now_s)
+        if limits != self._limits:  # on most ticks they are the same
+            self._limits, self.avoider.envelope = limits, limit_heights(*limits)
+        self.avoider.fence = self._queries.local_fence(frame, home_m, now_s)
+
+
+def _checked(decision: Decision) -> Decision:
+    """The same decision; ValueError when its guidance cannot be flown: a bug, which ends the service."""
+    guidance = decision.guidance
+    if guidance is not None and not all(
+        map(math.isfinite, (guidance.course_rad, guidance.airspeed_mps, guidance.altitude_m))
+    ):
+        raise ValueError("guidance is not finite")
+    return decision

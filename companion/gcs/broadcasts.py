@@ -1,0 +1,62 @@
+"""What we send regularly: our own HEARTBEAT, and COLLISION for the threats."""
+
+import math
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.model import Decision, Layer, Role, Threat
+
+_HEARTBEAT_INTERVAL_S = 1.0
+_COLLISION_INTERVAL_S = 1.0
+_MAX_COLLISIONS = 4
+
+
+class Broadcasts:
+    """Knows when each of them is due."""
+
+    def __init__(self) -> None:
+        self._heartbeat_s = -math.inf
+        self._collisions_s = -math.inf
+
+    def heartbeat(self, role: Role, now_s: float, *, healthy: bool) -> list[Message]:
+        """Our own HEARTBEAT, once a second; its custom mode is our role."""
+        if now_s - self._heartbeat_s < _HEARTBEAT_INTERVAL_S - 1e-3 and now_s >= self._heartbeat_s:
+            return []
+        self._heartbeat_s = now_s
+        return [
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+                mavlink.MAV_AUTOPILOT_INVALID,
+                mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+                int(role),
+                mavlink.MAV_STATE_ACTIVE if healthy else mavlink.MAV_STATE_CRITICAL,
+                3,
+            )
+        ]
+
+    def collisions(self, decision: Decision, now_s: float, *, flying: bool) -> list[Message]:
+        """COLLISION for the most urgent threats, once a second."""
+        if not decision.threats or 0.0 <= now_s - self._collisions_s < _COLLISION_INTERVAL_S - 1e-3:
+            return []
+        self._collisions_s = now_s
+        return [_collision(threat, flying=flying) for threat in decision.threats[:_MAX_COLLISIONS]]
+
+
+def _collision(threat: Threat, *, flying: bool) -> Message:
+    action = (
+        mavlink.MAV_COLLISION_ACTION_MOVE_PERPENDICULAR if flying else mavlink.MAV_COLLISION_ACTION_REPORT
+    )
+    level = (
+        mavlink.MAV_COLLISION_THREAT_LEVEL_HIGH
+        if threat.layer is Layer.INNER
+        else mavlink.MAV_COLLISION_THREAT_LEVEL_LOW
+    )
+    to_closest_s = threat.time_to_closest_s if math.isfinite(threat.time_to_closest_s) else 0.0
+    return mavlink.MAVLink_collision_message(
+        mavlink.MAV_COLLISION_SRC_ADSB,
+        threat.icao or 0,
+        action,
+        level,
+        max(to_closest_s, 0.0),
+        threat.miss_vertical_m,
+        threat.miss_horizontal_m,
+    )

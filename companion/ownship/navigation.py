@@ -1,0 +1,128 @@
+"""Where the autopilot flies to: the item of its mission, and its own navigation target."""
+
+import math
+
+from companion.geodesy import GeoPoint, LocalFrame
+from companion.mavlink.facts import MissionProgress, NavigationTarget
+from companion.model import Goal
+from companion.ownship.kinematics import Kinematics
+from companion.ownship.mission import Mission
+
+_TARGET_FRESH_S = 10.0
+# MISSION_CURRENT comes once a second.
+_PROGRESS_FRESH_S = 5.0
+# Further apart than this, the mission item and the navigation target are different places.
+_SAME_PLACE_M = 150.0
+# They may differ for this long while one waypoint follows another.
+_DIFFERENCE_S = 5.0
+# A target further than this from the former one is a new one.
+_REDIRECTED_M = 100.0
+
+
+class Navigation:
+    """The mission item and the navigation target, and whether they agree.
+
+    While our setpoints are flown, the reported target is ours; it is stored apart (`target_while_ours`).
+    """
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        self._kinematics = kinematics
+        self.mission: Mission | None = None  # while it is known
+        self.sequence: int | None = None  # of the mission item that is flown
+        self.target_while_ours: NavigationTarget | None = None
+        self._target: NavigationTarget | None = None
+        self._target_s = -math.inf
+        self._sequence_s = -math.inf
+        self._differs_since_s: float | None = None
+
+    def observe_progress(self, fact: MissionProgress, now_s: float) -> None:
+        """Store the number of the mission item that is flown."""
+        self.sequence, self._sequence_s = fact.sequence, now_s
+
+    def observe_target(self, fact: NavigationTarget, now_s: float, *, ours: bool) -> None:
+        """Store a navigation target; `ours`: our setpoints are flown, or may be."""
+        if ours:
+            self.target_while_ours = fact
+        else:
+            self._target, self._target_s = fact, now_s
+
+    def refresh(self, now_s: float) -> None:
+        """Treat item and target as reported now, as after a silence."""
+        if self.sequence is not None:
+            self._sequence_s = now_s
+        if self._target is not None:
+            self._target_s = now_s
+
+    def refresh_target(self, now_s: float) -> None:
+        """Treat the target from before our setpoints as reported now, because it is flown to again."""
+        self._target_s = now_s
+
+    def target(self, now_s: float) -> GeoPoint | None:
+        """The place that the autopilot itself flies to or circles; `None` when it is unknown or old."""
+        target = self._target
+        if target is None or now_s - self._target_s >= _TARGET_FRESH_S:
+            return None
+        altitude_m = self._kinematics.altitude_m() if target.altitude_m is None else target.altitude_m
+        return GeoPoint(target.lat_deg, target.lon_deg, altitude_m)
+
+    def redirected_from(self, target: GeoPoint | None) -> bool:
+        """Whether the target that is reported while our setpoints are flown is far from `target`."""
+        other = self.target_while_ours
+        if target is None or other is None:
+            return False
+        frame = LocalFrame(target.lat_deg, target.lon_deg)
+        moved_m = frame.to_ned_m(GeoPoint(other.lat_deg, other.lon_deg, 0.0))[:2]
+        return math.hypot(*moved_m) > _REDIRECTED_M
+
+    def taking_off_or_landing(self) -> bool:
+        """Whether the mission item takes off, approaches or lands; `False` while that is unknown."""
+        if self.mission is None or self.sequence is None:
+            return False
+        return self.mission.taking_off_or_landing(self.sequence)
+
+    def destination(self, sequence: int | None) -> GeoPoint | None:
+        """The place that a mission item leads to, by default the present item; `None` when it is unknown."""
+        sequence = self.sequence if sequence is None else sequence
+        if self.mission is None or sequence is None:
+            return None
+        return self.mission.destination(sequence, self._kinematics.home_altitude_m())
+
+    def goal(self, frame: LocalFrame, now_s: float, *, in_mission: bool) -> Goal:
+        """The mission item, otherwise the navigation target, otherwise the present course and height.
+
+        Where item and target are different places, the known mission is outdated, and the target counts.
+        """
+        place = self.target(now_s)
+        item = self._item_place(now_s) if in_mission else None
+        if item is None:
+            self._differs_since_s = None
+        elif not self._differs(item, place, frame, now_s):
+            place = item
+        own = self._kinematics
+        speed_mps = own.airspeed_mps()
+        if place is not None:
+            return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
+        altitude_m = None if own.position is None else own.position.altitude_m
+        return Goal(course_rad=own.course_rad(), airspeed_mps=speed_mps, altitude_m=altitude_m)
+
+    def mission_outdated(self, now_s: float) -> bool:
+        """Whether the autopilot has flown for a while to another place than the known mission leads to."""
+        since_s = self._differs_since_s
+        return since_s is not None and now_s - since_s > _DIFFERENCE_S
+
+    def _item_place(self, now_s: float) -> GeoPoint | None:
+        is_old = now_s - self._sequence_s > _PROGRESS_FRESH_S
+        return None if is_old else self.destination(self.sequence)
+
+    def _differs(self, item: GeoPoint, target: GeoPoint | None, frame: LocalFrame, now_s: float) -> bool:
+        """Whether the item and the target are different places; stores since when."""
+        away_m = 0.0
+        if target is not None:
+            here, there = frame.to_ned_m(item), frame.to_ned_m(target)
+            away_m = math.hypot(here[0] - there[0], here[1] - there[1])
+        if away_m <= _SAME_PLACE_M:
+            self._differs_since_s = None
+            return False
+        if self._differs_since_s is None:
+            self._differs_since_s = now_s
+        return True

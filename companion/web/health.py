@@ -1,0 +1,99 @@
+"""Health of the service: tick times, and counts of what its links carried."""
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from companion.links import Link
+
+
+class LoopTimes:
+    """A histogram of tick times. `below[i]` ticks took at most `BOUNDS_S[i]`; its last entry counts all."""
+
+    BOUNDS_S: ClassVar[tuple[float, ...]] = (
+        0.0005, 0.001, 0.002, 0.003, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5,
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.last_s = 0.0
+        self.total_s = 0.0
+        self._counts = [0] * (len(self.BOUNDS_S) + 1)
+
+    def observe(self, seconds: float) -> None:
+        """Add the duration of one tick."""
+        self.last_s = seconds
+        self.total_s += seconds
+        self._counts[bisect_left(self.BOUNDS_S, seconds)] += 1
+
+    @property
+    def below(self) -> tuple[int, ...]:
+        """Cumulative counts, one more than there are bounds."""
+        cumulative, total = [], 0
+        for count in self._counts:
+            total += count
+            cumulative.append(total)
+        return tuple(cumulative)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkCount:
+    """What one link carried since the start."""
+
+    address: str
+    frames: int
+    lost: int
+    bad_bytes: int
+    sent_frames: int
+    send_errors: int
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """Health of the service at one moment; counts since the start."""
+
+    uptime_s: float
+    tick_s: float  # duration of the last tick
+    ticks_below: tuple[int, ...]  # as `LoopTimes.below`
+    ticks_total_s: float
+    skipped_ticks: int
+    links: tuple[LinkCount, ...]
+    unusable: int
+    setpoints_sent: int
+    recording_problem: str | None
+
+    @classmethod
+    def of(
+        cls,
+        uptime_s: float,
+        times: LoopTimes,
+        links: Sequence[Link],
+        *,
+        skipped_ticks: int = 0,
+        unusable: int = 0,
+        setpoints_sent: int = 0,
+        recording_problem: str | None = None,
+    ) -> "Health":
+        """The health from the counters of the service."""
+        counts = tuple(
+            LinkCount(
+                link.address,
+                (counters := link.counters).frames,
+                counters.lost,
+                counters.bad_bytes,
+                counters.sent_frames,
+                counters.send_errors,
+            )
+            for link in links
+        )
+        return cls(
+            uptime_s,
+            times.last_s,
+            times.below,
+            times.total_s,
+            skipped_ticks,
+            counts,
+            unusable,
+            setpoints_sent,
+            recording_problem,
+        )

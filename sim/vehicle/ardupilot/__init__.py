@@ -1,0 +1,1 @@
+"""ArduPlane's behaviour, as measured on its simulator."""

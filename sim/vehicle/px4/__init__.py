@@ -1,0 +1,1 @@
+"""PX4's behaviour as a fixed wing, as measured on its simulator."""

@@ -1,0 +1,180 @@
+"""An override ends the avoidance within one tick and is respected, on both autopilots."""
+
+import pytest
+
+from companion.control.state_machine import State, SupervisorParams
+from companion.engine import EngineConfig
+from sim.scenario import Autopilot
+from tests.support.monitored_loop import MonitoredLoop, without_traffic
+from tests.support.overrides import (
+    ARDUPILOT,
+    BOTH,
+    COMMON,
+    FAILSAFE,
+    GUIDED_MODE,
+    HOLDS,
+    MISSION_MODE,
+    OVERRIDES,
+    PX4,
+    STATES,
+    STICKS,
+    TICK_US,
+    Override,
+    in_state,
+    mode_change,
+)
+
+both = pytest.mark.parametrize("autopilot", BOTH)
+
+
+def override(loop: MonitoredLoop, way: Override, during_s: float) -> None:
+    """Override; check that the avoidance ends with the next tick and no command follows."""
+    way.act(loop)
+    reported_us = loop.until_reported(way.shows)
+    loop.step()
+    loop.step()
+    ended = loop.state
+    assert ended in (State.HANDS_OFF, State.SUPPRESSED)
+    ended_us = loop.entered_us(ended)
+    assert ended_us - reported_us <= TICK_US
+    assert "hands off" in loop.flight.texts[-1]
+    loop.run(during_s)
+    assert loop.state is ended
+    assert loop.sent_since(ended) == []
+
+
+CASES = [
+    pytest.param(autopilot, state, way, id=f"{autopilot}-{state}-{way}")
+    for autopilot in BOTH
+    for state in STATES
+    for way in OVERRIDES[autopilot]
+    # The mission mode is no override while we request it or it is still the present mode.
+    if not (str(way) == MISSION_MODE[autopilot] and state in (State.ENGAGING, State.RELEASING))
+]
+
+
+@pytest.mark.parametrize(("autopilot", "state", "way"), CASES)
+def test_an_override_ends_the_avoidance_within_one_tick(
+    autopilot: Autopilot, state: State, way: Override
+) -> None:
+    override(in_state(autopilot, state), way, during_s=2.0)
+
+
+@pytest.mark.parametrize("way", [*COMMON, *map(mode_change, ("MANUAL", "LOITER", "RTL"))], ids=str)
+def test_an_override_ends_the_return_to_a_loiter(way: Override) -> None:
+    override(returning(), way, during_s=2.0)
+
+
+def returning() -> MonitoredLoop:
+    """A flight on its return to the loiter before the avoidance."""
+    config = EngineConfig(supervisor=SupervisorParams(take_over_from=("LOITER",)))
+    loop = MonitoredLoop(without_traffic(), config=config)
+    loop.world.vehicle.set_mode("LOITER")
+    loop.run(2.5)
+    loop.intrude(1500.0, goes_s=10.0)
+    loop.until(State.RETURNING, limit_s=40.0)
+    loop.run(0.3)
+    return loop
+
+
+OTHER_MODE = {ARDUPILOT: "FBWA", PX4: "ALTCTL"}
+
+
+@both
+def test_avoidance_resumes_only_after_settling_in_an_allowed_mode(autopilot: Autopilot) -> None:
+    settle_s = 2.0
+    config = EngineConfig(supervisor=SupervisorParams(settle_s=settle_s))
+    loop = in_state(autopilot, State.OUTER, config)
+    override(loop, mode_change(OTHER_MODE[autopilot]), during_s=3.0 * settle_s)
+    back = mode_change(MISSION_MODE[autopilot])
+    back.act(loop)
+    back_us = loop.until_reported(back.shows)
+    loop.until(State.ENGAGING, limit_s=settle_s + 1.0)
+    assert loop.entered_us(State.ENGAGING) - back_us >= settle_s * 1e6
+    loop.until(State.OUTER, limit_s=2.0)
+
+
+@both
+def test_a_short_mode_change_restarts_the_settling_time(autopilot: Autopilot) -> None:
+    config = EngineConfig(supervisor=SupervisorParams(settle_s=2.0))
+    loop = in_state(autopilot, State.OUTER, config)
+    override(loop, mode_change(OTHER_MODE[autopilot]), during_s=1.0)
+    for _ in range(3):
+        loop.world.vehicle.set_mode(MISSION_MODE[autopilot])
+        loop.run(1.5)
+        loop.world.vehicle.set_mode(OTHER_MODE[autopilot])
+        loop.run(1.5)
+    assert loop.state is State.HANDS_OFF
+    assert loop.sent_since(State.HANDS_OFF) == []
+
+
+@pytest.mark.parametrize("way", [STICKS, FAILSAFE], ids=str)
+def test_unattended_guided_is_released(way: Override) -> None:
+    abandoned_s = 2.0
+    config = EngineConfig(supervisor=SupervisorParams(abandoned_s=abandoned_s, settle_s=60.0))
+    loop = in_state(ARDUPILOT, State.OUTER, config)
+    override(loop, way, during_s=1.0)
+    if way is STICKS:
+        loop.run(2.0 * abandoned_s)
+        assert loop.mode_name == GUIDED_MODE[ARDUPILOT], "overridden while the stick is deflected"
+        loop.world.vehicle.move_sticks()
+    else:
+        loop.world.vehicle.fail_safe(False)
+    let_go_us = loop.now_us
+    loop.until_true(lambda: loop.mode_name == MISSION_MODE[ARDUPILOT], limit_s=2.0 * abandoned_s)
+    if way is STICKS:
+        assert loop.now_us - let_go_us >= abandoned_s * 1e6
+    loop.run(1.0)
+    assert not loop.engine.supervisor.flying
+
+
+@both
+def test_after_released_sticks_guided_is_not_left_unattended(autopilot: Autopilot) -> None:
+    """PX4 leaves OFFBOARD by itself when our stream ends, without a release."""
+    loop = in_state(autopilot, State.OUTER, EngineConfig(supervisor=SupervisorParams(settle_s=60.0)))
+    override(loop, STICKS, during_s=1.0)
+    loop.world.vehicle.move_sticks()
+    loop.run(8.0)
+    assert loop.mode_name == {ARDUPILOT: "AUTO", PX4: "HOLD"}[autopilot]
+    if autopilot == PX4:
+        assert loop.sent_since(State.HANDS_OFF) == []
+
+
+# --- the autopilot's own avoidance
+
+NEAR = {
+    ARDUPILOT: {"AVD_ENABLE": 1.0, "AVD_F_ACTION": 2.0, "AVD_F_DIST_XY": 2500.0},
+    PX4: {"NAV_TRAFF_AVOID": 2.0, "NAV_TRAFF_A_HOR": 2500.0, **HOLDS},
+}
+FOUND = {ARDUPILOT: "AVD_ENABLE with AVD_F_ACTION 2", PX4: "NAV_TRAFF_AVOID 2"}
+ACTS = {ARDUPILOT: "AVOID_ADSB", PX4: "RETURN"}
+
+
+@both
+def test_beside_another_avoider_it_only_advises_and_reports_that_once(autopilot: Autopilot) -> None:
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot, parameters=NEAR[autopilot])
+    loop.run(12.0)
+    loop.intrude(3500.0, goes_s=12.0)
+    loop.run(15.0)
+    assert loop.sent == []
+    texts = loop.flight.texts
+    assert sum("avoids too" in text for text in texts) == 1
+    assert any(FOUND[autopilot] in "".join(texts) for _ in texts)
+    assert any(text.startswith("Traffic SUDDEN") for text in texts), "still announced"
+
+
+@both
+def test_configured_to_fly_beside_it_avoidance_ends_when_it_acts(autopilot: Autopilot) -> None:
+    config = EngineConfig(supervisor=SupervisorParams(beside_other_avoider="fly"))
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot, parameters=NEAR[autopilot], config=config)
+    loop.run(8.0)
+    loop.intrude(3500.0)
+    loop.until(State.OUTER, limit_s=5.0)
+    action = mode_change(ACTS[autopilot])
+    reported_us = loop.until_reported(action.shows, limit_s=30.0)
+    loop.step()
+    loop.step()
+    assert loop.state is State.HANDS_OFF
+    assert loop.entered_us(State.HANDS_OFF) - reported_us <= TICK_US
+    loop.run(5.0)
+    assert loop.sent_since(State.HANDS_OFF) == []

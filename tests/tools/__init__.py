@@ -1,0 +1,1 @@
+"""Tools that measure the tree; the tests use some of them."""

@@ -1,0 +1,32 @@
+"""A pilot's mode change takes effect before anything is decided, as `tests.tools.flows` counts."""
+
+import pytest
+
+from sim.scenario import Autopilot
+from tests.tools.flows import Flow, in_room, measure, modules
+
+AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
+# A traffic report crossed 61 files before the rooms were rearranged.
+MOST_FILES_OF_A_REPORT = 61
+
+
+@pytest.fixture(scope="module", params=AUTOPILOTS)
+def flows(request: pytest.FixtureRequest) -> dict[str, Flow]:
+    return measure(request.param)
+
+
+def test_a_mode_change_of_the_pilot_runs_nothing_of_the_avoidance(flows: dict[str, Flow]) -> None:
+    assert in_room(flows["pilot"].calls, "avoidance") == []
+
+
+def test_a_mode_change_of_the_pilot_needs_about_ten_functions_of_control(flows: dict[str, Flow]) -> None:
+    functions = {name for _, name in in_room(flows["pilot"].before, "control") if "<locals>" not in name}
+    assert len(functions) <= 12
+
+
+def test_a_traffic_report_crosses_no_more_files_than_before(flows: dict[str, Flow]) -> None:
+    assert len(modules(flows["report"].before)) <= MOST_FILES_OF_A_REPORT
+
+
+def test_an_operators_parameter_is_answered_in_the_same_tick(flows: dict[str, Flow]) -> None:
+    assert [sent.get_type() for sent in flows["parameter"].sent].count("PARAM_VALUE") == 1
