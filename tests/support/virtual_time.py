@@ -47,6 +47,11 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         future.add_done_callback(self._thread_done)
         return future
 
+    async def shutdown_default_executor(self, *_: object) -> None:
+        """Time stands still while threads end, so that no timeout can pass."""
+        self._jumping.threads += 1
+        await super().shutdown_default_executor()
+
     def _thread_done(self, _: asyncio.Future[Any]) -> None:
         self._jumping.threads -= 1
 
