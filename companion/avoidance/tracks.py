@@ -35,11 +35,6 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.ids)
 
-    @property
-    def shell_m(self) -> Array:
-        """`buffer_m`, by the name that the kernels read."""
-        return self.buffer_m
-
     @classmethod
     def none(cls) -> "Tracks":
         """No traffic."""

@@ -87,7 +87,7 @@ def _crab_rad(
 
 @c.final
 @c.cclass
-class _Buffer:
+class _Scratch:
     """Memory for `count` numbers, not initialized: C memory where compiled, otherwise a list."""
 
     value: c.pointer[c.double]
@@ -137,12 +137,12 @@ class Others:
     turn_radps: c.const[c.double][::1]
     horizontal_m: c.const[c.double][::1]
     vertical_m: c.const[c.double][::1]
-    shell_m: c.const[c.double][::1]
+    buffer_m: c.const[c.double][::1]
     grounded: c.const[c.uchar][::1]
 
     def __init__(self, tracks):
         self.position_m, self.velocity_mps = _lists(tracks.position_m), _lists(tracks.velocity_mps)
-        self.turn_radps, self.shell_m = _lists(tracks.turn_radps), _lists(tracks.shell_m)
+        self.turn_radps, self.buffer_m = _lists(tracks.turn_radps), _lists(tracks.buffer_m)
         self.horizontal_m = _lists(tracks.protected_horizontal_m)
         self.vertical_m = _lists(tracks.protected_vertical_m)
         self.grounded = _lists(tracks.grounded.view(np.uint8))
@@ -150,7 +150,7 @@ class Others:
         _expect(tracks.position_m.shape[1] == 3 and tracks.velocity_mps.shape[1] == 3)
         _expect(len(self.velocity_mps) == self.count and len(self.turn_radps) == self.count)
         _expect(len(self.horizontal_m) == self.count and len(self.vertical_m) == self.count)
-        _expect(len(self.grounded) == self.count and len(self.shell_m) == self.count)
+        _expect(len(self.grounded) == self.count and len(self.buffer_m) == self.count)
 
 
 @c.cfunc
@@ -205,8 +205,8 @@ def columns(rows):
 def tracks_ahead(tracks, times: Times):
     """Where tracks are at the times, north and east, (N, T, 2)."""
     others: Others = tracks.others
-    buffer: _Buffer = _Buffer(2 * times.count)
-    ahead = buffer.value
+    scratch: _Scratch = _Scratch(2 * times.count)
+    ahead = scratch.value
     result = np.empty((others.count, times.count, 2))
     ahead_m: c.double[:, :, ::1] = result
     for n in range(others.count):
@@ -223,8 +223,8 @@ def velocities_until_closest(tracks, path_m, times: Times):
     _expect(len(path) == times.count and path_m.shape[1] == 2)
     result = np.array(tracks.velocity_mps)
     mean_mps: c.double[:, ::1] = result
-    buffer: _Buffer = _Buffer(2 * times.count)
-    ahead_m = buffer.value
+    scratch: _Scratch = _Scratch(2 * times.count)
+    ahead_m = scratch.value
     for n in range(others.count):
         if others.turn_radps[n] == 0.0:
             continue
@@ -351,10 +351,10 @@ def early(to_closest_s: c.double, near_s: c.double, far_s: c.double):
 
 
 def too_near(
-    closest, entered_s, to_closest_s, shell_m, protected_m, share_near: c.double, share_far: c.double,
+    closest, entered_s, to_closest_s, buffer_m, protected_m, share_near: c.double, share_far: c.double,
     near_s: c.double, far_s: c.double,
 ):  # fmt: skip
-    """Which tracks come closer than a share of their volume with its shell, (N,).
+    """Which tracks come closer than a share of their volume with its buffer, (N,).
 
     The share is `share_far` while there is time and `share_near` when there is none, as where the volume is
     entered soon.
@@ -362,17 +362,17 @@ def too_near(
     closests: c.const[c.double][::1] = _lists(closest)
     entries_s: c.const[c.double][::1] = _lists(entered_s)
     to_closests_s: c.const[c.double][::1] = _lists(to_closest_s)
-    shells_m: c.const[c.double][::1] = _lists(shell_m)
+    buffers_m: c.const[c.double][::1] = _lists(buffer_m)
     radii_m: c.const[c.double][::1] = _lists(protected_m)
     count = len(closests)
     _expect(len(entries_s) == count and len(to_closests_s) == count)
-    _expect(len(shells_m) == count and len(radii_m) == count)
+    _expect(len(buffers_m) == count and len(radii_m) == count)
     result = np.empty(count, dtype=bool)
     near: c.uchar[::1] = result.view(np.uint8)
     for n in range(count):
         left_s = min(to_closests_s[n], entries_s[n] + near_s)
         share = share_near + (share_far - share_near) * _early(left_s, near_s, far_s)
-        near[n] = closests[n] < (1.0 + shells_m[n] / radii_m[n]) * share
+        near[n] = closests[n] < (1.0 + buffers_m[n] / radii_m[n]) * share
     return result
 
 
@@ -526,13 +526,13 @@ class _Squares:
     """
 
     times: c.Py_ssize_t
-    buffer: _Buffer
+    scratch: _Scratch
     square: c.pointer[c.double]
 
     def __init__(self, paths: _Paths, times: c.Py_ssize_t):
         self.times = times
-        self.buffer = _Buffer((paths.grounds + paths.heights + 2) * times)
-        self.square = self.buffer.value
+        self.scratch = _Scratch((paths.grounds + paths.heights + 2) * times)
+        self.square = self.scratch.value
 
     @c.cfunc
     @c.exceptval(check=False)
@@ -593,7 +593,7 @@ def _least_of_greater(
     return second if second < first else first
 
 
-def separation(paths, tracks, times: Times, count: c.Py_ssize_t, shells: c.bint):
+def separation(paths, tracks, times: Times, count: c.Py_ssize_t, buffers: c.bint):
     """How K rows keep clear of N tracks in the first `count` times, (4, K, N).
 
     The four are closest, exposure, nearness, and the time when the volume is entered, inf where it is not.
@@ -607,7 +607,7 @@ def separation(paths, tracks, times: Times, count: c.Py_ssize_t, shells: c.bint)
     kept: c.double[:, :, ::1] = result
     for n in range(others.count):
         squares.measure(flown, others, n, others.turn_radps[n], others.velocity_mps[n][2], times, count)
-        volumes = others.horizontal_m[n] / max(others.shell_m[n], 1.0)
+        volumes = others.horizontal_m[n] / max(others.buffer_m[n], 1.0)
         for k in range(flown.rows):
             ground: c.Py_ssize_t = flown.ground_of[k] * times.count
             height: c.Py_ssize_t = (flown.grounds + flown.height_of[k]) * times.count
@@ -619,15 +619,15 @@ def separation(paths, tracks, times: Times, count: c.Py_ssize_t, shells: c.bint)
                 while max(square[ground + i], square[height + i]) >= 1.0:
                     i += 1
                 entered_s = times.times_s[i]
-            if least < 1.0 or shells:
+            if least < 1.0 or buffers:
                 for i in range(1, count):
                     ratio = max(square[ground + i], square[height + i])
-                    if ratio < 1.0 or shells:
+                    if ratio < 1.0 or buffers:
                         ratio = sqrt(ratio)
                         depth += times.shares[i - 1] * max(1.0 - ratio, 0.0)
                         near += times.shares[i - 1] * _between(1.0 - (ratio - 1.0) * volumes, 0.0, 1.0)
             kept[0, k, n], kept[1, k, n] = sqrt(least), depth
-            kept[2, k, n], kept[3, k, n] = near if shells else 0.0, entered_s
+            kept[2, k, n], kept[3, k, n] = near if buffers else 0.0, entered_s
     return result
 
 
@@ -640,11 +640,11 @@ class _Prices:
     loss: c.double
     depth: c.double
     exposure: c.double
-    lost: c.double
+    breach_ratio: c.double
 
-    def __init__(self, weights, lost: c.double):
+    def __init__(self, weights, breach_ratio: c.double):
         self.margin, self.loss = weights.margin, weights.loss
-        self.depth, self.exposure, self.lost = weights.depth, weights.exposure, lost
+        self.depth, self.exposure, self.breach_ratio = weights.depth, weights.exposure, breach_ratio
 
     @c.cfunc
     @c.inline
@@ -663,13 +663,13 @@ class _Prices:
             if ratio < 1.0:
                 within += shares[i - 1] * (1.0 - sqrt(ratio))
         price = self.margin * (1.0 - near) + self.exposure * within
-        if near < self.lost:
-            price += self.loss + self.depth * (self.lost - near)
+        if near < self.breach_ratio:
+            price += self.loss + self.depth * (self.breach_ratio - near)
         return price
 
 
 def losses(
-    paths, tracks, surprises, weights, lost: c.double, times: Times, count: c.Py_ssize_t,
+    paths, tracks, maneuvers, weights, breach_ratio: c.double, times: Times, count: c.Py_ssize_t,
     soon: c.Py_ssize_t,
 ):  # fmt: skip
     """The cost of rows by how they keep clear of tracks and of maneuvers, and their closest, (2, K).
@@ -686,15 +686,15 @@ def losses(
     squares: _Squares = _Squares(flown, times.count)
     square = squares.square
     shares: c.const[c.double][::1] = times.shares
-    prices: _Prices = _Prices(weights, lost)
-    of: c.const[c.Py_ssize_t][::1] = _lists(surprises.of)
-    turn_radps: c.const[c.double][::1] = _lists(surprises.turn_radps)
-    sink_mps: c.const[c.double][::1] = _lists(surprises.sink_mps)
-    likely: c.const[c.double][::1] = _lists(surprises.likely)
+    prices: _Prices = _Prices(weights, breach_ratio)
+    of: c.const[c.Py_ssize_t][::1] = _lists(maneuvers.of)
+    turn_radps: c.const[c.double][::1] = _lists(maneuvers.turn_radps)
+    sink_mps: c.const[c.double][::1] = _lists(maneuvers.sink_mps)
+    likely: c.const[c.double][::1] = _lists(maneuvers.likely)
     _expect(len(turn_radps) == len(of) and len(sink_mps) == len(of) and len(likely) == len(of))
     rows = flown.rows
-    buffer: _Buffer = _Buffer(2 * rows)
-    value = buffer.value  # costs, then squares of the closest separations
+    scratch: _Scratch = _Scratch(2 * rows)
+    value = scratch.value  # costs, then squares of the closest separations
     for k in range(rows):
         value[k], value[rows + k] = 0.0, INFINITY
     for n in range(others.count):
@@ -765,9 +765,9 @@ def outcomes(
     ground_m: c.const[c.double][::1] = flown.ground_m
     result = np.empty(flown.grounds)
     price: c.double[::1] = result
-    deepest_buffer: _Buffer = _Buffer(flown.grounds)
-    buffer: _Buffer = _Buffer(2 * times.count)
-    deepest, other_m = deepest_buffer.value, buffer.value
+    deepest_scratch: _Scratch = _Scratch(flown.grounds)
+    scratch: _Scratch = _Scratch(2 * times.count)
+    deepest, other_m = deepest_scratch.value, scratch.value
     for h in range(flown.grounds):
         deepest[h] = 0.0
     step_s = times.times_s[then] - times.times_s[then - 1]
@@ -822,8 +822,11 @@ def add_efforts(
     holds = held is not None
     held_rad: c.double = _wrap_pi(held.course_rad - course_rad) if holds else 0.0
     held_m: c.double = held.altitude_m - altitude_m if holds else 0.0
-    buffer: _Buffer = _Buffer(2 * (grounds + heights))
-    value, eases = buffer.value, grounds + heights  # prices, then 1 where a command lies on the way to `held`
+    scratch: _Scratch = _Scratch(2 * (grounds + heights))
+    value, eases = (
+        scratch.value,
+        grounds + heights,
+    )  # prices, then 1 where a command lies on the way to `held`
     for h in range(grounds):
         off_rad = _wrap_pi(target_rad[h] - course_rad)
         price = (

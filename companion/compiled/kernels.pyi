@@ -47,7 +47,7 @@ def too_near(
     closest: _Array,
     entered_s: _Array,
     to_closest_s: _Array,
-    shell_m: _Array,
+    buffer_m: _Array,
     protected_m: _Array,
     share_near: float,
     share_far: float,
@@ -84,13 +84,13 @@ def altitudes(
     max_climb_mps: float,
     times: Times,
 ) -> _Array: ...
-def separation(paths: object, tracks: object, times: Times, count: int, shells: bool) -> _Array: ...
+def separation(paths: object, tracks: object, times: Times, count: int, buffers: bool) -> _Array: ...
 def losses(
     paths: object,
     tracks: object,
-    surprises: object,
+    maneuvers: object,
     weights: object,
-    lost: float,
+    breach_ratio: float,
     times: Times,
     count: int,
     soon: int,

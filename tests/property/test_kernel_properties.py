@@ -168,8 +168,8 @@ def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: fl
     depth = np.maximum(1.0 - ratio[..., 1:], 0.0)
     assert kept.exposure == pytest.approx(depth @ share, rel=1e-9, abs=1e-12)
     volumes = (tracks.protected_horizontal_m / np.maximum(tracks.buffer_m, 1.0))[:, None]
-    in_shell = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0)
-    assert kept.nearness == pytest.approx(in_shell @ share, rel=1e-9, abs=1e-9)
+    in_buffer = np.clip(1.0 - (ratio[..., 1:] - 1.0) * volumes, 0.0, 1.0)
+    assert kept.nearness == pytest.approx(in_buffer @ share, rel=1e-9, abs=1e-9)
     within = ratio < 1.0
     entered_s = np.where(within.any(axis=2), TIMES_S[within.argmax(axis=2)], np.inf)
     assert (kept.entered_s == entered_s).all()
@@ -181,17 +181,17 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
 ) -> None:
     rng = np.random.default_rng(seed)
     tracks = some_tracks(rng)
-    surprises = some_surprises(rng, len(tracks))
+    maneuvers = some_maneuvers(rng, len(tracks))
     weights = CostWeights(*rng.uniform(0.0, 100.0, 4).tolist())
     paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
-    cost, closest = losses(paths, tracks, surprises, weights, 0.8, horizon_s=horizon_s, soon_s=soon_s)
+    cost, closest = losses(paths, tracks, maneuvers, weights, 0.8, horizon_s=horizon_s, soon_s=soon_s)
     expected = np.zeros(len(paths.ground_of))
     each = [
         (separation(paths, tracks.subset(np.array([n])), horizon_s=horizon_s), 1.0)
         for n in range(len(tracks))
     ]
     each += [
-        (separation(paths, one, horizon_s=soon_s), likely) for one, likely in come_true(tracks, surprises)
+        (separation(paths, one, horizon_s=soon_s), likely) for one, likely in come_true(tracks, maneuvers)
     ]
     for kept, likely in each:
         depth = np.maximum(0.8 - kept.closest[:, 0], 0.0)
@@ -203,16 +203,16 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
     assert closest == pytest.approx(kept.closest.min(axis=1, initial=math.inf)), "by what is predicted alone"
 
 
-def some_surprises(rng: np.random.Generator, tracks: int) -> IntruderManeuvers:
+def some_maneuvers(rng: np.random.Generator, tracks: int) -> IntruderManeuvers:
     count = int(rng.integers(0, 6)) if tracks else 0
     of = rng.integers(0, max(tracks, 1), count).astype(np.intp)
     return IntruderManeuvers(of, rng.normal(0.0, 0.05, count), rng.normal(0.0, 3.0, count), rng.random(count))
 
 
-def come_true(tracks: Tracks, surprises: IntruderManeuvers) -> list[tuple[Tracks, float]]:
+def come_true(tracks: Tracks, maneuvers: IntruderManeuvers) -> list[tuple[Tracks, float]]:
     """Each of them as a track of its own, and how likely it is."""
     made = []
-    for of, turn_radps, sink_mps, likely in zip(*surprises, strict=True):
+    for of, turn_radps, sink_mps, likely in zip(*maneuvers, strict=True):
         one = tracks.subset(np.array([of]))
         velocity_mps = np.column_stack([one.velocity_mps[:, :2], [sink_mps]])
         made.append((replace(one, turn_radps=np.array([turn_radps]), velocity_mps=velocity_mps), likely))
