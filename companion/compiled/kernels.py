@@ -823,10 +823,8 @@ def add_efforts(
     held_rad: c.double = _wrap_pi(held.course_rad - course_rad) if holds else 0.0
     held_m: c.double = held.altitude_m - altitude_m if holds else 0.0
     scratch: _Scratch = _Scratch(2 * (grounds + heights))
-    value, eases = (
-        scratch.value,
-        grounds + heights,
-    )  # prices, then 1 where a command lies on the way to `held`
+    # Prices, then 1 where a command lies on the way to `held`.
+    value, eases = scratch.value, grounds + heights
     for h in range(grounds):
         off_rad = _wrap_pi(target_rad[h] - course_rad)
         price = (
