@@ -96,7 +96,7 @@ class Terrain:
 
 _POSITION_LOST_S = 5.0
 _OLD_POSITION_S = 0.5
-# A slower airspeed is not measured in flight.
+# A smaller value is no measurement of an airspeed in flight.
 _LEAST_AIRSPEED_MPS = 1.0
 
 
