@@ -22,8 +22,8 @@ _RECEIVER_CHANNEL = -1
 class VehicleServer:
     """Runs one vehicle in the time of `clock`; link number n is the vehicle's channel n.
 
-    Reports of `receiver` reach the vehicle as from a receiver at its serial port. `observe` is called with
-    the truth after each step. A link that loses its peer only loses messages.
+    The vehicle gets the reports of `receiver` as from a receiver at its serial port. `observe` is called with
+    the truth after each step. A link without its peer loses messages, and nothing else happens.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class VehicleServer:
 
     @property
     def overruns(self) -> int:
-        """How often the machine was too slow for the clock's speedup; `clock.slipped_s` is the time lost."""
+        """The number of times the machine was too slow for the speedup; `clock.slipped_s` is the loss."""
         return self._clock.overruns
 
     async def run(self) -> None:

@@ -80,7 +80,7 @@ def protected_horizontal_m(track: Track, params: AvoidanceParams) -> float:
 
 
 class OuterDetection(Protocol):
-    """Which tracks within reach of the outer layer are in conflict."""
+    """Finds the conflicts within reach of the outer layer."""
 
     def in_cone(
         self,
@@ -100,7 +100,7 @@ class OuterDetection(Protocol):
 
 
 class EmergencyDetection(Protocol):
-    """Which tracks call for the inner layer."""
+    """Finds the tracks that call for the inner layer."""
 
     def buffered(self, tracks: Tracks, goal: Goal) -> Tracks:
         """The tracks with the buffers that the inner layer adds around their volumes."""
@@ -148,7 +148,7 @@ class TrafficAssessment(NamedTuple):
         return self.tracks.subset(np.lexsort((self.surface_m / approach_mps, ~self.conflict))[:count])
 
     def earliness(self, params: AvoidanceParams) -> float:
-        """How far off the first closest approach of a conflict is: from 0, near, to 1, far off."""
+        """0 if the first closest approach of a conflict is near, rising to 1 if it is far off."""
         to_closest_s = float(self.motion.time_to_closest_s[self.conflict].min())
         return kernels.early(to_closest_s, params.inner_time_s, params.outer_time_s)
 

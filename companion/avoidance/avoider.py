@@ -80,7 +80,7 @@ class Avoider:
         self._cooperation.reset()
 
     def member(self, own: Ownship, goal: Goal) -> Member:
-        """What the other members of our group need to know of us: our goal and our limits."""
+        """Our goal and limits, for the other members of our group."""
         return describe_member(own, goal, self.envelope)
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:

@@ -40,7 +40,7 @@ _NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
 
 
 class CostContext(NamedTuple):
-    """What rows are made from and priced against."""
+    """The inputs from which rows are made and priced."""
 
     own: OwnState
     mission: Guidance

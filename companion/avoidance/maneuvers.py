@@ -51,7 +51,7 @@ NO_MANEUVERS = ManeuverParams(turn_share=0.0, climb_share=0.0)
 
 
 class IntruderManeuvers(NamedTuple):
-    """What tracks may do instead of flying on, (M,) each.
+    """Possible maneuvers of tracks, (M,) each.
 
     `of` is the index of the track. `turn_radps` is positive to the right, `sink_mps` positive down. `likely`
     is the probability.

@@ -53,7 +53,7 @@ class CostWeights:
 
 
 class Layers(StrEnum):
-    """Which layers there are (paper §2.3); one alone is for comparisons."""
+    """The layers in use (paper §2.3); one alone is for comparisons."""
 
     BOTH = "both"
     OUTER = "outer"

@@ -19,7 +19,7 @@ _ROOM = 1.02
 
 
 class SeparationWeights(Protocol):
-    """What it costs to come near."""
+    """The cost of coming near."""
 
     @property
     def margin(self) -> float:

@@ -1,4 +1,4 @@
-"""Where our aircraft is and how it moves, the wind around it and the terrain below it."""
+"""Kinematics of our aircraft: its position and motion, the wind around it and the terrain below it."""
 
 import math
 

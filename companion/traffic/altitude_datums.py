@@ -98,7 +98,7 @@ class OwnshipAltitudes:
         self._altitude_m = altitude_m
 
     def observe_pressure_altitude(self, pressure_altitude_m: float, now_s: float) -> None:
-        """Store our altitude in the standard atmosphere; ignored while our altitude above the sea is unknown."""
+        """Store our altitude in the standard atmosphere; ignored while that above the sea is unknown."""
         if self._altitude_m is not None:
             self._pressure = DatumOffset(self._altitude_m - pressure_altitude_m, 0.0)
             self._pressure_s, self._pressure_at_m = now_s, self._altitude_m

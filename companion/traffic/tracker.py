@@ -185,7 +185,7 @@ class Tracker:
         return leading_target(members, monotonic_s), tuple(altitudes)
 
     def _refusal(self, report: TrafficReport) -> DropReason | None:
-        """Why a report cannot be used, whatever was received before."""
+        """Why a report cannot be used, regardless of earlier reports; `None` if it can."""
         if not report.key or (report.icao is not None and report.icao <= 0):
             return DropReason.NO_ADDRESS
         if report.icao in self._own_icao or report.key == self._own_uas_key:

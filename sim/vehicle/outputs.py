@@ -1,4 +1,4 @@
-"""What comes out of a fake vehicle: events of the flight, messages to send, the truth for scoring."""
+"""Outputs of a fake vehicle: events of the flight, messages to send, the truth for scoring."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -27,7 +27,7 @@ class ParameterCoding(ABC):
 
 
 class AsFloat(ParameterCoding):
-    """ArduPilot's encoding: every value as a number, whatever its type."""
+    """ArduPilot's encoding: a value of any type as the number itself."""
 
     def encode(self, parameter: Parameter) -> float:
         """The value."""
@@ -107,7 +107,7 @@ class ParameterProtocol:
         value = self._coding.decode(parameter, message.param_value, message.param_type)
         if value is not None:
             self._parameters.set(parameter.name, value)
-        self.announce(parameter)  # refused or not, the answer is the present value
+        self.announce(parameter)  # the answer is the present value, even if the new one was refused
         return True
 
     def _message(self, parameter: Parameter, index: int) -> Message:

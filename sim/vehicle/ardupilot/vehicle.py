@@ -1,4 +1,4 @@
-"""A fake ArduPlane: MAVLink messages in, messages out; it behaves as the real one, quirks included."""
+"""A fake ArduPlane: MAVLink messages in, messages out; it behaves like the real one, quirks included."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -124,7 +124,7 @@ class FakeArduPlane(FakeVehicle):
         self._parameter_protocol.announce(self.parameters.record(name, len(items)))
 
     def _mode_changed(self) -> None:
-        """Nothing: the next heartbeat reports the mode."""
+        """Does nothing: the next heartbeat reports the mode."""
 
     def _fence_changed(self) -> None:
         self._send_all(self._telemetry.fence_status(self.time_s))

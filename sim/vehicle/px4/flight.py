@@ -16,7 +16,7 @@ from sim.vehicle.px4.parameters import limits_of
 from sim.vehicle.px4.setpoint import Kind, Setpoint
 
 # With these and the dead time in `offboard`, turns of 30, 90 and 180 degrees at 14 m/s come within 5 degrees
-# in 1.9, 3.2 and 5.0 s; measured were 1.9, 3.4 and 4.7 s. No point mass turns the second 90 degrees that fast
+# in 1.9, 3.2 and 5.0 s; 1.9, 3.4 and 4.7 s were measured. No point mass turns the second 90 degrees that fast
 # at a bank of 50 degrees. A climb of 30 m takes 20 s, as measured with FW_T_CLMB_R_SP 3 and FW_T_ALT_TC 5.
 AIRFRAME = Airframe(
     bank_limit_rad=math.radians(50.0),
@@ -175,7 +175,7 @@ class Px4Flight(MissionFlight):
             self._report_setpoint_validity()
 
     def _report_setpoint_validity(self) -> None:
-        """Announce the change; the real autopilot is silent about it, which would hide it from a tester."""
+        """Announce the change; the real autopilot does not, which would hide it from a tester."""
         invalid = self.offboard.setpoint_invalid
         what = "attitude setpoint is NaN" if invalid else "attitude setpoint is sane again"
         self.events.append(Text(CRITICAL, f"FAKE VEHICLE: {what}"))
@@ -249,7 +249,7 @@ class Px4Flight(MissionFlight):
             super()._start_or_resume()
 
     def _climb_first(self) -> None:
-        """Plan a climb in a loiter if the item is well above."""
+        """Plan a climb in a loiter if the item is far above the aircraft."""
         below_m = self.wanted_altitude_m - self.aircraft.altitude_m
         if not self.on_ground and not self.taking_off and below_m > _FAR_BELOW_M:
             here = self.place
@@ -285,7 +285,7 @@ class Px4Flight(MissionFlight):
             self.set_mode(action)
 
     def _say(self, text: str) -> None:
-        """Nothing: PX4 does not report mission progress."""
+        """Does nothing: PX4 does not report mission progress."""
 
     def _read_limits(self) -> Limits:
         return limits_of(self.parameters)

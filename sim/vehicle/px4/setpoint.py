@@ -1,4 +1,4 @@
-"""How a PX4 fixed wing interprets SET_POSITION_TARGET_*: flown, frozen, or invalid."""
+"""Setpoints (SET_POSITION_TARGET_*) as a PX4 fixed wing interprets them: flown, frozen, or invalid."""
 
 import math
 from dataclasses import dataclass

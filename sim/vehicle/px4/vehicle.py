@@ -1,4 +1,4 @@
-"""A fake PX4 fixed wing: MAVLink messages in, messages out; it behaves as the real one, quirks included."""
+"""A fake PX4 fixed wing: MAVLink messages in, messages out; it behaves like the real one, quirks included."""
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
@@ -128,7 +128,7 @@ class FakePx4(FakeVehicle):
         """Ignore REQUEST_DATA_STREAM, as PX4 does."""
 
     def _list_loaded(self, _mission_type: int) -> None:
-        """Nothing: MISSION_ACK is the only answer."""
+        """Does nothing: MISSION_ACK is the only answer."""
 
     def _mode_changed(self) -> None:
         """Send an early heartbeat on all channels."""
@@ -137,7 +137,7 @@ class FakePx4(FakeVehicle):
             self._heartbeat_due_s[channel] = min(self._heartbeat_due_s[channel], due_s)
 
     def _fence_changed(self) -> None:
-        """Nothing: PX4 sends no FENCE_STATUS; text and mode report the breach."""
+        """Does nothing: PX4 sends no FENCE_STATUS; text and mode report the breach."""
 
     def _handle_target(self, message: Message, now_s: float) -> None:
         flight = self._flight
