@@ -57,7 +57,7 @@ class CostContext(NamedTuple):
     fence: Fence | None = None
     fence_look_ahead_s: float = 0.0  # the fence must be kept until then
     passed_s: float = HORIZON_S  # when all threats are passed
-    # Where the mission flown on is at that time, north and east, (2,); `None` if there is no threat.
+    # The place, north and east (2,), that the mission reaches by then; `None` if there is no threat.
     mission_at_passed_m: Array | None = None
     refusals: Refusals = Refusals()
     maneuvers: ManeuverParams = NO_MANEUVERS

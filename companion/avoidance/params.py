@@ -115,7 +115,7 @@ class AvoidanceParams:
     fence_look_ahead_turns: Annotated[float, Ge(0.5), Le(4)] = 1.2
     # Rows are priced against at most this many tracks, the most urgent first. All tracks count for layers.
     priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
-    # What the paper compares: layers, ways to steer in the outer one, controls (P9, P10) in the inner one.
+    # The paper compares layers, ways to steer in the outer one, and controls (P9, P10) in the inner one.
     layers: Layers = Layers.BOTH
     outer_method: OuterMethod = OuterMethod.PRICED
     controls: frozenset[Control] = ALL_CONTROLS

@@ -28,7 +28,7 @@ class OuterPolicy(OuterDetection, Protocol):
 
     @property
     def widening_rad(self) -> float:
-        """How much wider a collision cone is once we are inside."""
+        """The angle by which a collision cone is wider once we are inside it."""
 
     def evaluate(self, conflict: Conflict) -> EvaluatedRows:
         """The rows that the outer layer chooses from."""

@@ -16,7 +16,7 @@ from companion.config.keys import dataclass_in, field_types, file_key, is_angle,
 from companion.config.schema import Config
 from companion.errors import ConfigError
 
-# What a value must be, by the type of pydantic's error, with numbers from its context.
+# The requirement a value fails, by the type of pydantic's error; numbers come from the error's context.
 _MUST_BE = {
     "greater_than": "greater than {gt}",
     "greater_than_equal": "at least {ge}",
