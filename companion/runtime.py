@@ -10,6 +10,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import replace
 from functools import partial
 
 from companion.clock import Clock, SteadyClock
@@ -34,6 +35,7 @@ from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.heartbeat_sequence import HeartbeatSequence
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.model import Role
+from companion.output.persisted_state import PersistedState
 from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.watchdog import Watchdog
@@ -91,9 +93,11 @@ class Runtime:
         self._settings = settings
         self._encoder = Encoder()
         self._sequences: dict[str, HeartbeatSequence] = {}  # by link, as each link has its own sequence
-        # Frames that the engine has not processed yet; when it fails, the emergency release processes them.
-        self._unheard: deque[tuple[Frame, HeartbeatSequence]] = deque()
+        # Frames that the engine has not processed yet, and whether they are outdated. When the engine fails,
+        # the emergency release processes them.
+        self._unheard: deque[tuple[Frame, bool]] = deque()
         self._release: EmergencyRelease | None = None
+        self._kept: PersistedState | None = None  # the newest state for the next run
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
@@ -240,14 +244,28 @@ class Runtime:
     async def _give_back_in_emergency(self) -> None:
         """Give the aircraft back without the engine, which failed; everything sent and heard is recorded."""
         _log.critical("internal error, giving the aircraft back: %r", self._failure)
-        release = self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
-        self._guarded(partial(self._listen, release))
+        self._guarded(self._begin_release)
+        if (release := self._release) is None:
+            return
         for tick in range(_EMERGENCY_TICKS):
             self._watchdog.alive(self._stepper.ticks + tick + 1, time.monotonic())
+            # What waits in the sockets is heard first: the pilot may have taken the aircraft meanwhile.
+            await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
+            self._listen(release)
             self._guarded(partial(self._send_release, release))
             if release.finished:
+                self._guarded(self._keep_role_only)
                 break
-            await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
+
+    def _begin_release(self) -> None:
+        self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
+
+    def _keep_role_only(self) -> None:
+        """The aircraft is given back: the next run must not give it back again, over a mode of the pilot."""
+        kept = self._kept
+        if self._state_file is not None and kept is not None:
+            role_only = replace(kept, before=None, left_behind=None, borrowed={})
+            self._state_file.write(None if kept.role is None else role_only.to_text())
 
     def _send_release(self, release: EmergencyRelease) -> None:
         now_us = self.clock.now_us()
@@ -256,25 +274,29 @@ class Runtime:
 
     def _listen(self, release: EmergencyRelease) -> None:
         """Pass the unprocessed frames to the emergency release, as the engine has failed."""
-        now_us = self.clock.now_us()
         while self._unheard:
-            frame, sequence = self._unheard.popleft()
-            if self.recorder is not None:
-                self._guarded(partial(self.recorder.received, now_us, frame.raw))
-            if not sequence.is_outdated(frame, now_us / 1e6) and frame.message_id in WANTED:
-                fact = frame_to_fact(frame, now_us / 1e6)
-                if fact is not None:
-                    self._guarded(partial(release.observe, fact, now_us / 1e6))
+            self._guarded(partial(self._let_hear, release, *self._unheard.popleft()))
+
+    def _let_hear(self, release: EmergencyRelease, frame: Frame, outdated: bool) -> None:
+        now_us = self.clock.now_us()
+        if self.recorder is not None:
+            self._guarded(partial(self.recorder.received, now_us, frame.raw))
+        if not outdated and frame.message_id in WANTED:
+            fact = frame_to_fact(frame, now_us / 1e6)
+            if fact is not None:
+                release.observe(fact, now_us / 1e6)
 
     def _on_frames(self, frames: list[Frame], link: Link) -> None:
         self._hear(frames, self._sequences.setdefault(link.address, HeartbeatSequence()))
 
     def _hear(self, frames: list[Frame], sequence: HeartbeatSequence) -> None:
-        self._unheard.extend((frame, sequence) for frame in frames)
+        now_s = self.clock.now_us() / 1e6
+        # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
+        self._unheard.extend((frame, sequence.is_outdated(frame, now_s)) for frame in frames)
         if self._failure is None:
             self._guarded(self._take_in)
         elif self._release is not None:
-            self._guarded(partial(self._listen, self._release))
+            self._listen(self._release)
 
     def _take_in(self) -> None:
         """Frames to facts, and facts into the engine."""
@@ -283,17 +305,16 @@ class Runtime:
         while self._unheard:
             # The ticks that are due come before this frame, in the record too.
             self._advance(now_us)
-            frame, sequence = self._unheard.popleft()
+            frame, outdated = self._unheard[0]
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            # A heartbeat that was overtaken shows an old mode, which looks like a change by someone else.
-            if sequence.is_outdated(frame, now_us / 1e6) or frame.message_id not in WANTED:
-                continue
-            fact = frame_to_fact(frame, now_us / 1e6)
-            if fact is None:
-                self.unusable += 1
-            else:
+            wanted = not outdated and frame.message_id in WANTED
+            fact = frame_to_fact(frame, now_us / 1e6) if wanted else None
+            self._unheard.popleft()  # from here on the engine has it
+            if fact is not None:
                 self._stepper.receive(fact, now_us)
+            elif wanted:
+                self.unusable += 1
         self._arrived_s = None
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
@@ -305,6 +326,7 @@ class Runtime:
                     if self.recorder is not None:
                         self.recorder.decision(time_us, effect.line)
                 case Keep():
+                    self._kept = effect.state
                     if self._state_file is not None:
                         self._state_file.write(effect.text)
                 case Save():

@@ -1,5 +1,7 @@
 """Gives the aircraft back after the engine has failed: without the engine, and never against the pilot."""
 
+from collections.abc import Iterator
+
 from companion.control.mode_request import ModeRequest
 from companion.control.state_machine import FLYING, HELD, State, Supervisor
 from companion.mavlink.dialect import Message
@@ -46,25 +48,23 @@ class EmergencyRelease:
         self._adapter.observe(fact, now_s)
         self._aircraft.observe(fact, now_s)  # last: it may be what failed
 
-    def messages(self, now_s: float) -> list[Message]:
-        """The messages to send now; call this ten times a second."""
+    def messages(self, now_s: float) -> Iterator[Message]:
+        """The messages to send now, one by one, as any step may fail; call this ten times a second."""
         adapter, request = self._adapter, self._request
         if adapter is None:
-            return []
-        messages = adapter.tick(now_s)
+            return
         fresh = 0.0 <= now_s - self._heartbeat_s <= _FRESH_S
-        if request is None or not fresh or not adapter.is_guided(self._mode):
-            return messages
-        level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
-        if level is not None:
-            messages += adapter.leaving(level, now_s)
-        if request.due(self._mode, self._heartbeat_s, now_s):
-            messages += adapter.restore_mode(self._prior)
-        return messages
+        if request is not None and fresh and adapter.is_guided(self._mode):
+            if request.due(self._mode, self._heartbeat_s, now_s):
+                yield from adapter.restore_mode(self._prior)
+            level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
+            if level is not None:
+                yield from adapter.leaving(level, now_s)
+        yield from adapter.tick(now_s)
 
     def _note_mode(self) -> None:
-        """End the request when the guided mode has been left, for any reason."""
+        """End the request when the guided mode has been left, or someone chose another mode than ours."""
         guided = self._adapter is not None and self._adapter.is_guided(self._mode)
-        if self._was_guided and not guided:
+        if not guided and (self._was_guided or self._mode != self._prior.mode):
             self._request = None
         self._was_guided |= guided

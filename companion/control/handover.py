@@ -152,6 +152,9 @@ class Handover:
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
+        if not context.aircraft.guided:
+            # The next heartbeat may already show the guided mode, of a request that arrives late.
+            data.last_unguided_mode = context.aircraft.custom_mode
         if changed:
             data.guided_since_s = None  # another target in the guided mode is also someone's choice
         text = f"Avoidance: hands off, {override}, {context.aircraft.mode}"

@@ -60,11 +60,12 @@ class Release:
             return False
         if data.guided_since_s is not None:
             data.forget_request()
-        context.supervisor.handle(Event.RECLAIMED if data.reclaiming else Event.GIVEN_BACK)
+        if data.reclaiming:
+            data.wait_until_s = now_s + context.params.settle_s
+        waits = data.wait_until_s > now_s
+        context.supervisor.handle(Event.RECLAIMED if waits else Event.GIVEN_BACK)
         if context.supervisor.state is not State.STOPPED:
             data.given_back_s = now_s
-        if context.supervisor.state is State.WAITING:
-            data.wait_until_s = now_s + context.params.settle_s
         return True
 
     def go_on(self, now_s: float) -> Outgoing:

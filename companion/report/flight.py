@@ -27,7 +27,7 @@ _LARGEST = 1e7
 _COURSE_DEG, _SPEED_MPS, _HEIGHT_M = 10.0, 1.0, 15.0
 # Without a fix, autopilots send a position at 0, 0.
 _NO_FIX_DEG = 1e-3
-_WATCHING = frozenset({State.STANDBY, State.MONITOR})
+_WATCHING = frozenset({State.STANDBY, State.WAITING, State.MONITOR})
 
 
 @dataclass(frozen=True, slots=True)

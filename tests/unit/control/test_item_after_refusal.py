@@ -15,14 +15,14 @@ def report(seat: Seat, meet_s: float) -> None:
         TrafficSource.ADSB, "A00002", seat.now_s, -35.0 + north_m / 110_940.0, 149.0, 884.0,
         course_rad=math.pi, ground_speed_mps=60.0, climb_mps=0.0, icao=0xA00002,
     )  # fmt: skip
-    seat.tell(Traffic(AUTOPILOT, seen))
+    seat.receive(Traffic(AUTOPILOT, seen))
 
 
 def test_a_mission_that_was_restarted_before_a_refused_take_over_is_sent_to_its_item() -> None:
     seat = Seat()
     seat.meet_s = T0 + 15.0
     seat.fly(0.5)
-    seat.tell(MissionProgress(AUTOPILOT, 4))
+    seat.receive(MissionProgress(AUTOPILOT, 4))
     seat.until(State.OUTER, State.INNER)
     seat.until(State.MONITOR, limit_s=120.0)
     seat.intruder = False
@@ -31,7 +31,7 @@ def test_a_mission_that_was_restarted_before_a_refused_take_over_is_sent_to_its_
     while seat.state is not State.ENGAGING:
         report(seat, meet_s)
         seat.fly(0.1)
-    seat.tell(MissionProgress(AUTOPILOT, 0))
+    seat.receive(MissionProgress(AUTOPILOT, 0))
     seat.answer(SET_MODE, 4)
     for _ in range(30):
         report(seat, meet_s)

@@ -40,7 +40,7 @@ def test_a_late_request_is_undone_for_the_mode_that_the_pilot_chose_just_before(
     seat.until(State.ENGAGING)
     seat.fly(1.0)
     for seat.mode in (taken, guided):
-        seat.tell(Heartbeat(AUTOPILOT, 1, autopilot, True, seat.mode, 4))
+        seat.receive(Heartbeat(AUTOPILOT, 1, autopilot, True, seat.mode, 4))
     asked = modes(seat.fly(3.0))
     assert asked
     assert set(asked) == {wanted}, "not the mission over the pilot"
@@ -89,5 +89,5 @@ def test_an_emergency_does_not_undo_a_late_request_for_the_mission_over_the_pilo
     for tick, mode in enumerate([FBWA] * 5 + [GUIDED] * 20):
         now_s = seat.now_s + tick / 10
         release.observe(Heartbeat(AUTOPILOT, 1, ARDUPILOT, True, mode, 4), now_s)
-        asked += modes(release.messages(now_s))
+        asked += modes([*release.messages(now_s)])
     assert AUTO not in asked
