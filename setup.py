@@ -4,13 +4,11 @@ from Cython.Build import cythonize
 from setuptools import Extension, setup
 
 # Operations are neither fused nor reordered, so that a decision does not depend on the processor.
-# Optional: without a compiler the same files run as plain Python.
-COMPILED = [
+SOURCES = [
     Extension(
         name,
         [name.replace(".", "/") + ".py"],
         extra_compile_args=["-O3", "-g0", "-ffp-contract=off", "-fno-math-errno"],
-        optional=True,
     )
     for name in ("companion.compiled.kernels", "sim.compiled.airframe_step")
 ]
@@ -23,4 +21,7 @@ DIRECTIVES = {
     "initializedcheck": False,
 }
 
-setup(ext_modules=cythonize(COMPILED, build_dir="build", compiler_directives=DIRECTIVES))
+extensions = cythonize(SOURCES, build_dir="build", compiler_directives=DIRECTIVES)
+for extension in extensions:
+    extension.optional = True  # without a compiler the same files run as plain Python
+setup(ext_modules=extensions)

@@ -109,9 +109,9 @@ def _from_tlog(path: Path, engine: Engine, on_progress: Progress) -> Log:
     if replayed.bad_bytes:
         flight.notes.append(f"{replayed.bad_bytes:,} bytes of the log belong to no message")
     link = _link_of(parts, flight)
-    flight.texts = [
-        OperatorText(flight.seconds_at(time_us), said.severity, said.text) for time_us, said in texts
-    ]
+    # Not by `seconds_at`, whose clock has reached the end of the flight and never runs backwards.
+    start_us = flight.start_us or 0
+    flight.texts = [OperatorText((at_us - start_us) / 1e6, say.severity, say.text) for at_us, say in texts]
     return Log(flight, link)
 
 

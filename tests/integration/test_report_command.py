@@ -1,5 +1,6 @@
 """`companion report` as a process: pages, notes, exit codes, one-line errors."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +43,9 @@ def test_report_of_a_tlog(tmp_path: Path, name: str) -> None:
     if name.startswith("px4"):
         assert "N51402 (A10001)" in text
         assert "decided 46 s, not flown" in text
+        times = re.findall(r"<td>(\d+:\d\d)</td><td>companion</td>", text)
+        assert len(times) > 3
+        assert len(set(times)) > 1, "each text has its own time"
     else:
         assert "the log has no own position" in text
 
