@@ -42,7 +42,7 @@ $(CREATED):
 	@touch $@
 
 $(NEEDED): $(CREATED) requirements.lock
-	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 30 MB to download"
+	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 50 MB to download"
 	@$(PIP) --require-hashes -r requirements.lock
 	@touch $@
 

@@ -8,12 +8,17 @@ import pytest
 from companion.engine import Engine
 from companion.model import Layer
 from companion.replay import LogClock, Replay, replay
-from tests.support.paths import TLOGS as LOGS
+from tests.support.paths import TLOGS
 
-ARDUPLANE = LOGS / "arduplane_sitl_adsb_two_intruders.tlog"
-PX4 = LOGS / "px4_sih_fixed_wing_adsb_two_intruders.tlog"
-
-pytestmark = pytest.mark.skipif(not LOGS.is_dir(), reason=f"the recorded logs are not here: {LOGS}")
+# Closest approaches in the logs by intruder, seconds since the start, measured on the logged positions.
+CLOSEST_S = {
+    "arduplane_fake_two_intruders": {"B00001": 60.0, "B00002": 110.0},
+    "px4_fake_two_intruders": {"B00001": 60.0, "B00002": 110.0},
+    "arduplane_sitl_adsb_two_intruders": {"A00000": 166.1, "A00001": 302.2},
+    "px4_sih_fixed_wing_adsb_two_intruders": {"A10001": 79.5, "A10002": 138.8},
+}
+# This one ends within the second encounter.
+CUT_SHORT = "px4_sih_fixed_wing_adsb_two_intruders"
 
 
 def decide(log: Path) -> tuple[Replay, list[str]]:
@@ -33,37 +38,25 @@ def first_action_s(lines: list[str], track: str) -> float:
     return seconds
 
 
-# Closest approaches in the logs [s since their start], measured on the logged positions.
-@pytest.mark.parametrize(
-    ("log", "messages", "closest_s"),
-    [
-        (ARDUPLANE, 19_000, {"A00000": 166.1, "A00001": 302.2}),
-        (PX4, 37_000, {"A10001": 79.5, "A10002": 138.8}),
-    ],
-    ids=["arduplane", "px4"],
-)
-def test_both_intruders_are_avoided_in_time(log: Path, messages: int, closest_s: dict[str, float]) -> None:
-    result, lines = decide(log)
-    assert result.messages > messages
+@pytest.mark.parametrize("name", [name for name in CLOSEST_S if name in TLOGS])
+def test_both_intruders_are_avoided_in_time(name: str) -> None:
+    result, lines = decide(TLOGS[name])
+    assert result.messages > 3_000
     assert result.bad_bytes == 0
-    for track, at_s in closest_s.items():
+    for track, at_s in CLOSEST_S[name].items():
         assert first_action_s(lines, track) <= at_s - 20.0
     assert result.events[0][1] is Layer.OUTER, "first by the outer layer"
     assert result.layers[Layer.INNER] > 0, "the advice was not flown, so that the inner layer acted"
-    assert result.events[-1][1] is Layer.CLEAR or log is PX4
-    again, lines_again = decide(log)
+    assert result.events[-1][1] is Layer.CLEAR or name == CUT_SHORT
+    again, lines_again = decide(TLOGS[name])
     assert lines_again == lines
     assert again.report()["layers"] == result.report()["layers"]
 
 
-@pytest.mark.parametrize(
-    "log",
-    sorted(path for path in LOGS.glob("*.tlog") if path not in (ARDUPLANE, PX4)) if LOGS.is_dir() else [],
-    ids=lambda path: path.stem,
-)
-def test_logs_without_traffic_stay_clear(log: Path) -> None:
-    result, lines = decide(log)
-    assert result.messages > 1_000
+@pytest.mark.parametrize("name", [name for name in TLOGS if name not in CLOSEST_S])
+def test_logs_without_traffic_stay_clear(name: str) -> None:
+    result, lines = decide(TLOGS[name])
+    assert result.messages > 500
     assert result.layers[Layer.CLEAR] == len(lines)
     assert result.layers.total() == len(lines)
     assert result.events == []

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from companion import __version__
-from tests.support.paths import CONFIGS
-from tests.support.paths import TLOGS as LOGS
+from tests.support.paths import CONFIGS, TLOGS
 
 
 def call(*arguments: str, module: str = "companion") -> subprocess.CompletedProcess[str]:
@@ -130,14 +129,13 @@ def test_bad_usage_of_the_simulation_is_exit_2(arguments: list[str]) -> None:
     assert "Traceback" not in result.stderr
 
 
-@pytest.mark.skipif(not LOGS.is_dir(), reason=f"the recorded logs are not here: {LOGS}")
 def test_replay_writes_report_and_decisions(tmp_path: Path) -> None:
     report, decisions = tmp_path / "r.json", tmp_path / "d.jsonl"
-    log = LOGS / "arduplane_sitl_adsb_two_intruders.tlog"
+    log = TLOGS["arduplane_fake_two_intruders"]
     result = call("replay", str(log), "--report", str(report), "--decisions", str(decisions))
     assert result.returncode == 0
     figures = json.loads(report.read_text())
-    assert figures["messages"] > 19_000
+    assert figures["messages"] == 3152
     assert set(figures) >= {
         "messages", "bad_bytes", "duration_s", "elapsed_s", "messages_per_s", "decisions", "layers",
     }  # fmt: skip

@@ -11,7 +11,7 @@ from sim.campaign.cluster import parse_scheduler_address
 from sim.campaign.environment import difference, environment
 from sim.campaign.plan import Plan
 from sim.encounters import Encounter, generate, write_encounters
-from tests.support.paths import ENCOUNTER_MODELS as MODELS
+from tests.support.paths import ENCOUNTER_MODELS
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def same(one: Encounter, other: Encounter) -> bool:
 def test_pickled_inputs_give_the_same_encounters(tmp_path: Path) -> None:
     """Workers do not have the files."""
     write_encounters(tmp_path / "e.csv", [generate("mix", 1, number) for number in range(3)])
-    model = MODELS / "uncor_1200only_fwse_v1p2.txt"
+    model = ENCOUNTER_MODELS["invented"]
     for plan in (Plan(5), Plan(5, models=(str(tmp_path / "e.csv"),)), Plan(5, seed=2, models=(str(model),))):
         copied = plan.source(pickle.loads(pickle.dumps(plan.inputs())))
         assert all(same(copied(number), plan.source()(number)) for number in plan.numbers())

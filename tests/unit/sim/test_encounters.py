@@ -22,10 +22,7 @@ from sim.encounters import (
     write_encounters,
 )
 from sim.encounters.sampling import WINDOW_HORIZONTAL_M
-from tests.support.paths import SHARED as DATA
-
-needs_models = pytest.mark.skipif(not DATA.is_dir(), reason="the encounter models are not beside the project")
-MODEL = DATA / "encounter-models" / "uncor_1200only_fwse_v1p2.txt"
+from tests.support.paths import DAA_SCENARIOS, ENCOUNTER_MODELS
 
 DAA = "name sx sy sz trk gs vs time\n[none] [m] [m] [m] [deg] [m/s] [m/s] [s]\n"
 # The smallest possible model: 60 to 90 kt, level, or climbing once a climb has begun.
@@ -110,10 +107,9 @@ def test_drawn_paths_follow_the_model(small: EncounterModel) -> None:
     assert 0.69 < begins_level / 400 < 0.81
 
 
-@needs_models
-@pytest.mark.parametrize("path", sorted((DATA / "encounter-models").glob("*.txt")), ids=lambda p: p.stem)
-def test_drawn_speeds_and_layers_are_as_frequent_as_counted(path: FilePath) -> None:
-    model = read_model(path)
+@pytest.mark.parametrize("name", ENCOUNTER_MODELS)
+def test_drawn_speeds_and_layers_are_as_frequent_as_counted(name: str) -> None:
+    model = read_model(ENCOUNTER_MODELS[name])
     rng = np.random.default_rng(2)
     chances = rng.random((4000, 14)).tolist()
     begun = np.array([model._begin(iter(row))[0] for row in chances])
@@ -204,15 +200,18 @@ def test_written_csv_is_read_back_unchanged(tmp_path: FilePath) -> None:
             assert (path_one.position_m == path_back.position_m).all()
 
 
-@needs_models
-def test_a_daidalus_encounter_is_read_in_its_units() -> None:
-    """Two aircraft at 15000 ft: 120 kn north, and 180 kn from the east."""
-    (encounter,) = read_encounters(DATA / "daa-scenarios" / "C1_0_120.daa")
-    assert encounter.own_airspeed_mps == pytest.approx(120.0 * 1852.0 / 3600.0, abs=0.01)
-    assert encounter.own_position_m[2] == pytest.approx(-15_000.0 * 0.3048)
+# Own speed [kn], height [ft], and the smallest distance between rows of one time, on the sphere [m].
+DAIDALUS = {"crossing": (100.0, 4000.0, 308.0), "C1_0_120": (120.0, 15_000.0, 770.0)}
+
+
+@pytest.mark.parametrize("name", [name for name in DAIDALUS if name in DAA_SCENARIOS])
+def test_a_daidalus_encounter_is_read_in_its_units(name: str) -> None:
+    (encounter,) = read_encounters(DAA_SCENARIOS[name])
+    own_kn, height_ft, miss_m = DAIDALUS[name]
+    assert encounter.own_airspeed_mps == pytest.approx(own_kn * 1852.0 / 3600.0, abs=0.01)
+    assert encounter.own_position_m[2] == pytest.approx(-height_ft * 0.3048)
     assert encounter.geometry == "crossing from the right"
-    # The smallest distance between its rows of one time, on the sphere: 772 m at 105 s.
-    assert nearest_m(encounter) == pytest.approx(770.0, abs=6.0)
+    assert nearest_m(encounter) == pytest.approx(miss_m, abs=6.0)
 
 
 def test_the_units_are_those_of_the_second_row(tmp_path: FilePath) -> None:

@@ -1,6 +1,7 @@
 """The fake ArduPlane's telemetry against recordings of the real one: content, rates and addresses."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -26,7 +27,24 @@ from tests.support.vehicle_bench import (
     UNSUPPORTED,
 )
 
-REAL_LOG = TLOGS / "arduplane_sitl_adsb_two_intruders.tlog"
+# Fields that never change, as a real ArduPlane sends them in AUTO: the last of each in this recorded flight.
+CONSTANT: dict[str, dict[str, float]] = {
+    "HEARTBEAT": {
+        "type": 1, "autopilot": 3, "base_mode": 217, "custom_mode": 10, "system_status": 4,
+        "mavlink_version": 3,
+    },
+    "POSITION_TARGET_GLOBAL_INT": {
+        "coordinate_frame": 0, "type_mask": 65016, "vx": 0.0, "afx": 0.0, "yaw": 0.0,
+    },
+    "MISSION_CURRENT": {"mission_state": 3, "mission_mode": 1},
+    "SYS_STATUS": {
+        "onboard_control_sensors_present": 325188671, "onboard_control_sensors_health": 322042943,
+    },
+    "GPS_RAW_INT": {"fix_type": 6, "satellites_visible": 10, "eph": 121, "epv": 200},
+    "BATTERY_STATUS": {"id": 0, "temperature": 32767, "charge_state": 1},
+    "HOME_POSITION": {"approach_x": 0.0},
+}  # fmt: skip
+RECORDED = "arduplane_sitl_adsb_two_intruders"
 
 # --- content ---
 
@@ -76,35 +94,32 @@ def test_every_message_can_be_packed_and_carries_the_true_state() -> None:
     assert 0 < decoded["BATTERY_STATUS"].battery_remaining <= 100
 
 
-@pytest.mark.skipif(not REAL_LOG.exists(), reason="the recorded flight is not beside this checkout")
-def test_fields_that_never_change_are_those_of_the_recorded_flight() -> None:
-    real: dict[str, Message] = {}
-    for frame in FrameSplitter().feed(REAL_LOG.read_bytes()):
-        message = decode(frame)
-        if message is not None:
-            real[message.get_type()] = message  # the last one: level in AUTO
+def fly_level() -> dict[str, Message]:
+    """The last message of each kind of the fake, level to the north in AUTO."""
     bench = airborne(rate_hz=2.0)
     bench.by_long(512, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     bench.fly(2.0)
-    fake = {message.get_type(): message for _, message in bench.received}
-    constant = {
-        "HEARTBEAT": ("type", "autopilot", "base_mode", "custom_mode", "system_status", "mavlink_version"),
-        "POSITION_TARGET_GLOBAL_INT": ("coordinate_frame", "type_mask", "vx", "afx", "yaw"),
-        "MISSION_CURRENT": ("mission_state", "mission_mode"),
-        "SYS_STATUS": ("onboard_control_sensors_present", "onboard_control_sensors_health"),
-        "GPS_RAW_INT": ("fix_type", "satellites_visible", "eph", "epv"),
-        "BATTERY_STATUS": ("id", "temperature", "charge_state"),
-        "HOME_POSITION": ("approach_x",),
-    }
-    for kind, names in constant.items():
-        for name in names:
-            assert getattr(fake[kind], name) == getattr(real[kind], name), (kind, name)
-    assert all(math.isnan(q) for q in (*fake["HOME_POSITION"].q, *real["HOME_POSITION"].q))
+    return {message.get_type(): message for _, message in bench.received}
+
+
+def recorded() -> dict[str, Message]:
+    """The last message of each kind of the recorded flight, level to the north in AUTO."""
+    messages = map(decode, FrameSplitter().feed(TLOGS[RECORDED].read_bytes()))
+    return {message.get_type(): message for message in messages if message is not None}
+
+
+@pytest.mark.parametrize("said", [fly_level, *([recorded] if RECORDED in TLOGS else [])])
+def test_fields_that_never_change_are_those_of_the_recorded_flight(
+    said: Callable[[], dict[str, Message]],
+) -> None:
+    messages = said()
+    for kind, fields in CONSTANT.items():
+        assert {name: getattr(messages[kind], name) for name in fields} == fields, kind
+    assert all(math.isnan(q) for q in messages["HOME_POSITION"].q)
     # Both fly level to the north, so signs and sizes show the meaning of the fields.
-    for messages in (real, fake):
-        assert abs(messages["ATTITUDE"].yaw) < 0.1
-        assert abs(messages["VFR_HUD"].airspeed - 22.0) < 0.5
-        assert abs(messages["GLOBAL_POSITION_INT"].relative_alt - 300_000) < 1000
+    assert abs(messages["ATTITUDE"].yaw) < 0.1
+    assert abs(messages["VFR_HUD"].airspeed - 22.0) < 0.5
+    assert abs(messages["GLOBAL_POSITION_INT"].relative_alt - 300_000) < 1000
 
 
 def test_message_intervals_belong_to_the_channel() -> None:

@@ -249,20 +249,22 @@ def test_a_repeat_window_beyond_the_stale_time_is_refused() -> None:
 ADSB_VEHICLE = 246
 
 
-@pytest.mark.parametrize(
-    ("log", "repeats", "furthest_m"),
-    [
-        # ArduPlane re-sends, and sends up to a second late without stating it: 60 m at 60 m/s.
-        ("arduplane_sitl_adsb_two_intruders.tlog", 49, 60.0),
-        ("px4_sih_fixed_wing_adsb_two_intruders.tlog", 0, 2.0),
-    ],
-)
-def test_intruders_of_a_recorded_flight_are_followed(log: str, repeats: int, furthest_m: float) -> None:
-    if not (TLOGS / log).exists():
-        pytest.skip(f"{log} is not beside this checkout")
+# Repeated reports, and how far a report is from the prediction at most [m].
+FOLLOWED = {
+    "arduplane_fake_two_intruders": (2, 60.0),
+    "px4_fake_two_intruders": (0, 15.0),
+    # ArduPlane re-sends, and sends up to a second late without stating it: 60 m at 60 m/s.
+    "arduplane_sitl_adsb_two_intruders": (49, 60.0),
+    "px4_sih_fixed_wing_adsb_two_intruders": (0, 2.0),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in FOLLOWED if name in TLOGS])
+def test_intruders_of_a_recorded_flight_are_followed(name: str) -> None:
+    repeats, furthest_m = FOLLOWED[name]
     tracker = Tracker()
     frame, followed = None, 0
-    for time_us, raw in read_tlog(TLOGS / log):
+    for time_us, raw in read_tlog(TLOGS[name]):
         message = decode(raw) if raw.message_id == ADSB_VEHICLE else None
         fact = None if message is None else to_fact(message, time_us / 1e6)
         if not isinstance(fact, Traffic):
