@@ -42,7 +42,7 @@ $(CREATED):
 	@touch $@
 
 $(NEEDED): $(CREATED) requirements.lock
-	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 30 MB to download"
+	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 45 MB to download"
 	@$(PIP) --require-hashes -r requirements.lock
 	@touch $@
 
@@ -60,7 +60,7 @@ $(TOOLS): $(NEEDED) dev.lock orca.lock
 		echo "== The library of ORCA is not available here: its tests are skipped"
 	@touch $@
 
-# A C compiler and Python's headers, with which decisions are taken ten to fifty times as fast. Debian, as root.
+# A C compiler and Python's headers: without them a decision takes ten to fifty times as long. Debian, as root.
 compiler:
 	{ $(CAN_COMPILE); } || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends gcc libc6-dev python3-dev; }

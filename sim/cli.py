@@ -32,7 +32,7 @@ from sim.server import VehicleServer
 from sim.world import build_world
 
 app = typer.Typer(
-    help="A fake fixed wing that speaks MAVLink, traffic, and demonstrations of the companion.",
+    help="Simulated aircraft and traffic for Companion: demonstrations, experiments and campaigns.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -82,7 +82,7 @@ def demo(
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 8.0,
     no_avoidance: Annotated[
-        bool, typer.Option("--no-avoidance", help="Fly without the companion, for comparison.")
+        bool, typer.Option("--no-avoidance", help="Fly without Companion, for comparison.")
     ] = False,
     record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the recording.")] = Path(
         "recordings"
@@ -92,9 +92,9 @@ def demo(
     ] = None,
     no_web: Annotated[bool, typer.Option("--no-web", help="No live display in the browser.")] = False,
 ) -> None:
-    """Fly a mission among traffic, over real sockets.
+    """Fly a simulated aircraft among traffic, with Companion, over UDP on this computer.
 
-    Exit code 0 only without near mid-air collision and with the mission finished.
+    Exit code 0 if the mission was finished without a near mid-air collision.
     """
     if report is not None:
         writable(report)
@@ -157,7 +157,7 @@ def vehicle(
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 1.0,
 ) -> None:
-    """Run the fake vehicle and its traffic without the companion, until Ctrl-C."""
+    """Simulate an aircraft and its traffic on MAVLink links, without Companion, until Ctrl-C."""
     chosen = load_scenario(scenario)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     try:
@@ -215,7 +215,7 @@ def paper(
         Path | None, typer.Option(metavar="DIR", help="Folder for reports, tables and figures.")
     ] = None,
     study: Annotated[
-        Study, typer.Option(help="The experiments (one minute), or a study of many fields (minutes).")
+        Study, typer.Option(help="The experiments (a minute), or a study of many fields (minutes).")
     ] = Study.EXPERIMENTS,
     fields: Annotated[
         int | None,
@@ -370,10 +370,10 @@ def relay(
     duplication: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Share of datagrams duplicated.")
     ] = 0.0,
-    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram [s].")] = 0.0,
+    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram, in seconds.")] = 0.0,
     jitter: Annotated[
         float,
-        typer.Option(min=0.0, max=3600.0, help="Largest random extra delay [s]; it reorders."),
+        typer.Option(min=0.0, max=3600.0, help="Largest random extra delay, in seconds; it reorders."),
     ] = 0.0,
     direction: Annotated[
         Direction, typer.Option(help="Direction with faults; forth is from --listen to --to.")
