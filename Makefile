@@ -54,7 +54,7 @@ $(BUILT): $(NEEDED) pyproject.toml setup.py companion/compiled/kernels.py sim/co
 	@touch $@
 
 $(TOOLS): $(NEEDED) dev.lock orca.lock
-	@echo "== Installing what checks and tests need: $$(grep -c == dev.lock) packages, some 150 MB to download"
+	@echo "== Installing what checks and tests need: $$(grep -c == dev.lock) packages, some 120 MB to download"
 	@$(PIP) --require-hashes -r dev.lock
 	@$(MAKE) --no-print-directory orca || \
 		echo "== The library of ORCA is not available here: its tests are skipped"
@@ -86,6 +86,6 @@ clean:
 	rm -f companion/compiled/*.so sim/compiled/*.so
 
 # Redraws display.png, the terminal in README.md and the tables in REFERENCE.md from what runs now.
-pictures: setup
+pictures: setup $(TOOLS)
 	$(BIN)/python -m tests.tools.documents
 	$(BIN)/python -m tests.tools.pictures

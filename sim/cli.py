@@ -215,7 +215,7 @@ def paper(
         Path | None, typer.Option(metavar="DIR", help="Folder for reports, tables and figures.")
     ] = None,
     study: Annotated[
-        Study, typer.Option(help="The experiments (a minute), or a study of many fields (minutes).")
+        Study, typer.Option(help="The experiments (twenty seconds), or a study of many fields (minutes).")
     ] = Study.EXPERIMENTS,
     fields: Annotated[
         int | None,
@@ -370,7 +370,9 @@ def relay(
     duplication: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Share of datagrams duplicated.")
     ] = 0.0,
-    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram, in seconds.")] = 0.0,
+    delay: Annotated[
+        float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram, in seconds.")
+    ] = 0.0,
     jitter: Annotated[
         float,
         typer.Option(min=0.0, max=3600.0, help="Largest random extra delay, in seconds; it reorders."),
