@@ -44,7 +44,7 @@ _log = logging.getLogger("companion")
 
 # The autopilot has this long to take the aircraft back before the service ends anyway.
 _LONGEST_RELEASE_US = 8_000_000
-# How long an emergency release may take, in ticks: a heartbeat a second shows what became of a request.
+# Longest emergency release, in ticks: a heartbeat comes every second and shows the result of a request.
 _EMERGENCY_TICKS = 30
 _SILENCE_REPORTED_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
@@ -90,8 +90,8 @@ class Runtime:
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._sequences: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
-        # Frames that the engine has not taken in yet; when it fails, the emergency release hears them.
+        self._sequences: dict[str, HeartbeatSequence] = {}  # by link, as each link has its own sequence
+        # Frames that the engine has not processed yet; when it fails, the emergency release processes them.
         self._unheard: deque[tuple[Frame, HeartbeatSequence]] = deque()
         self._release: EmergencyRelease | None = None
         self._arrived_s: float | None = None
@@ -199,7 +199,7 @@ class Runtime:
         return self._not_recorded if self.recorder is None else self.recorder.problem
 
     def _request_role(self, name: str) -> None:
-        """Request another role for a browser, by a message as of a ground station, so that it is recorded."""
+        """Request a role for a browser, by a ground station's message, so that the request is recorded."""
         role = Role.__members__.get(name.upper())
         if role is None:
             return
@@ -230,7 +230,7 @@ class Runtime:
             )
 
     def _guarded(self, act: Callable[[], None]) -> None:
-        """Run `act`; a bug in it ends the service, after the aircraft is given back. The one broad except."""
+        """Run `act`; a bug in it ends the service, after the aircraft is given back."""
         try:
             act()
         except Exception as error:  # noqa: BLE001
@@ -255,7 +255,7 @@ class Runtime:
             self._guarded(partial(self._send, now_us, Transmit(self.engine.sender, message)))
 
     def _listen(self, release: EmergencyRelease) -> None:
-        """Let the emergency release hear what the engine does not hear any more."""
+        """Pass the unprocessed frames to the emergency release, as the engine has failed."""
         now_us = self.clock.now_us()
         while self._unheard:
             frame, sequence = self._unheard.popleft()
@@ -286,7 +286,7 @@ class Runtime:
             frame, sequence = self._unheard.popleft()
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
+            # A heartbeat that was overtaken shows an old mode, which looks like a change by someone else.
             if sequence.is_outdated(frame, now_us / 1e6) or frame.message_id not in WANTED:
                 continue
             fact = frame_to_fact(frame, now_us / 1e6)
@@ -340,7 +340,7 @@ class Runtime:
             self._perform(time_us, self.engine.announce(f"Not recorded: {why}", time_us / 1e6))
 
     async def _watch_silence(self) -> None:
-        """Log once that no autopilot is heard, and once which one is."""
+        """Log once that no autopilot is heard, and once the autopilot that is adopted."""
         started_us = self.clock.now_us()
         reported = False
         while self.engine.aircraft.adapter is None:
@@ -385,5 +385,5 @@ async def _optional(work: Coroutine[None, None, None]) -> None:
     """Run a task that may fail: its failure is logged, and everything else goes on."""
     try:
         await work
-    except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
+    except Exception:  # noqa: BLE001 - the display must not end the flight
         _log.exception("display: switched off")

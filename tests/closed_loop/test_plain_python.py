@@ -47,7 +47,7 @@ def results(path: Path) -> list[str]:
 
 @compiled
 def test_the_same_tests_pass() -> None:
-    files = ("property/test_kernel_properties.py", "property/test_survey_kernel_properties.py")
+    files = ("property/test_kernel_properties.py", "property/test_assessment_kernel_properties.py")
     result = plain(
         "import pytest, sys; sys.exit(pytest.main(sys.argv[1:]))",
         "-q", "-p", "no:cacheprovider", *(f"tests/{name}" for name in (*files, "unit/sim/test_dynamics.py")),

@@ -75,8 +75,8 @@ GUIDANCE = {"course_deg": 45.0, "airspeed_mps": 22.0, "altitude_m": 560.0}
 def avoided() -> Iterator[dict[str, Any]]:
     """A flight north at 20 m/s, one record a second. A00001 comes head-on at 30 m/s, and is abeam at 60 s.
 
-    From 20 to 80 s the companion flies, from 40 s on 400 m to the east and 60 m up. A00002 stays 10 km away.
-    A00003 passes at 130 s, 100 m abeam and 20 m below, without any action.
+    The companion flies from 20 to 80 s, 400 m to the east and 60 m higher from 40 s on. A00002 stays 10 km
+    away. A00003 passes at 130 s, 100 m abeam and 20 m below, and is not avoided.
     """
     for second in range(200):
         flying = 20 <= second < 80
@@ -141,7 +141,7 @@ def test_advice_that_was_not_flown_has_no_action() -> None:
     assert (first.acted_s, first.advised_s, first.aside_m) == (None, pytest.approx(40.0), None)
 
 
-def test_an_aircraft_that_returns_later_is_another_encounter() -> None:
+def test_an_aircraft_that_returns_later_makes_another_encounter() -> None:
     def records() -> Iterator[dict[str, Any]]:
         for second in range(300):
             here = second < 100 or second >= 200
