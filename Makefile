@@ -60,7 +60,7 @@ $(TOOLS): $(NEEDED) dev.lock orca.lock
 		echo "== The library of ORCA is not available here: its tests are skipped"
 	@touch $@
 
-# A C compiler and Python's headers: without them a decision takes ten to fifty times as long. Debian, as root.
+# A C compiler and Python's headers: without them a decision takes 20 to 100 times as long. Debian, as root.
 compiler:
 	{ $(CAN_COMPILE); } || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends gcc libc6-dev python3-dev; }
