@@ -13,7 +13,7 @@ from sim.cli.relay import relay
 from sim.cli.vehicle import vehicle
 
 app = typer.Typer(
-    help="A fake fixed wing that speaks MAVLink, traffic, and demonstrations of the companion.",
+    help="Simulated aircraft and traffic for Companion: demonstrations, experiments and campaigns.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,

@@ -24,7 +24,7 @@ def demo(
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 8.0,
     no_avoidance: Annotated[
-        bool, typer.Option("--no-avoidance", help="Fly without the companion, for comparison.")
+        bool, typer.Option("--no-avoidance", help="Fly without Companion, for comparison.")
     ] = False,
     record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the recording.")] = Path(
         "recordings"
@@ -32,9 +32,9 @@ def demo(
     report: ReportOption = None,
     no_web: Annotated[bool, typer.Option("--no-web", help="No live display in the browser.")] = False,
 ) -> None:
-    """Fly a mission among traffic, over real sockets.
+    """Fly a simulated aircraft among traffic, with Companion, over UDP on this computer.
 
-    Exit code 0 only without near mid-air collision and with the mission finished.
+    Exit code 0 if the mission was finished without a near mid-air collision.
     """
     if report is not None:
         writable(report)

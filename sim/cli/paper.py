@@ -27,7 +27,7 @@ def paper(
         Path | None, typer.Option(metavar="DIR", help="Folder for reports, tables and figures.")
     ] = None,
     study: Annotated[
-        Study, typer.Option(help="The experiments (one minute), or a study of many fields (minutes).")
+        Study, typer.Option(help="The experiments (twenty seconds), or a study of many fields (minutes).")
     ] = Study.EXPERIMENTS,
     fields: Annotated[
         int | None,

@@ -29,10 +29,12 @@ def relay(
     duplication: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Share of datagrams duplicated.")
     ] = 0.0,
-    delay: Annotated[float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram [s].")] = 0.0,
+    delay: Annotated[
+        float, typer.Option(min=0.0, max=3600.0, help="Delay of each datagram, in seconds.")
+    ] = 0.0,
     jitter: Annotated[
         float,
-        typer.Option(min=0.0, max=3600.0, help="Largest random extra delay [s]; it reorders."),
+        typer.Option(min=0.0, max=3600.0, help="Largest random extra delay, in seconds; it reorders."),
     ] = 0.0,
     direction: Annotated[
         Direction, typer.Option(help="Direction with faults; forth is from --listen to --to.")

@@ -31,7 +31,7 @@ def vehicle(
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     speedup: SpeedupOption = 1.0,
 ) -> None:
-    """Run the fake vehicle and its traffic without the companion, until Ctrl-C."""
+    """Simulate an aircraft and its traffic on MAVLink links, without Companion, until Ctrl-C."""
     chosen = load_scenario(scenario)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     try:
