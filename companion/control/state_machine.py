@@ -1,4 +1,4 @@
-"""The state machine of who has the aircraft; `companion check CONFIG --table` prints it.
+"""The state machine of who has the aircraft; `companion check --table` prints it.
 
 `TRANSITIONS` maps state and event to the next state; a pair that is not in it changes nothing. `DATA` lists
 what each state remembers: all other data is forgotten when the state is entered. What Companion does
