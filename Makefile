@@ -42,7 +42,7 @@ $(CREATED):
 	@touch $@
 
 $(NEEDED): $(CREATED) requirements.lock
-	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 50 MB to download"
+	@echo "== Installing what Companion flies with: $$(grep -c == requirements.lock) packages, some 45 MB to download"
 	@$(PIP) --require-hashes -r requirements.lock
 	@touch $@
 
@@ -54,13 +54,13 @@ $(BUILT): $(NEEDED) pyproject.toml setup.py companion/compiled/kernels.py sim/co
 	@touch $@
 
 $(TOOLS): $(NEEDED) dev.lock orca.lock
-	@echo "== Installing what checks and tests need: $$(grep -c == dev.lock) packages, some 150 MB to download"
+	@echo "== Installing what checks and tests need: $$(grep -c == dev.lock) packages, some 120 MB to download"
 	@$(PIP) --require-hashes -r dev.lock
 	@$(MAKE) --no-print-directory orca || \
 		echo "== The library of ORCA is not available here: its tests are skipped"
 	@touch $@
 
-# A C compiler and Python's headers, with which decisions are taken ten to fifty times as fast. Debian, as root.
+# A C compiler and Python's headers: without them a decision takes 20 to 100 times as long. Debian, as root.
 compiler:
 	{ $(CAN_COMPILE); } || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends gcc libc6-dev python3-dev; }
@@ -86,6 +86,6 @@ clean:
 	rm -f companion/compiled/*.so sim/compiled/*.so
 
 # Redraws display.png, the terminal in README.md and the tables in REFERENCE.md from what runs now.
-pictures: setup
+pictures: setup $(TOOLS)
 	$(BIN)/python -m tests.tools.documents
 	$(BIN)/python -m tests.tools.pictures

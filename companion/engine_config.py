@@ -16,16 +16,17 @@ from companion.traffic import TrafficParams
 
 @dataclass(frozen=True)
 class EngineParams:
-    """Identity on the wire, and when own position is too old to act on."""
+    """Identity on the wire, age limits of the own position, ceiling and units of texts."""
 
     system_id: Literal["auto"] | Annotated[int, Ge(1), Le(254)] = "auto"
     # 1 is the autopilot itself.
     component_id: Annotated[int, Ge(2), Le(255)] = 196
     autopilot_system_id: Literal["auto"] | Annotated[int, Ge(1), Le(255)] = "auto"
-    # Without a configured system, wait this long for other autopilots; of several none is chosen.
+    # Without a configured system, wait this long for other autopilots; if there are several, none is chosen.
     adopt_after_s: Annotated[float, Ge(0), Le(60)] = 1.5
-    # With an own position older than this, nothing is taken over; older than the second, nothing is decided.
+    # The aircraft is taken over only with an own position no older than this.
     position_fresh_s: Annotated[float, Gt(0), Le(5)] = 0.5
+    # No new decision is made from an own position older than this.
     position_stale_s: Annotated[float, Gt(0), Le(5)] = 2.0
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
     max_height_m: Annotated[float, Gt(0)] | None = None

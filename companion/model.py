@@ -16,7 +16,7 @@ TextUnits = Literal["metric", "aviation"]
 
 
 class Role(IntEnum):
-    """What the operator permits. The numbers are the values of the MAVLink parameter and command."""
+    """The operator's permission. The numbers are the values of the MAVLink parameter and command."""
 
     OFF = 0  # no decisions
     ADVISE = 1  # decisions are announced and recorded, but not commanded
@@ -155,7 +155,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """What a UAV of our group announces to the others: its goal and its performance."""
+    """The goal and performance that a UAV of our group announces to the others."""
 
     goal: Goal
     min_airspeed_mps: float
@@ -203,7 +203,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class PriorFlightState:
-    """What the aircraft was doing when we took it over, and resumes afterwards.
+    """The flight before the take-over, which the aircraft resumes afterwards.
 
     `target` is the place that it was flying to or circling; course and altitude are those it flew.
     """

@@ -1,4 +1,4 @@
-"""Listens to the autopilot and asks it questions: what was found, and whether it would be taken over."""
+"""Queries the autopilot, and reports what was found and whether the aircraft would be taken over."""
 
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,7 +39,7 @@ class Preflight:
 async def run_preflight(
     config: Config, links: Sequence[Link], seconds: float = DEFAULT_SECONDS, clock: Clock | None = None
 ) -> Preflight:
-    """Listen and ask for this long. Nothing is commanded meanwhile, whatever the configured role.
+    """Listen and send requests for `seconds`. Nothing is commanded meanwhile, whatever the configured role.
 
     `CompanionError` if a link can never be opened.
     """

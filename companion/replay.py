@@ -1,4 +1,4 @@
-"""Replays a log through the engine that flies, by the log's clock."""
+"""Replays a log through the engine of the flight, by the log's clock."""
 
 import time
 from collections import Counter
@@ -12,13 +12,13 @@ from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.model import Layer
 
-# Time stamps that step further than this, either way, are a damaged log or another flight: the clock goes on
-# from where it was.
+# A larger step of the time stamps, either way, means a damaged log or another flight: the clock goes on from
+# where it was.
 _LONGEST_GAP_US = 60_000_000
 
 
 class LogClock:
-    """Time stamps to a time that never runs backwards; it equals the stamps in a log without jumps."""
+    """Converts time stamps to a time that never runs backwards; without jumps the two are equal."""
 
     def __init__(self, longest_gap_us: int = _LONGEST_GAP_US) -> None:
         self._longest_gap_us = longest_gap_us

@@ -10,6 +10,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import replace
 from functools import partial
 
 from companion.clock import Clock, SteadyClock
@@ -34,6 +35,7 @@ from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.heartbeat_sequence import HeartbeatSequence
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.model import Role
+from companion.output.persisted_state import PersistedState
 from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.watchdog import Watchdog
@@ -44,7 +46,7 @@ _log = logging.getLogger("companion")
 
 # The autopilot has this long to take the aircraft back before the service ends anyway.
 _LONGEST_RELEASE_US = 8_000_000
-# How long an emergency release may take, in ticks: a heartbeat a second shows what became of a request.
+# Longest emergency release, in ticks: a heartbeat comes every second and shows the result of a request.
 _EMERGENCY_TICKS = 30
 _SILENCE_REPORTED_AFTER_US = 5_000_000
 _LATENCIES_KEPT = 20_000
@@ -90,10 +92,12 @@ class Runtime:
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._sequences: dict[str, HeartbeatSequence] = {}  # by link: each counts for itself
-        # Frames that the engine has not taken in yet; when it fails, the emergency release hears them.
-        self._unheard: deque[tuple[Frame, HeartbeatSequence]] = deque()
+        self._sequences: dict[str, HeartbeatSequence] = {}  # by link, as each link has its own sequence
+        # Frames that the engine has not processed yet, and whether they are outdated. When the engine fails,
+        # the emergency release processes them.
+        self._unheard: deque[tuple[Frame, bool]] = deque()
         self._release: EmergencyRelease | None = None
+        self._kept: PersistedState | None = None  # the newest state for the next run
         self._arrived_s: float | None = None
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
@@ -199,7 +203,7 @@ class Runtime:
         return self._not_recorded if self.recorder is None else self.recorder.problem
 
     def _request_role(self, name: str) -> None:
-        """Request another role for a browser, by a message as of a ground station, so that it is recorded."""
+        """Request a role for a browser, by a ground station's message, so that the request is recorded."""
         role = Role.__members__.get(name.upper())
         if role is None:
             return
@@ -230,7 +234,7 @@ class Runtime:
             )
 
     def _guarded(self, act: Callable[[], None]) -> None:
-        """Run `act`; a bug in it ends the service, after the aircraft is given back. The one broad except."""
+        """Run `act`; a bug in it ends the service, after the aircraft is given back."""
         try:
             act()
         except Exception as error:  # noqa: BLE001
@@ -240,14 +244,28 @@ class Runtime:
     async def _give_back_in_emergency(self) -> None:
         """Give the aircraft back without the engine, which failed; everything sent and heard is recorded."""
         _log.critical("internal error, giving the aircraft back: %r", self._failure)
-        release = self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
-        self._guarded(partial(self._listen, release))
+        self._guarded(self._begin_release)
+        if (release := self._release) is None:
+            return
         for tick in range(_EMERGENCY_TICKS):
             self._watchdog.alive(self._stepper.ticks + tick + 1, time.monotonic())
+            # What waits in the sockets is heard first: the pilot may have taken the aircraft meanwhile.
+            await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
+            self._listen(release)
             self._guarded(partial(self._send_release, release))
             if release.finished:
+                self._guarded(self._keep_role_only)
                 break
-            await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
+
+    def _begin_release(self) -> None:
+        self._release = self.engine.emergency_release(self.clock.now_us() / 1e6)
+
+    def _keep_role_only(self) -> None:
+        """The aircraft is given back: the next run must not give it back again, over a mode of the pilot."""
+        kept = self._kept
+        if self._state_file is not None and kept is not None:
+            role_only = replace(kept, before=None, left_behind=None, borrowed={})
+            self._state_file.write(None if kept.role is None else role_only.to_text())
 
     def _send_release(self, release: EmergencyRelease) -> None:
         now_us = self.clock.now_us()
@@ -255,26 +273,30 @@ class Runtime:
             self._guarded(partial(self._send, now_us, Transmit(self.engine.sender, message)))
 
     def _listen(self, release: EmergencyRelease) -> None:
-        """Let the emergency release hear what the engine does not hear any more."""
-        now_us = self.clock.now_us()
+        """Pass the unprocessed frames to the emergency release, as the engine has failed."""
         while self._unheard:
-            frame, sequence = self._unheard.popleft()
-            if self.recorder is not None:
-                self._guarded(partial(self.recorder.received, now_us, frame.raw))
-            if not sequence.is_outdated(frame, now_us / 1e6) and frame.message_id in WANTED:
-                fact = frame_to_fact(frame, now_us / 1e6)
-                if fact is not None:
-                    self._guarded(partial(release.observe, fact, now_us / 1e6))
+            self._guarded(partial(self._let_hear, release, *self._unheard.popleft()))
+
+    def _let_hear(self, release: EmergencyRelease, frame: Frame, outdated: bool) -> None:
+        now_us = self.clock.now_us()
+        if self.recorder is not None:
+            self._guarded(partial(self.recorder.received, now_us, frame.raw))
+        if not outdated and frame.message_id in WANTED:
+            fact = frame_to_fact(frame, now_us / 1e6)
+            if fact is not None:
+                release.observe(fact, now_us / 1e6)
 
     def _on_frames(self, frames: list[Frame], link: Link) -> None:
         self._hear(frames, self._sequences.setdefault(link.address, HeartbeatSequence()))
 
     def _hear(self, frames: list[Frame], sequence: HeartbeatSequence) -> None:
-        self._unheard.extend((frame, sequence) for frame in frames)
+        now_s = self.clock.now_us() / 1e6
+        # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
+        self._unheard.extend((frame, sequence.is_outdated(frame, now_s)) for frame in frames)
         if self._failure is None:
             self._guarded(self._take_in)
         elif self._release is not None:
-            self._guarded(partial(self._listen, self._release))
+            self._listen(self._release)
 
     def _take_in(self) -> None:
         """Frames to facts, and facts into the engine."""
@@ -283,17 +305,16 @@ class Runtime:
         while self._unheard:
             # The ticks that are due come before this frame, in the record too.
             self._advance(now_us)
-            frame, sequence = self._unheard.popleft()
+            frame, outdated = self._unheard[0]
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
-            if sequence.is_outdated(frame, now_us / 1e6) or frame.message_id not in WANTED:
-                continue
-            fact = frame_to_fact(frame, now_us / 1e6)
-            if fact is None:
-                self.unusable += 1
-            else:
+            wanted = not outdated and frame.message_id in WANTED
+            fact = frame_to_fact(frame, now_us / 1e6) if wanted else None
+            self._unheard.popleft()  # from here on the engine has it
+            if fact is not None:
                 self._stepper.receive(fact, now_us)
+            elif wanted:
+                self.unusable += 1
         self._arrived_s = None
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
@@ -305,6 +326,7 @@ class Runtime:
                     if self.recorder is not None:
                         self.recorder.decision(time_us, effect.line)
                 case Keep():
+                    self._kept = effect.state
                     if self._state_file is not None:
                         self._state_file.write(effect.text)
                 case Save():
@@ -340,7 +362,7 @@ class Runtime:
             self._perform(time_us, self.engine.announce(f"Not recorded: {why}", time_us / 1e6))
 
     async def _watch_silence(self) -> None:
-        """Log once that no autopilot is heard, and once which one is."""
+        """Log once that no autopilot is heard, and once the autopilot that is adopted."""
         started_us = self.clock.now_us()
         reported = False
         while self.engine.aircraft.adapter is None:
@@ -385,5 +407,5 @@ async def _optional(work: Coroutine[None, None, None]) -> None:
     """Run a task that may fail: its failure is logged, and everything else goes on."""
     try:
         await work
-    except Exception:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
+    except Exception:  # noqa: BLE001 - the display must not end the flight
         _log.exception("display: switched off")

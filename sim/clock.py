@@ -11,8 +11,8 @@ _MICROSECONDS = 1_000_000
 class ScaledClock:
     """Unix time in whole microseconds, `speedup` times as fast as real time; never backwards.
 
-    `hold_at` sets a time at which the clock stops until the next call. `slipped_s` is the time lost that
-    way: on a machine too slow for the speedup the clock waits, and nothing flies on old data.
+    `hold_at` sets a time at which the clock stops until the next call. `slipped_s` is the time lost by that:
+    on a machine that is too slow for the speedup the clock waits, so that nothing flies on old data.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Engine and fake vehicle in lockstep: no sockets, no waiting, the same frames as on the wire.
+"""Closed loop: engine and fake vehicle in lockstep, without sockets or waiting, with the frames of the wire.
 
 All messages are packed, framed, decoded and translated as in flight; only the sockets are left out.
 """
@@ -104,7 +104,7 @@ class ClosedLoop:
     def _hear(self, message: Message) -> None:
         assert self._stepper is not None
         vehicle = self.world.vehicle
-        if vehicle.boots != self._boots:  # sequence numbers start over
+        if vehicle.boots != self._boots:  # sequence numbers restart
             self._encoder, self._boots = Encoder(), vehicle.boots
         raw = self._encoder.encode(message, vehicle.system_id, vehicle.component_id)
         for frame in self._up.feed_datagram(raw):

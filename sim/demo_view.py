@@ -21,7 +21,7 @@ _TEXTS_SHOWN = 4
 
 
 class DemoView(AbstractContextManager["DemoView"]):
-    """Draws the state on a terminal; elsewhere prints one line per event."""
+    """Draws the state on a terminal; without one, prints one line per event."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -40,7 +40,7 @@ class DemoView(AbstractContextManager["DemoView"]):
         self._state = state
 
     def add_text(self, text: str) -> None:
-        """Show a log line of the companion."""
+        """Show a line that the companion logs."""
         if self._state is None:
             return
         line = f"{_clock(self._state.elapsed_s)}  {text}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
-# Items in flight at once; a real line would not carry more either.
+# Items in flight at once; a real line has a limit too.
 MAX_IN_FLIGHT = 10_000
 
 Item = TypeVar("Item")

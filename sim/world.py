@@ -54,7 +54,7 @@ def make_vehicle(scenario: Scenario, start_s: float, autopilot: Autopilot = "ard
 def build_world(
     scenario: Scenario, start_s: float, *, seed: int = 0, autopilot: Autopilot = "ardupilot"
 ) -> World:
-    """The vehicle and its traffic; intruders are aimed at the future positions of the undisturbed vehicle."""
+    """The vehicle and its traffic; intruders are aimed at future positions of the undisturbed vehicle."""
     scout = make_vehicle(scenario, start_s, autopilot)
     aimed: dict[str, Intruder] = {}
     for conflict in sorted(scenario.intruders, key=lambda c: c.meet_at_s):
@@ -69,7 +69,7 @@ def build_world(
 
 
 def aim(conflict: Conflict, truth: Truth) -> Intruder:
-    """The intruder whose closest approach is at the moment of `truth`, if both fly straight."""
+    """The intruder of a conflict, closest to us at the time of `truth` if both fly straight."""
     own_north_mps, own_east_mps, _ = truth.velocity_mps
     own_course_rad = math.atan2(own_east_mps, own_north_mps)
     course_rad = own_course_rad + math.radians(conflict.from_deg) + math.pi

@@ -11,7 +11,22 @@ from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import MissionItem
 from companion.model import LatLon, Vec2
 
+# Own position, wind and the autopilot's course tracking are each known to within this distance.
+_MIN_MARGIN_M = 30.0
 _MIN_VERTICES = 3
+# ArduPilot's bits of FENCE_TYPE and FENCE_OPTIONS
+_MAX_ALTITUDE, _CIRCLE, _ZONES, _MIN_ALTITUDE = 1, 2, 4, 8
+_UNION_OF_INCLUSIONS = 2
+
+# Whether the zone that an item defines is an inclusion zone.
+_POLYGONS = {
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION: True,
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION: False,
+}
+_CIRCLES = {
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION: True,
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION: False,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +34,7 @@ class FenceZone:
     """One zone: a polygon (`vertices_deg`) or a circle (`centre_deg`, `radius_m`), of (lat, lon) [deg].
 
     Heights are above home; `None`: no limit. The aircraft stays inside a zone with `inclusion`, and outside
-    any other. ValueError if it is neither a polygon nor a circle, or not on the globe.
+    any other. `ValueError` if it is neither a polygon nor a circle, or not on the globe.
     """
 
     inclusion: bool
@@ -64,26 +79,12 @@ class FenceZone:
         )
 
 
-# ArduPilot's bits of FENCE_TYPE and FENCE_OPTIONS
-_MAX_ALTITUDE, _CIRCLE, _ZONES, _MIN_ALTITUDE = 1, 2, 4, 8
-_UNION_OF_INCLUSIONS = 2
-
-_POLYGONS = {
-    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION: True,
-    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION: False,
-}
-_CIRCLES = {
-    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION: True,
-    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION: False,
-}
-
-
 @dataclass(frozen=True, slots=True)
 class FenceSettings:
     """An autopilot's fence parameters; heights are above home, `None`: no such limit.
 
     `on` is `None` while unknown. With `any_inclusion` it is enough to be inside one of several inclusion
-    zones. `zones` states whether the uploaded zones are enforced. `home_radius_m` is the radius of a circle
+    zones. `zones`: whether the uploaded zones are enforced. `home_radius_m` is the radius of a circle
     around home to stay in.
     """
 
@@ -202,10 +203,6 @@ def _circle(item: MissionItem) -> FenceZone | None:
         )
     except ValueError:
         return None
-
-
-# Own position, wind and the autopilot's course tracking are each known to within this distance.
-_MIN_MARGIN_M = 30.0
 
 
 class _Source(NamedTuple):

@@ -1,7 +1,7 @@
 """Fixed obstacles from files: masts, power lines, built-up areas.
 
-The avoidance keeps clear of upright cylinders. Lines and areas become rows of cylinders, close enough that no
-gap remains between them.
+The avoidance keeps clear of upright cylinders. Lines and areas become rows of cylinders, so close that no gap
+remains between them.
 """
 
 import math

@@ -86,7 +86,7 @@ class Adapter(ABC):
 
     @abstractmethod
     def setpoint_loss_mode(self) -> int | None:
-        """The mode soon after our setpoints ended; `None`: unknown, or one that a pilot may have chosen."""
+        """The mode entered soon after our setpoints end; `None`: unknown, or one that a pilot may choose."""
 
     @property
     def invalid_after_climbs(self) -> bool:

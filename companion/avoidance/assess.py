@@ -19,15 +19,18 @@ from companion.units import wrap_pi
 
 # Larger distances and speeds than these cannot be real.
 _FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
+# Speed at which we could approach a track that is near but not coming nearer.
+_OWN_APPROACH_MPS = 20.0
+_NO_PATH = np.zeros((0, 2))
 
 
 def is_relevant(track: Track) -> bool:
     """Whether a track is finite, has realistic values, and is an aircraft or an obstacle."""
     north_m, east_m, down_m = track.position_m
     north_mps, east_mps, down_mps = track.velocity_mps
-    across_m, aloft_m = track.protected_horizontal_m, track.protected_vertical_m
+    horizontal_m, vertical_m = track.protected_horizontal_m, track.protected_vertical_m
     # Comparisons with NaN are false.
-    sound = (
+    plausible = (
         math.isfinite(track.time_s)
         and -_FURTHEST_M < north_m < _FURTHEST_M
         and -_FURTHEST_M < east_m < _FURTHEST_M
@@ -35,11 +38,11 @@ def is_relevant(track: Track) -> bool:
         and -_FASTEST_MPS < north_mps < _FASTEST_MPS
         and -_FASTEST_MPS < east_mps < _FASTEST_MPS
         and -_FASTEST_MPS < down_mps < _FASTEST_MPS
-        and (across_m is None or -_FURTHEST_M < across_m < _FURTHEST_M)
-        and (aloft_m is None or -_FURTHEST_M < aloft_m < _FURTHEST_M)
+        and (horizontal_m is None or -_FURTHEST_M < horizontal_m < _FURTHEST_M)
+        and (vertical_m is None or -_FURTHEST_M < vertical_m < _FURTHEST_M)
         and not math.isnan(track.vertical_uncertainty_m)
     )
-    return sound and track.kind is not TrafficKind.SURFACE_VEHICLE
+    return plausible and track.kind is not TrafficKind.SURFACE_VEHICLE
 
 
 def protected_tracks(now_s: float, tracks: Sequence[Track], params: AvoidanceParams) -> Tracks:
@@ -51,38 +54,33 @@ def protected_tracks(now_s: float, tracks: Sequence[Track], params: AvoidancePar
     rows = []
     for track in tracks:
         grounded = track.kind is TrafficKind.OBSTACLE
-        aloft_m = params.obstacle_vertical_m if grounded else params.well_clear_vertical_m
+        vertical_m = params.obstacle_vertical_m if grounded else params.well_clear_vertical_m
         if track.protected_vertical_m is not None:
-            aloft_m = track.protected_vertical_m
+            vertical_m = track.protected_vertical_m
         uncertain_m = max(track.vertical_uncertainty_m, 0.0)
         values = (
             protected_horizontal_m(track, params),
-            (max(aloft_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
+            (max(vertical_m, 1.0) + uncertain_m) * (1.0 + params.vertical_margin),
             track.turn_radps,
             grounded,
         )
         rows.append((position_at(track, now_s), track.velocity_mps, values))
-    position, velocity, (across, aloft, turns, on_ground) = kernels.columns(rows)
+    position, velocity, (horizontal, vertical, turns, on_ground) = kernels.columns(rows)
     ids = tuple(track.track_id for track in tracks)
-    return Tracks(ids, position, velocity, across, aloft, on_ground > 0.0, np.zeros(len(ids)), turns)
+    return Tracks(ids, position, velocity, horizontal, vertical, on_ground > 0.0, np.zeros(len(ids)), turns)
 
 
 def protected_horizontal_m(track: Track, params: AvoidanceParams) -> float:
     """Radius of the protected volume, margin included."""
-    across_m = track.protected_horizontal_m
-    if across_m is None:
+    horizontal_m = track.protected_horizontal_m
+    if horizontal_m is None:
         grounded = track.kind is TrafficKind.OBSTACLE
-        across_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
-    return max(across_m, 1.0) * (1.0 + params.horizontal_margin)
-
-
-# Speed at which we could approach a track that is near but not coming nearer.
-_OWN_APPROACH_MPS = 20.0
-_NO_PATH = np.zeros((0, 2))
+        horizontal_m = params.obstacle_horizontal_m if grounded else params.well_clear_horizontal_m
+    return max(horizontal_m, 1.0) * (1.0 + params.horizontal_margin)
 
 
 class OuterDetection(Protocol):
-    """Which tracks within reach of the outer layer are in conflict."""
+    """Finds the conflicts within reach of the outer layer."""
 
     def in_cone(
         self,
@@ -92,17 +90,17 @@ class OuterDetection(Protocol):
         velocity_mps: Array,
         domain: TransitionDomain,
     ) -> Mask:
-        """In whose collision cone we are, (N,); `velocity_mps` of the tracks, (N, 3)."""
+        """The tracks whose collision cone we are in, (N,); `velocity_mps` is that of the tracks, (N, 3)."""
 
     def confirmed(self, within: Mask, too_near: Mask) -> Mask:
-        """Which of the tracks within reach and cone conflict, from those the mission is too near to, (N,)."""
+        """The conflicts, from the tracks within reach and cone and those the mission is too near to, (N,)."""
 
     def remember(self, domain: TransitionDomain, ids: Sequence[str], conflict: Mask) -> None:
         """Enter the cones of these conflicts, and leave all others."""
 
 
 class EmergencyDetection(Protocol):
-    """Which tracks call for the inner layer."""
+    """Finds the tracks that call for the inner layer."""
 
     def buffered(self, tracks: Tracks, goal: Goal) -> Tracks:
         """The tracks with the buffers that the inner layer adds around their volumes."""
@@ -111,7 +109,7 @@ class EmergencyDetection(Protocol):
         """How far the inner layer reaches from the surface of each volume, (N,)."""
 
     def confirmed(self, within: Mask, too_near: Mask) -> Mask:
-        """Which of the tracks within reach are emergencies, from those the mission is too near to, (N,)."""
+        """The emergencies, from the tracks within reach and those the mission is too near to, (N,)."""
 
 
 class ConflictPolicy(Protocol):
@@ -150,7 +148,7 @@ class TrafficAssessment(NamedTuple):
         return self.tracks.subset(np.lexsort((self.surface_m / approach_mps, ~self.conflict))[:count])
 
     def earliness(self, params: AvoidanceParams) -> float:
-        """How far off the first closest approach of a conflict is: from 0, near, to 1, far off."""
+        """0 if the first closest approach of a conflict is near, rising to 1 if it is far off."""
         to_closest_s = float(self.motion.time_to_closest_s[self.conflict].min())
         return kernels.early(to_closest_s, params.inner_time_s, params.outer_time_s)
 
@@ -173,11 +171,11 @@ def assess_traffic(
 ) -> TrafficAssessment:
     """Measure all tracks against the mission, and find the conflicts.
 
-    A conflict is a track within the reach of a layer (def. 3, from surface to surface) in whose collision
-    cone we are, and to which the mission, flown ahead with its turns and heights, comes too near. The paper
+    A conflict is a track within the reach of a layer (def. 3, from surface to surface), if we are in its
+    collision cone and the mission, flown ahead with its turns and heights, comes too near to it. The paper
     looks along the velocity flown; by default we look along the mission's, so that a conflict lasts until the
     mission itself is clear. `domain` remembers the cones entered. `release_margin` is the share of room that
-    is demanded in addition while an avoidance is flown, `None` otherwise.
+    is required in addition while an avoidance is flown, `None` otherwise.
     """
     state, horizon_s = flight.state, flight.horizon_s
     tracks = policy.emergency.buffered(tracks, flight.goal)
@@ -190,7 +188,7 @@ def assess_traffic(
     outer = surface < outer_reach
     if any_of(outer):
         outer &= policy.outer.in_cone(state, tracks, motion, velocity, domain)
-    # No cone here: near a track, a turn back to the mission may lead through its volume.
+    # The inner layer has no cone: near a track, a turn back to the mission may lead through its volume.
     emergency = surface < policy.emergency.reach_m(tracks, inner_reach)
     if any_of(outer) or any_of(emergency):
         ahead = ahead or fly_ahead(state, Commands.of([flight.mission]), envelope)
@@ -233,12 +231,12 @@ def _too_near(
     params: AvoidanceParams,
     release_margin: float | None,
 ) -> Mask:
-    """To which tracks the mission comes too near, (N,): within a share of the volume, margin included.
+    """The tracks that the mission comes too near to, (N,): within a share of the volume, margin included.
 
     During an avoidance that share is 1 plus the release margin. Before it, the share is smaller while there
-    is time: tracks turn and climb, errors of velocity grow, and many that look near pass clear by themselves,
-    so that only a deep penetration counts. There is no time if the volume is entered soon, however far off
-    the closest approach is: an aircraft with nearly our velocity stays beside us for minutes.
+    is time: tracks turn and climb, errors of velocity grow, and many tracks that look near pass clear without
+    an avoidance, so that only a deep penetration counts. There is no time if the volume is entered soon, even
+    if the closest approach is far off: an aircraft with nearly our velocity stays beside us for minutes.
     """
     near, far = params.begin_near, params.begin_far
     if release_margin is not None:
@@ -264,7 +262,7 @@ def needs_no_assessment(
     params: AvoidanceParams,
     domain: TransitionDomain,
 ) -> bool:
-    """Fast path: whether no track turns, and none is within reach of a layer or in whose cone we are.
+    """Fast path: whether no track turns and each is out of reach of the layers, or we are not in its cone.
 
     `assess_traffic` then finds no conflict by default. Most traffic is far away or flies past.
     """
@@ -281,7 +279,7 @@ def _is_clear(
     domain: TransitionDomain,
 ) -> bool:
     if track.turn_radps != 0.0:
-        return False  # it may turn towards us
+        return False
     north_m, east_m, _ = position_at(track, now_s)
     north_m, east_m = north_m - own_m[0], east_m - own_m[1]
     north_mps, east_mps = onward_mps[0] - track.velocity_mps[0], onward_mps[1] - track.velocity_mps[1]
@@ -327,7 +325,7 @@ def _threat(
 ) -> Threat:
     (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = rel_m, own_rel_mps
     to_go_s = max(time_s, 0.0) if math.isfinite(time_s) else 0.0
-    above_m = down_m - down_mps * to_go_s  # ours above it at the closest approach
+    above_m = down_m - down_mps * to_go_s  # our height above the track at the closest approach
     return Threat(
         track_id=track.track_id,
         icao=track.icao,

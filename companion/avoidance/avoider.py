@@ -27,7 +27,7 @@ from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Tr
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
 _OVERTIME_S = 10.0
-# After that, this share of the margin itself is given up too, so that no track is followed along its edge.
+# After that, this share of the margin itself is given up too, so that we follow no track along its edge.
 _GIVEN_UP = 0.05
 
 
@@ -70,7 +70,7 @@ class Avoider:
     def refuse(self, control: Control, value: float, now_s: float) -> None:
         """Note that the autopilot refused a course [rad], an airspeed [m/s] or a height [m].
 
-        For a while no row with this value, or nearly this value, is flown as long as there is another.
+        For a while, no row with this value or nearly this value is flown if there is another row.
         """
         self._refusals = self._refusals.adding(control, value, now_s)
 
@@ -80,13 +80,13 @@ class Avoider:
         self._cooperation.reset()
 
     def member(self, own: Ownship, goal: Goal) -> Member:
-        """What the other members of our group need to know of us: our goal and our limits."""
+        """Our goal and limits, for the other members of our group."""
         return describe_member(own, goal, self.envelope)
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
         """The decision at `now_s` for our aircraft among the tracks, in one north-east-down frame [m, m/s].
 
-        The flow of §4.1, figure 6: the mission while there is no conflict, else the outer or the inner layer.
+        The flow of §4.1, figure 6: the mission without a conflict, otherwise the outer or the inner layer.
         Tracks are extrapolated from their own time to `now_s`. Surface vehicles and tracks that are not
         finite are ignored. `ValueError` if ownship or goal is not finite: then no decision is safe.
         """
@@ -130,7 +130,7 @@ class Avoider:
         )
 
     def _overtime(self, now_s: float) -> float:
-        """0 until an avoidance has lasted `patience_s`; then it grows by 1 in `_OVERTIME_S`."""
+        """0 until an avoidance has lasted `patience_s`; then it grows by 1 every `_OVERTIME_S`."""
         if self._avoiding_since_s is None:
             return 0.0
         return max(now_s - self._avoiding_since_s - self.params.patience_s, 0.0) / _OVERTIME_S
@@ -172,7 +172,7 @@ class Avoider:
         assessment: TrafficAssessment,
         relevant: Sequence[Track],
     ) -> Decision:
-        """Our part of the joint response. It is held like any other guidance when the conflict is over."""
+        """Our part of the joint response, held like any other guidance when the conflict is over."""
         self._forget_conflict()
         found = threats_of(assessment, relevant, self.params.priced_tracks)
         near = min(threat.distance_m for threat in found) < self.params.formation.separation_m
@@ -181,7 +181,7 @@ class Avoider:
         return Decision(self._last_layer, joint.guidance, found, words)
 
     def _without_conflict(self, now_s: float, flight: OwnFlight) -> Decision:
-        """The mission again, after a while, and once the fence leaves a straight way back to it."""
+        """Hold the last guidance for a while, return along the fence if needed, then fly the mission."""
         if self._last_guidance is None:
             self.reset()
             return Decision(Layer.CLEAR, because="no conflict")
@@ -199,7 +199,7 @@ class Avoider:
         return Decision(Layer.CLEAR, because="clear of conflict")
 
     def _mission_keeps_fence(self, flight: OwnFlight) -> bool:
-        """Whether the mission keeps the fence: straight to its next position, or without one for a while."""
+        """Whether the mission keeps the fence until its next position, or without one, for the look-ahead."""
         constraints, until_s = self._constraints, flight.time_to_goal_s
         if flight.goal.position_m is None:
             until_s = constraints.fence_look_ahead_s(flight.state)

@@ -33,7 +33,7 @@ def approach_angle_rad(rel_position_m: Array, own_rel_velocity_mps: Array) -> Ar
 
 
 class TransitionDomain:
-    """The memory of the cones: obstacles in whose cone we are, which are judged by beta2 instead of beta1.
+    """The memory of the cones: obstacles whose cone we have entered are judged by beta2 instead of beta1.
 
     `delta_beta_rad`, by how much beta2 is wider, may be changed at any time.
     """
@@ -47,7 +47,7 @@ class TransitionDomain:
         return self.delta_beta_rad if track_id in self._inside else 0.0
 
     def covers(self, ids: Sequence[str], alpha_rad: Array, beta1_rad: Array) -> Mask:
-        """In whose cone we are, (N,); for obstacles entered before, in the wider one."""
+        """The obstacles whose cone we are in, (N,); for those entered before, the wider cone."""
         if self._inside:
             beta1_rad = beta1_rad + [self.wider_rad(track_id) for track_id in ids]
         covered: Mask = np.abs(alpha_rad) <= beta1_rad

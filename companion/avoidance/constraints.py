@@ -46,13 +46,13 @@ class Refusals:
     refused: tuple[Refusal, ...] = ()
 
     def at(self, now_s: float) -> "Refusals":
-        """Those that count at `now_s`. If time ran backwards, refusals from later times do not."""
+        """Those that count at `now_s`; after a step back of time, refusals from later times do not."""
         if not self.refused:
             return self
         return Refusals(tuple(r for r in self.refused if now_s < r.until_s <= now_s + REFUSED_FOR_S))
 
     def adding(self, control: Control, value: float, now_s: float) -> "Refusals":
-        """The same with one more."""
+        """These refusals and one more."""
         return Refusals((*self.at(now_s).refused, Refusal(control, value, now_s + REFUSED_FOR_S)))
 
     def allow(self, guidance: Guidance) -> bool:
@@ -62,7 +62,7 @@ class Refusals:
     def substitute(self, present: Guidance, mission: Guidance, commands: Commands) -> Guidance | None:
         """The present guidance, with the mission's value in place of each refused one.
 
-        `None` if that is refused as well and some of the commands are not: then one of them is chosen as if
+        `None` if that is refused as well but some of the commands are not: then one of them is chosen as if
         there had been no guidance before.
         """
         present = self.remove_from(Commands.of([present]), mission).row(0)

@@ -33,14 +33,19 @@ from companion.compiled import kernels
 from companion.model import Guidance
 from companion.units import wrap_pi
 
+# Commands that differ by no more than this count as the same.
+_SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
+# A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
+_NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
+
 
 class CostContext(NamedTuple):
-    """What rows are made from and priced against."""
+    """The inputs from which rows are made and priced."""
 
     own: OwnState
     mission: Guidance
-    over_m: float  # the height that passes above every threat
-    under_m: float  # the height that passes below every threat
+    over_m: float  # the height that passes above every threat [m], limited to the permitted change
+    under_m: float  # the height that passes below every threat [m], limited likewise
     right_preferred: bool
     horizon_s: float  # how far ahead rows are judged
     goal_distance: float  # in radii of the outer layer; 1 where the goal is only a direction
@@ -52,7 +57,7 @@ class CostContext(NamedTuple):
     fence: Fence | None = None
     fence_look_ahead_s: float = 0.0  # the fence must be kept until then
     passed_s: float = HORIZON_S  # when all threats are passed
-    # Where the mission flown on is at that time, north and east, (2,); `None` if there is no threat.
+    # The place, north and east (2,), that the mission reaches by then; `None` if there is no threat.
     mission_at_passed_m: Array | None = None
     refusals: Refusals = Refusals()
     maneuvers: ManeuverParams = NO_MANEUVERS
@@ -140,17 +145,10 @@ def return_context(
 
 
 def _right_preferred(mission: Guidance, rel_m: Array) -> bool:
-    """Whether the rules of the air turn us to the right: head-on, or crossing from the right."""
+    """Whether the rules of the air require a turn to the right: head-on, or crossing from the right."""
     north_m, east_m, _ = rel_m.tolist()
     bearing_rad = wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)
     return math.radians(-20.0) <= bearing_rad <= math.radians(110.0)
-
-
-# Commands that differ by no more than this count as the same.
-_SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
-
-# A near mid-air collision (500 ft by 100 ft) in shares of well clear (2000 ft by 250 ft).
-_NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
 
 
 class EvaluatedRows(NamedTuple):
@@ -211,7 +209,7 @@ def evaluate_rows(
 def _allowed_rows(
     context: CostContext, commands: Commands, last_guidance: Guidance | None
 ) -> tuple[Commands, Guidance | None]:
-    """The rows without refused values, with the last guidance as row 0; and that, if it is still a row."""
+    """The rows without refused values, with the last guidance as row 0, and that guidance if it remains."""
     refusals, envelope = context.refusals, context.envelope
     if not refusals.refused:
         return commands if last_guidance is None else commands.preceded_by(last_guidance), last_guidance
@@ -269,10 +267,10 @@ def _add_efforts(
 
 
 def _outcome_cost(context: CostContext, paths: Paths, tracks: Tracks) -> Array:
-    """The cost of where ground paths are when the mission would have passed all threats, (H,).
+    """The cost of the places that ground paths have reached when all threats are passed, (H,).
 
-    It is made of the distance from where the mission would be, and of what is still unresolved there: a row
-    beside a threat stays clear of it for any time, but never passes it.
+    It has two parts: the distance from where the mission would be, and the conflicts still unresolved there.
+    A row beside a threat stays clear of it for any time, but never passes it.
     """
     if context.mission_at_passed_m is None:
         return np.zeros(len(paths.ground_m))
@@ -292,10 +290,10 @@ def _outcome_cost(context: CostContext, paths: Paths, tracks: Tracks) -> Array:
 def _fence_cost(context: CostContext, fence: Fence, breach: Breach) -> Array:
     """The cost of breaking the fence, (K,).
 
-    Avoiding a near mid-air collision comes first, then the fence, then everything else. Well clear has room
-    to absorb what is not predicted. A fence has none: beyond it are other people and other aircraft, and the
-    autopilot reacts by itself. Once we are outside, every row breaks the fence, and well clear counts as
-    usual against a quick return.
+    Avoiding a near mid-air collision comes first, then the fence, then everything else. The well-clear volume
+    can absorb errors of the prediction. A fence cannot: beyond it are other people and other aircraft, and
+    the autopilot reacts by itself. Once we are outside, every row breaks the fence, and well clear is weighed
+    as usual against a quick return.
     """
     weights = context.weights
     use = breach.deepest_m / fence.margin_m if fence.margin_m > 0.0 else breach.deepest_m > 0.0

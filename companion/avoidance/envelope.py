@@ -1,4 +1,4 @@
-"""What the aircraft can do: its controls (paper §3.2) and the limits that every row keeps (§3.2.3)."""
+"""The envelope of the aircraft: its controls (paper §3.2), and the limits that every row keeps (§3.2.3)."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from companion.units import STANDARD_GRAVITY_MPS2
 
 
 class Control(StrEnum):
-    """What an avoidance can change."""
+    """A quantity that an avoidance can change."""
 
     HEADING = "heading"
     SPEED = "speed"

@@ -1,7 +1,7 @@
 """Fences: zones to stay inside or outside of, and how rows flown ahead keep to them.
 
-In MAVLink's fence missions all exclusion zones count. With several inclusion zones ArduPlane requires to be
-inside all of them, PX4 inside at least one (`any_inclusion`).
+In MAVLink's fence missions all exclusion zones count. With several inclusion zones, ArduPlane requires
+the aircraft to be inside all of them, PX4 inside at least one (`any_inclusion`).
 """
 
 import math
@@ -96,7 +96,7 @@ def _inside_polygon_m(place_m: Array, vertices_m: Array) -> Array:
     """Distance to the nearest edge, positive inside by the even-odd rule: (..., 2) to (...)."""
     shape = place_m.shape[:-1]
     flat_m = place_m.reshape(-1, 2)
-    # Single precision takes half the time, and is exact to millimetres relative to a place near by.
+    # Single precision takes half the time, and is accurate to millimetres relative to a nearby place.
     here_m = flat_m[0] if len(flat_m) else np.zeros(2)
     north, east = (flat_m - here_m).T[:, None, :].astype(_Float)
     starts = (vertices_m - here_m).astype(_Float)
@@ -121,7 +121,7 @@ class Breach:
     """How rows break the fence with its margin, (K,) each.
 
     `deepest_m` and `mean_m` over time are how far rows are on the wrong side within the look-ahead. `first_s`
-    is when that first happens, also later (then exact to some seconds only), inf if never.
+    is when that first happens, inf if never; after the look-ahead it is accurate to some seconds only.
     """
 
     deepest_m: Array

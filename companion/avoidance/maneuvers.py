@@ -1,8 +1,8 @@
 """Intruder maneuvers that cannot be predicted: begin a turn, end one, climb, sink or level off.
 
 Each row is priced against every maneuver, weighted by its probability. So of two rows that stay clear of the
-predicted flight, the one wins that also stays clear of what is likely: rather ninety metres higher than along
-the very edge of a volume for a minute.
+predicted flight, the one that also stays clear of likely maneuvers is cheaper: for example, ninety metres
+higher instead of along the edge of a volume for a minute.
 """
 
 import math
@@ -51,7 +51,7 @@ NO_MANEUVERS = ManeuverParams(turn_share=0.0, climb_share=0.0)
 
 
 class IntruderManeuvers(NamedTuple):
-    """What tracks may do instead of flying on, (M,) each.
+    """Possible maneuvers of tracks, (M,) each.
 
     `of` is the index of the track. `turn_radps` is positive to the right, `sink_mps` positive down. `likely`
     is the probability.
@@ -87,7 +87,7 @@ def _indices_four_times(count: int) -> NDArray[np.intp]:
 
 @lru_cache(maxsize=64)
 def _probabilities(flies: tuple[float, ...], params: ManeuverParams) -> Array:
-    """Probability of each maneuver; 0 for what stands on the ground."""
+    """Probability of each maneuver, (M,); 0 for grounded tracks."""
     turn, climb = params.turn_share * np.array(flies), params.climb_share * np.array(flies)
     likely = np.concatenate([turn, turn, climb, climb])
     likely.setflags(write=False)  # shared by the cache

@@ -3,10 +3,10 @@
 The paper flies the direction of the summed force (`resultant_command`). A field alone guarantees no distance,
 and has minima without a way out. By default the field is only a source of rows (`field_commands`), which are
 priced like any other rows. The mission attracts along its course. Every threat repels across our velocity
-relative to it, where the miss distance grows fastest; to either side, as the gradient of a head-on encounter
-has none. The repulsion gain is raised in steps, and the rows of all steps, and the plain resultant, are flown
-ahead; the cheapest that stays clear is flown. Above and below the threats the field has two more ways without
-any deviation.
+relative to it, where the miss distance grows fastest, and to both sides, because the gradient of a head-on
+encounter has no side. The repulsion gain is raised in steps, and the rows of all steps, and the plain
+resultant, are flown ahead; the cheapest that stays clear is flown. Each row is also tried above and below the
+threats.
 
 Lengths are in units of a reach rho_o, so that forces do not depend on scale: those of threats in their own
 reach, the distance of the goal in the outer layer's radius.
@@ -117,9 +117,9 @@ def _every_pair(grounds: int, heights: int) -> tuple[NDArray[np.intp], NDArray[n
 
 def _stepped_deflections_rad(course_rad: float, tracks: RepellingTracks, pushes: Array) -> list[float]:
     """Angles from the course to the force with every gain step, to the right, then to the left."""
-    # Each track pushes across our velocity relative to it, all to the right. Far out the field is too weak to
-    # matter, and near by too strong for a gentle turn. So only the direction of the sum is used, in which
-    # each track has the share of its push.
+    # Each track pushes across our velocity relative to it, all to the right. The field is too weak to matter
+    # far out, and too strong for a gentle turn near by. So only the direction of the sum is used, to which
+    # each track contributes by its push.
     north, east = kernels.pushes_across(tracks.own_rel_velocity_mps, pushes, _LEAST_PUSH, course_rad)
     if math.hypot(north, east) < 1e-9:
         return []  # no relative motion

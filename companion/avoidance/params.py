@@ -1,4 +1,4 @@
-"""The parameters of the avoidance, and the weights of its costs. Other parts define theirs themselves."""
+"""Parameters of the avoidance, and the weights of its costs."""
 
 import math
 from dataclasses import dataclass, field
@@ -22,8 +22,8 @@ class CostWeights:
     depth: Annotated[float, Ge(0)] = 300.0  # times the deepest penetration, 0 at the edge, 1 at contact
     exposure: Annotated[float, Ge(0)] = 100.0  # times the mean penetration, so that leaving soon is better
     # Times the mean depth in the worst inner layer, 0 at its edge and 1 at the volume. The paper clears the
-    # whole sphere of the inner layer. For traffic that would be miles, and missing the volume by its margin
-    # is enough.
+    # whole sphere of the inner layer. Among real traffic that sphere would be miles wide, and missing the
+    # volume by its margin is enough.
     nearness: Annotated[float, Ge(0)] = 0.0
     turn: Annotated[float, Ge(0)] = 0.6  # times the turn from the present course, per half circle
     deviation: Annotated[float, Ge(0)] = 6.0  # times the angle off the mission's course, per half circle
@@ -53,7 +53,7 @@ class CostWeights:
 
 
 class Layers(StrEnum):
-    """Which layers there are (paper §2.3); one alone is for comparisons."""
+    """The layers in use (paper §2.3); one alone is for comparisons."""
 
     BOTH = "both"
     OUTER = "outer"
@@ -82,8 +82,8 @@ class AvoidanceParams:
     # Margins, as shares of the required volume, against what is not predicted.
     horizontal_margin: Annotated[float, Ge(0), Le(5)] = 0.15
     vertical_margin: Annotated[float, Ge(0), Le(5)] = 0.25
-    # The volume counts as lost this share of itself before its edge: no aircraft flies to the metre as
-    # predicted, and of flights planned to graze a volume every other one enters it.
+    # The volume counts as lost within this share of it outside its edge: no aircraft flies exactly as
+    # predicted, and half of the flights that are planned to graze a volume enter it.
     lost_margin: Annotated[float, Ge(0), Le(1)] = 0.06
     # Each layer reaches as far as its radius, or its time at the closing speed, whichever is larger.
     outer_radius_m: Annotated[float, Gt(0)] = 1500.0
@@ -97,14 +97,14 @@ class AvoidanceParams:
     # now; the second applies from `outer_time_s` on.
     begin_near: Annotated[float, Gt(0), Le(1)] = 0.87
     begin_far: Annotated[float, Gt(0), Le(1)] = 0.55
-    # The mission is resumed when its flight has kept clear by this share more, for this long.
+    # The mission is resumed when flying it on has been clear, by this share in addition, for this long.
     release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
     # An aircraft beside us, on our course and at our speed, could keep us off the mission for ever. After
     # this time the release margin is given up, the price `unresolved` grows, and passing it faster or slower
     # becomes possible.
     patience_s: Annotated[float, Gt(0), Le(600)] = 75.0
-    # Where the fence is in the way of the mission, it is followed for at most this long.
+    # If the fence blocks the way back to the mission, the aircraft flies along it for at most this long.
     return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
     # An avoidance changes height by no more than this, from the present height or the mission's.
     largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
@@ -113,9 +113,9 @@ class AvoidanceParams:
     # so that there is room to turn wherever flying on is allowed. The rest is for the time until the next
     # decision.
     fence_look_ahead_turns: Annotated[float, Ge(0.5), Le(4)] = 1.2
-    # Rows are priced against this many tracks, the most urgent first. All tracks count for the layers.
+    # Rows are priced against at most this many tracks, the most urgent first. All tracks count for layers.
     priced_tracks: Annotated[int, Gt(0), Le(200)] = 16
-    # What the paper compares: layers, ways to steer in the outer one, controls (P9, P10) in the inner one.
+    # The paper compares layers, ways to steer in the outer one, and controls (P9, P10) in the inner one.
     layers: Layers = Layers.BOTH
     outer_method: OuterMethod = OuterMethod.PRICED
     controls: frozenset[Control] = ALL_CONTROLS

@@ -28,7 +28,7 @@ class OuterPolicy(OuterDetection, Protocol):
 
     @property
     def widening_rad(self) -> float:
-        """How much wider a collision cone is once we are inside."""
+        """The angle by which a collision cone is wider once we are inside it."""
 
     def evaluate(self, conflict: Conflict) -> EvaluatedRows:
         """The rows that the outer layer chooses from."""
@@ -90,7 +90,7 @@ def policy_of(params: AvoidanceParams) -> Policy:
 
 
 class PricedField:
-    """Conflicts are confirmed by flying the mission ahead. The rows of the field are priced."""
+    """The default: flying the mission ahead confirms conflicts, and the rows of the field are priced."""
 
     def __init__(self, params: AvoidanceParams) -> None:
         self.widening_rad = params.delta_beta_rad
@@ -104,7 +104,7 @@ class PricedField:
         _velocity_mps: Array,
         domain: TransitionDomain,
     ) -> Mask:
-        """Looks along the mission's velocity."""
+        """The tracks whose cone the mission's velocity points into, (N,)."""
         radius_m = tracks.protected_horizontal_m + tracks.buffer_m
         return domain.covers(tracks.ids, motion.approach_rad, half_angle_rad(motion.distance_m, radius_m))
 
@@ -185,7 +185,7 @@ class OuterFirst(_BothLayers):
 
 
 class PlainField:
-    """The paper's plain field: every track within reach is in conflict, and the summed force is flown."""
+    """The paper's plain field: every track within reach is in conflict; the summed force gives the course."""
 
     widening_rad = 0.0
 
@@ -200,7 +200,7 @@ class PlainField:
         _velocity_mps: Array,
         _domain: TransitionDomain,
     ) -> Mask:
-        """All: there is no cone."""
+        """All tracks, because there is no cone, (N,)."""
         return np.ones(len(tracks), dtype=bool)
 
     def confirmed(self, within: Mask, _too_near: Mask) -> Mask:
@@ -208,7 +208,7 @@ class PlainField:
         return within
 
     def remember(self, _domain: TransitionDomain, _ids: Sequence[str], _conflict: Mask) -> None:
-        """Nothing: there is no cone."""
+        """Does nothing, because there is no cone."""
 
     def evaluate(self, conflict: Conflict) -> EvaluatedRows:
         """One row, the direction of the summed force."""
@@ -232,7 +232,7 @@ class ConeField(PlainField):
         velocity_mps: Array,
         domain: TransitionDomain,
     ) -> Mask:
-        """Looks along the velocity flown."""
+        """The tracks whose cone the velocity flown points into, (N,)."""
         alpha_rad = approach_angle_rad(motion.position_m, state.velocity_mps - velocity_mps)
         beta1_rad = half_angle_rad(motion.distance_m, tracks.protected_horizontal_m)
         return domain.covers(tracks.ids, alpha_rad, beta1_rad)
@@ -243,7 +243,7 @@ class ConeField(PlainField):
 
 
 class TransitionField(ConeField):
-    """The same with the transition domain: a cone is wider once we are inside."""
+    """`ConeField` with the transition domain: a cone is wider once we are inside."""
 
     def __init__(self, params: AvoidanceParams) -> None:
         super().__init__(params)
@@ -259,7 +259,7 @@ _OUTER: dict[OuterMethod, type[PricedField] | type[PlainField]] = {
 
 
 class ClearedSphere:
-    """The paper's inner layer (§2.3): a sphere around each track that is kept clear of."""
+    """The paper's inner layer (§2.3): the aircraft keeps clear of a sphere around each track."""
 
     def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m

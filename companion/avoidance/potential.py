@@ -29,7 +29,7 @@ class FieldParams:
 def attraction(position: _Place, goal: _Place, gain: float) -> _Place:
     """Eq. 5: F_att = xi_att * (X_g - X), shape of the position; for numbers, along a line.
 
-    It is the gradient of half the squared distance. Eq. 4 lost the square in print.
+    It is the gradient of half the squared distance; eq. 4 is printed without the square.
     """
     return gain * (goal - position)
 

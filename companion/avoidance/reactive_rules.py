@@ -9,7 +9,7 @@ from companion.avoidance.envelope import Pace
 from companion.avoidance.geometry import Array
 from companion.units import wrap_pi, wrap_two_pi
 
-# Angles nearer to the edge of a case than this count as on it, so that rounding does not choose the side.
+# Angles closer than this to the edge of a case count as on it, so that rounding does not decide the side.
 _EDGE_RAD = 1e-6
 _STILL_MPS = 0.1
 

@@ -1,7 +1,6 @@
 """Separation: how clear of the predicted tracks rows of commands stay, and what that costs.
 
-Rows come first, then tracks, then time: (K, N, T). Tracks fly on, and continue for a while with the turn that
-they are in.
+Rows come first, then tracks, then time: (K, N, T). Tracks keep their velocity, and their turns decay.
 """
 
 from typing import NamedTuple, Protocol
@@ -15,12 +14,12 @@ from companion.model import Vec2
 
 # Caps the crossing time at very low closure.
 _LONGEST_CROSSING_S = 30.0
-# Slightly more than what costs nothing, so that reaching the height is enough.
+# In protected heights. Slightly more than 1, so that a row at this height costs nothing.
 _ROOM = 1.02
 
 
 class SeparationWeights(Protocol):
-    """What it costs to come near."""
+    """The cost of coming near."""
 
     @property
     def margin(self) -> float:

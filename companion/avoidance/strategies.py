@@ -92,7 +92,7 @@ TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height 
 
 
 def height_m(choice: Height, context: CostContext) -> float:
-    """The height above the local zero of a choice, within floor and ceiling [m]."""
+    """The height of a choice above the zero of the local frame, within floor and ceiling [m]."""
     match choice:
         case Height.MISSION:
             wanted_m = context.mission.altitude_m

@@ -1,6 +1,6 @@
 """Our own flight ahead: the times of a prediction, own state and mission, and where commands lead.
 
-The motion is the paper's (§2.1, eq. 1-2; its print has the cosine twice, y takes the sine): a point that
+The motion is the paper's (§2.1, eq. 1-2, where y takes the sine; the cosine is printed twice): a point that
 moves where its nose points, here with the limits of §3.2.3 and a response time. The aircraft answers a
 command after `response_s`, turns at its bank limit, climbs and sinks at its limits, and holds what it has
 reached. The wind carries it along. A command's course is over ground, and holding it takes a crab angle.
@@ -34,7 +34,7 @@ TIME_SHARES = _STEPS_S / HORIZON_S
 # The end of a turn is unknown. In the encounter models of MIT Lincoln Laboratory a turning aircraft flies on,
 # in the mean, like one whose turn rate decays with this time constant.
 _TURN_DECAY_S = 35.0
-# Multiplied with the initial turn rate: the change of course by the middle of each step.
+# Times the initial turn rate, the change of course by the middle of each step.
 _TURNED_S = _TURN_DECAY_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_DECAY_S))
 KERNEL_TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
 
@@ -128,7 +128,7 @@ class OwnFlight(NamedTuple):
 
 
 def require_finite(own: Ownship, goal: Goal) -> None:
-    """`ValueError` if ownship or goal is not finite: then no decision is safe."""
+    """Raise `ValueError` if ownship or goal is not finite: then no decision is safe."""
     numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
     numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
     numbers += [x for x in (goal.course_rad, goal.airspeed_mps, goal.altitude_m) if x is not None]
@@ -180,8 +180,8 @@ def course_and_altitude_to(goal: Goal, position_m: Vec3, course_rad: float) -> t
 def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Vec2) -> Vec2:
     """Velocity over ground, north and east, of an aircraft that holds a course in the wind.
 
-    If the wind is too strong for the course, the nose points as far into it as helps, and the aircraft
-    drifts.
+    If the wind is too strong to hold the course, the nose points across the course, against the wind, and
+    the aircraft drifts.
     """
     heading_rad = course_rad - _steady_crab_rad(course_rad, airspeed_mps, wind_mps)
     return _over_ground_mps(heading_rad, airspeed_mps, wind_mps)
@@ -295,7 +295,7 @@ def fly_ahead(own: OwnState, commands: Commands, envelope: Envelope) -> Paths:
 def _ground_m(own: OwnState, target_rad: Array, target_mps: Array, envelope: Envelope) -> Array:
     """Ground paths by eq. 2, (H, T, 2): turn at the bank limit, change speed, hold.
 
-    The nose turns the way round that is short for the course, as autopilots do.
+    The nose turns in the direction in which the change of course is smaller, as autopilots do it.
     """
     path_m: Array = kernels.ground_paths(
         own.position_m[0],
@@ -335,7 +335,7 @@ def _altitude_m(own: OwnState, target_m: Array, envelope: Envelope) -> Array:
 def turn_around_s(own: OwnState, envelope: Envelope) -> float:
     """Time to reach the opposite course at the present airspeed [s].
 
-    In a crosswind the nose turns by more than half a circle: by twice the largest crab angle more.
+    In a crosswind the nose turns by half a circle and twice the largest crab angle.
     """
     wind = min(math.hypot(*own.wind_mps) / own.airspeed_mps, 1.0)
     turn_rad = math.pi + 2.0 * math.asin(wind)

@@ -60,6 +60,9 @@ def check(
     if example_name is not None:
         sys.stdout.write(example(example_name))
         return
+    if table:
+        sys.stdout.write(f"{printed()}\n\nWhat each state remembers:\n{printed_data()}\n")
+        return
     if config_file is None:
         raise ConfigError("CONFIG is missing: the configuration file")
     config = load_config(config_file)
@@ -68,9 +71,7 @@ def check(
     note_if_slow()
     console = Console(highlight=False, soft_wrap=True)
     saved = load_saved(config)
-    if table:
-        console.print(f"{printed()}\n\nWhat each state remembers:\n{printed_data()}", markup=False)
-    elif link:
+    if link:
         _check_link(console, apply_saved(config, saved), seconds)
     else:
         console.print(describe(config), markup=False, end="")

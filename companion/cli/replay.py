@@ -41,13 +41,13 @@ def replay(
         Path | None, typer.Option("--report", metavar="FILE.json", help="Write the figures as JSON.")
     ] = None,
     web: Annotated[
-        bool, typer.Option("--web", help="Then show it in the browser, until Ctrl-C: play, pause, scrub.")
+        bool, typer.Option("--web", help="Afterwards show the flight in the browser, until Ctrl-C.")
     ] = False,
     listen: Annotated[
         str | None, typer.Option("--listen", metavar="HOST:PORT", help="Where to show it, with --web.")
     ] = None,
 ) -> None:
-    """Drive the engine by a recorded flight: what would it have decided? Nothing is sent."""
+    """Run the engine on a recorded flight and list what it decides. Nothing is sent."""
     config = None if config_file is None else load_config(config_file)
     saved = None if settings is None else _saved_values(settings, config or Config(links=()))
     engine = Engine(None if config is None else config.for_engine(load_obstacles(config)), saved=saved)

@@ -13,5 +13,5 @@ def slow_notice() -> str | None:
         return None
     return (
         "Companion runs without its compiled part, as no C compiler was found at installation: "
-        "the same decisions, but each takes 10 to 50 times as long"
+        "the same decisions, but each takes 20 to 100 times as long"
     )

@@ -1,18 +1,18 @@
 """The inner loops of a decision: relative motion, the potential field, flying ahead, separation and cost.
 
 This one source runs in two ways, which give the same bits. Where a C compiler was found at installation,
-Cython compiled it, and Python imports the extension; otherwise Python runs this file, some thirty times as
-slowly. After a change run `make setup`: until then Python goes on importing the extension made before.
+Cython compiled it, and Python imports the extension; otherwise Python runs this file, about thirty times more
+slowly. After a change run `make setup`: until then Python imports the old extension.
 
-The callers in `companion.avoidance` explain what is computed and why; this file is only how. Everything is
-double precision, and operations are neither reordered nor fused. Arrays have rows or tracks first and the T
-times of the prediction last, and are C-contiguous unless a docstring says otherwise. Arrays whose lengths do
-not match raise `ValueError`. Inputs are not changed.
+The callers in `companion.avoidance` explain what is computed and why; this file has the arithmetic. Numbers
+are double precision, and operations are neither reordered nor fused. Arrays have rows or tracks first and the
+T times of the prediction last, and are C-contiguous unless a docstring says otherwise. Arrays with lengths
+that do not match raise `ValueError`. Inputs are not changed.
 
 Rules for a change, so that both ways stay equal:
 - Read an array through `_lists`, with one pair of brackets for each index: lists are what plain Python reads
   fastest.
-- Never divide by zero, and pass no infinity to `sin`, `cos` or `fmod`: Python raises where C goes on.
+- Never divide by zero, and pass no infinity to `sin`, `cos` or `fmod`: C continues, but Python raises.
 - `hypot` is the C library's. `math.hypot` of Python rounds differently.
 """
 
@@ -80,7 +80,7 @@ def _wrap_pi(angle_rad: c.double) -> c.double:
 def _crab_rad(
     course_rad: c.double, airspeed_mps: c.double, north_mps: c.double, east_mps: c.double,
 ) -> c.double:  # fmt: skip
-    """How far left of a course the nose points to hold it in this wind (wind triangle)."""
+    """Angle by which the nose must be left of a course to hold it in this wind (wind triangle)."""
     across_mps = east_mps * cos(course_rad) - north_mps * sin(course_rad)
     return asin(_between(across_mps / max(airspeed_mps, 1e-3), -1.0, 1.0))
 
@@ -160,7 +160,7 @@ def _fly_ahead(
     ahead_m: c.pointer[c.double], start: c.Py_ssize_t, others: Others, n: c.Py_ssize_t,
     turn_radps: c.double, times: Times,
 ) -> c.void:  # fmt: skip
-    """Write where track `n` is at all times if it turns: north and east, 2 T numbers from `start`."""
+    """Write the places of track `n` at all times, with this turn: north, east, 2 T numbers from `start`."""
     times_s: c.const[c.double][::1] = times.times_s
     turned_s: c.const[c.double][::1] = times.turned_s
     north_m, east_m = others.position_m[n][0], others.position_m[n][1]
@@ -203,7 +203,7 @@ def columns(rows):
 
 
 def tracks_ahead(tracks, times: Times):
-    """Where tracks are at the times, north and east, (N, T, 2)."""
+    """Positions of tracks at the times, north and east, (N, T, 2)."""
     others: Others = tracks.others
     scratch: _Scratch = _Scratch(2 * times.count)
     ahead = scratch.value
@@ -247,7 +247,7 @@ def velocities_until_closest(tracks, path_m, times: Times):
 def _approach_angle(
     north: c.double, east: c.double, north_mps: c.double, east_mps: c.double, still_mps: c.double,
 ) -> c.double:  # fmt: skip
-    """From the line of sight to a velocity, positive to the left; pi without motion."""
+    """Angle from the line of sight to a velocity, positive to the left; pi without motion."""
     if hypot(north_mps, east_mps) < still_mps:
         return PI
     # In north-east coordinates a positive cross product turns clockwise, to the right.
@@ -356,7 +356,7 @@ def too_near(
 ):  # fmt: skip
     """Which tracks come closer than a share of their volume with its buffer, (N,).
 
-    The share is `share_far` while there is time and `share_near` when there is none, as where the volume is
+    The share is `share_far` while there is time, and `share_near` when there is none, also if the volume is
     entered soon.
     """
     closests: c.const[c.double][::1] = _lists(closest)
@@ -540,7 +540,7 @@ class _Squares:
         self, paths: _Paths, others: Others, n: c.Py_ssize_t, turn_radps: c.double, sink_mps: c.double,
         times: Times, count: c.Py_ssize_t,
     ) -> c.void:  # fmt: skip
-        """From track `n` if it turns and sinks at these rates, at the first `count` times."""
+        """Measure from track `n`, turning and sinking at these rates, at the first `count` times."""
         track: c.Py_ssize_t = (paths.grounds + paths.heights) * self.times
         square = self.square
         per_horizontal2 = 1.0 / (others.horizontal_m[n] * others.horizontal_m[n])
@@ -574,8 +574,8 @@ def _least_of_greater(
 ) -> c.double:  # fmt: skip
     """The smallest over time of the greater of two rows.
 
-    Two minima are kept side by side, because each step of one has to wait for its last. Written without `min`
-    and `max`, which are slow in plain Python.
+    Two minima are kept side by side, because each step of a minimum has to wait for the step before. Written
+    without `min` and `max`, which are slow in plain Python.
     """
     across: c.Py_ssize_t = height - ground
     first = second = INFINITY
@@ -596,7 +596,7 @@ def _least_of_greater(
 def separation(paths, tracks, times: Times, count: c.Py_ssize_t, buffers: c.bint):
     """How K rows keep clear of N tracks in the first `count` times, (4, K, N).
 
-    The four are closest, exposure, nearness, and the time when the volume is entered, inf where it is not.
+    The four are closest, exposure, nearness, and the time when the volume is entered, inf if never.
     """
     _expect(1 <= count <= times.count)
     flown: _Paths = _Paths(paths, times.count)
@@ -672,13 +672,13 @@ def losses(
     paths, tracks, maneuvers, weights, breach_ratio: c.double, times: Times, count: c.Py_ssize_t,
     soon: c.Py_ssize_t,
 ):  # fmt: skip
-    """The cost of rows by how they keep clear of tracks and of maneuvers, and their closest, (2, K).
+    """The cost of rows by separation from tracks and maneuvers, and their closest separation, (2, K).
 
-    Tracks as they fly count at the first `count` times, and the closest is that to them. A maneuver counts at
-    the first `soon` times, weighted with its likelihood.
+    Predicted flights count at the first `count` times; the closest separation is from them alone. A maneuver
+    counts at the first `soon` times, weighted with its likelihood.
 
-    The price grows with the share of the margin that is used, without a step: a path along the edge of the
-    margin is flown a little differently than planned, and that must not change the decision.
+    The price has no step at the edge of the margin: a path along it is flown slightly differently than
+    planned, and that must not change the decision.
     """
     _expect(1 <= count <= times.count and 1 <= soon <= times.count)
     flown: _Paths = _Paths(paths, times.count)
@@ -752,7 +752,7 @@ def outcomes(
     paths, tracks, then: c.Py_ssize_t, mission_m, aside: c.double, unresolved: c.double,
     onward_north_mps: c.double, onward_east_mps: c.double, altitude_m: c.double, times: Times,
 ):  # fmt: skip
-    """The cost of ground paths by where they are at moment `then`, (H,).
+    """The cost of the places of ground paths at the time with index `then`, (H,).
 
     `aside` is for each metre from the mission's position at that time, (2,). `unresolved` is for the deepest
     penetration of any volume when flying straight on from there.
@@ -800,7 +800,7 @@ def add_efforts(
     """Add to `cost`, (K,), the cost of the rows themselves and that of their ground paths' outcome, (H,).
 
     `course_rad`, `airspeed_mps` and `altitude_m` are the mission's, `flown_rad` is the course flown. `held`
-    is the guidance of row 0 or `None`; `switched` is the cost of any other row then.
+    is the guidance of row 0 or `None`; with it, `switched` is added to the cost of any other row.
     """
     target_rad: c.const[c.double][::1] = _lists(commands.course_rad)
     target_mps: c.const[c.double][::1] = _lists(commands.airspeed_mps)

@@ -1,4 +1,4 @@
-"""Stands in for Cython's module `cython` where that is not installed: declarations that do nothing.
+"""Replaces Cython's module `cython` where it is not installed: declarations that do nothing.
 
 Only what `companion.compiled` and `sim.compiled` use is here.
 """
@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 compiled = False
-# Types stand in annotations only, which plain Python does not evaluate.
+# Types are used in annotations only, which plain Python does not evaluate.
 Py_ssize_t = bint = const = double = pointer = sizeof = uchar = void = object()
 
 
 def declare(_type: Any = None, value: Any = None, **_: Any) -> Any:
-    """The value of a variable that has a C type where compiled."""
+    """The value; where compiled, it has a C type."""
     return value
 
 
@@ -24,7 +24,7 @@ def cast(_type: Any, value: Any) -> Any:
 
 
 def exceptval(*_: Any, **__: Any) -> Callable[[T], T]:
-    """How a C function reports exceptions."""
+    """A decorator without effect; where compiled, it sets how a C function reports exceptions."""
     return cfunc
 
 

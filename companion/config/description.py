@@ -79,7 +79,7 @@ def value_text(value: Any, name: str) -> str:
         return str(value) if _PLAIN.fullmatch(str(value)) else json.dumps(str(value), ensure_ascii=False)
     if name.endswith("icao"):
         return f"0x{value:06X}"
-    # Twelve digits hide the rounding of the conversion to radians and back.
+    # With twelve digits the rounding of the conversion to radians and back is not visible.
     return f"{math.degrees(value):.12g}" if is_angle(name) else repr(value)
 
 
@@ -93,7 +93,7 @@ def _first_line(kind: type) -> str:
 
 
 def _source_comments(kind: type) -> dict[str, str]:
-    """The comment of each field in the source of a dataclass: the lines above, or else behind it."""
+    """The comment of each field in the source of a dataclass: the lines above it, otherwise behind it."""
     source = textwrap.dedent(inspect.getsource(kind))
     lines = source.splitlines()
     (tree,) = ast.parse(source).body
@@ -113,7 +113,7 @@ def _source_comments(kind: type) -> dict[str, str]:
 
 
 def _allowed(hint: Any, angle: bool) -> str:
-    """The values that a type allows, as text; empty if the default shows it."""
+    """The values that a type allows, as text; empty if the default makes them clear."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         inside = _allowed(parts[0], angle)

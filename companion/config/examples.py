@@ -9,12 +9,12 @@ _FOLDER = Path(__file__).parents[1] / "examples"
 
 
 def example_names() -> list[str]:
-    """What `example` knows: configurations by their name without `.yaml`, other files by their full name."""
+    """The names for `example`: configurations without `.yaml`, other files with their suffix."""
     return sorted(_files())
 
 
 def example(name: str) -> str:
-    """The text of an example; `ConfigError` where there is none of that name."""
+    """The text of an example; `ConfigError` if there is none of that name."""
     try:
         return _files()[name].read_text(encoding="utf-8")
     except KeyError:

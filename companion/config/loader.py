@@ -16,7 +16,7 @@ from companion.config.keys import dataclass_in, field_types, file_key, is_angle,
 from companion.config.schema import Config
 from companion.errors import ConfigError
 
-# What a value must be, by the type of pydantic's error, with numbers from its context.
+# The requirement a value fails, by the type of pydantic's error; numbers come from the error's context.
 _MUST_BE = {
     "greater_than": "greater than {gt}",
     "greater_than_equal": "at least {ge}",
@@ -75,8 +75,8 @@ class _FileReader:
     def read(self, document: Table, kind: type[T]) -> T:
         values = self._value(document, kind, (), "", document.line, angle=False)
         try:
-            # As JSON, because only there "strict" has the rules that suit a file: lists for tuples, text for
-            # enumerations, 3 for 3.0, but not 3.0 for 3, not "3", and not 1 for true.
+            # As JSON, because only for JSON does "strict" have the rules that suit a file: lists for tuples,
+            # text for enumerations, 3 for 3.0, but not 3.0 for 3, not "3", and not 1 for true.
             return TypeAdapter(kind).validate_json(json.dumps(values), strict=True)
         except ValidationError as error:
             raise self._config_error(error.errors()) from error
@@ -119,7 +119,7 @@ class _FileReader:
         return math.radians(value) if angle else value
 
     def _config_error(self, errors: Sequence[ErrorDetails]) -> ConfigError:
-        """The error at the first position in the file; the alternatives of a union become one message."""
+        """The error that comes first in the file; the alternatives of a union become one message."""
         by_path: dict[FieldPath, list[ErrorDetails]] = {}
         for error in errors:
             by_path.setdefault(self._known_part(error["loc"]), []).append(error)

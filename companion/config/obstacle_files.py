@@ -1,7 +1,7 @@
-"""Files of obstacles, in YAML or GeoJSON, to the obstacles that the engine avoids.
+"""Obstacle files: from YAML or GeoJSON to the obstacles that the engine avoids.
 
 YAML suits a few masts, written by hand. GeoJSON (RFC 7946) comes from surveys and maps; its features have the
-properties of a `Mast`, and others are ignored. Errors have file and feature.
+properties of a `Mast`; other properties are ignored. Errors have file and feature.
 """
 
 import json
@@ -35,7 +35,7 @@ class Mast:
     radius_m: Annotated[float, Ge(0), Le(10_000)] = _POINT_RADIUS_M
     top_amsl_m: Annotated[float, Ge(-500), Le(10_000)] | None = None
     height_m: Annotated[float, Gt(0), Le(2_000)] | None = None
-    # The ground below `height_m`; assumed to be as high as home if not given.
+    # The altitude of the ground that `height_m` is above; assumed to be that of home if not given.
     ground_amsl_m: Annotated[float, Ge(-500), Le(9_000)] | None = None
 
     def __post_init__(self) -> None:
@@ -127,7 +127,7 @@ class _GeoJson:
             raise self._error(str(error).removeprefix(f"{name}: ")) from error
 
     def _positions(self, geometry: Any, spacing_m: float) -> Iterator[LatLon]:
-        """Points so close together that cylinders of `spacing_m` around them leave no gap."""
+        """Points at most `spacing_m` apart, so that the cylinders around them leave no gap."""
         kind = geometry.get("type") if isinstance(geometry, dict) else None
         parts = [geometry.get("coordinates")] if isinstance(geometry, dict) else []
         if kind in ("MultiPoint", "MultiLineString", "MultiPolygon"):

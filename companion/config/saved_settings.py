@@ -1,4 +1,4 @@
-"""The settings that the operator changed in flight, from the file that preserves them over a restart.
+"""Saved settings: those that the operator changed in flight, from the file that preserves them.
 
 They take precedence over the configuration. Unusable settings are reported and skipped; they never stop a
 start.
@@ -19,7 +19,7 @@ _MAX_BYTES = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class SavedSettings:
-    """Values by name that differ from the configuration; `problem` is a line about unusable ones."""
+    """Values by name that differ from the configuration; `problem` is one line about unusable values."""
 
     values: Mapping[str, float] = field(default_factory=dict)
     problem: str | None = None

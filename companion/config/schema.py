@@ -34,7 +34,7 @@ def _are_distinct(addresses: tuple[str, ...]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class RecordingParams:
-    """Where flights are recorded: everything received and sent, and the decisions."""
+    """The recordings of flights: everything received and sent, and the decisions."""
 
     enabled: bool = True
     directory: Path = Path("recordings")

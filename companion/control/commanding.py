@@ -1,4 +1,4 @@
-"""What is sent to the autopilot while it is ours: the stream around a mode change, and the guidance."""
+"""Messages to the autopilot while the aircraft is ours: guidance, and setpoints around a mode change."""
 
 from dataclasses import replace
 
@@ -20,15 +20,15 @@ class Commanding:
 
     @property
     def may_fly(self) -> bool:
-        """Whether guidance may be sent: flying, and nothing heard speaks against it."""
+        """Whether guidance may be sent: we fly, and the heartbeat shows the guided mode."""
         return self._handover.supervisor.flying and self._aircraft.guided
 
     def messages(
         self, guidance: Guidance | None, now_s: float, *, max_bank_rad: float, urgent: bool
     ) -> list[Message]:
-        """What to send on this tick; without `guidance`, what the state needs.
+        """The messages of this tick; without `guidance`, those that the state needs.
 
-        `urgent`: the decision was made just now, for traffic that was heard just now.
+        `urgent`: a report of a threat was received since the last tick.
         """
         adapter, aircraft, state = self._aircraft.adapter, self._aircraft, self._handover.supervisor.state
         if adapter is None or not self._handover.holds:
@@ -36,7 +36,7 @@ class Commanding:
         level = aircraft.guidance_command(aircraft.present_guidance(), max_bank_rad=max_bank_rad)
         if level is None:
             return []
-        # PX4 would enter OFFBOARD by itself with the first setpoint that comes through again, and wrongly so.
+        # After a loss of contact, PX4 would enter OFFBOARD again by itself with the first setpoint.
         releasing = state in (State.RELEASING, State.STOPPING)
         contact = aircraft.in_contact(now_s) or not (releasing or adapter.leaves_guided_by_itself)
         if not (contact and aircraft.heard(now_s)):
@@ -53,6 +53,6 @@ class Commanding:
         return messages
 
     def take_refused(self) -> list[RefusedValue]:
-        """The values that the autopilot will not fly, since the last call."""
+        """The values that the autopilot has refused since the last call."""
         refused, self._refused = self._refused, []
         return refused

@@ -1,4 +1,4 @@
-"""What every part of the control room works with on one tick."""
+"""The context that all parts of the control room share on one tick."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from companion.model import Decision, Layer, Role
 from companion.output.notice import AnyNotice
 from companion.ownship.aircraft import Aircraft
 
-# What control returns: messages for the autopilot and notices for the operator, in their order.
+# Messages for the autopilot and notices for the operator, in the order of sending.
 Outgoing = list[Message | AnyNotice]
 
 
 @dataclass(slots=True)
 class ControlContext:
-    """The aircraft, the state machine, and what the operator and the avoidance want now."""
+    """The aircraft, the state machine, the operator's role and the present decision."""
 
     aircraft: Aircraft
     supervisor: Supervisor
@@ -31,7 +31,7 @@ class ControlContext:
 
     @property
     def adapter(self) -> Adapter:
-        """The adapter of our autopilot; RuntimeError without one, as nothing is held then."""
+        """The adapter of our autopilot; RuntimeError while there is none."""
         adapter = self.aircraft.adapter
         if adapter is None:
             raise RuntimeError("no autopilot: the supervisor must not get here")
@@ -39,7 +39,7 @@ class ControlContext:
 
     @property
     def prior_mode(self) -> str:
-        """Name of the mode to give back to."""
+        """Name of the mode in which the aircraft is given back."""
         return self.adapter.mode_name(self.data.prior.mode)
 
     @property

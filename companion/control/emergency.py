@@ -1,4 +1,6 @@
-"""Giving the aircraft back when the engine has failed: without the engine, and never against the pilot."""
+"""Gives the aircraft back after the engine has failed: without the engine, and never against the pilot."""
+
+from collections.abc import Iterator
 
 from companion.control.mode_request import ModeRequest
 from companion.control.state_machine import FLYING, HELD, State, Supervisor
@@ -6,14 +8,14 @@ from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Fact, Heartbeat
 from companion.ownship.aircraft import Aircraft
 
-# A heartbeat older than this says nothing about who has the aircraft.
+# A heartbeat older than this does not show who has the aircraft.
 _FRESH_S = 1.5
 
 
 class EmergencyRelease:
-    """Asks for the former mode while the newest heartbeat shows our guided mode.
+    """Requests the former mode while the newest heartbeat shows the guided mode.
 
-    It listens while it works: once another mode was seen after ours, no mode is asked for again.
+    It goes on observing facts: once the guided mode has been left, no mode is requested any more.
     """
 
     def __init__(self, aircraft: Aircraft, supervisor: Supervisor, now_s: float) -> None:
@@ -33,11 +35,11 @@ class EmergencyRelease:
 
     @property
     def finished(self) -> bool:
-        """Whether there is nothing more to do: the aircraft is not ours, and what we borrowed is back."""
+        """Whether the aircraft is not ours any more, and all parameters that we changed are restored."""
         return self._request is None and not (self._adapter is not None and self._adapter.changed_parameters)
 
     def observe(self, fact: Fact, now_s: float) -> None:
-        """Take in a fact."""
+        """Process a fact."""
         if self._adapter is None or fact.sender != self._adapter.target:
             return
         if isinstance(fact, Heartbeat):
@@ -46,25 +48,23 @@ class EmergencyRelease:
         self._adapter.observe(fact, now_s)
         self._aircraft.observe(fact, now_s)  # last: it may be what failed
 
-    def messages(self, now_s: float) -> list[Message]:
-        """What to send now; to be called ten times a second."""
+    def messages(self, now_s: float) -> Iterator[Message]:
+        """The messages to send now, one by one, as any step may fail; call this ten times a second."""
         adapter, request = self._adapter, self._request
         if adapter is None:
-            return []
-        messages = adapter.tick(now_s)
+            return
         fresh = 0.0 <= now_s - self._heartbeat_s <= _FRESH_S
-        if request is None or not fresh or not adapter.is_guided(self._mode):
-            return messages
-        level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
-        if level is not None:
-            messages += adapter.leaving(level, now_s)
-        if request.due(self._mode, self._heartbeat_s, now_s):
-            messages += adapter.restore_mode(self._prior)
-        return messages
+        if request is not None and fresh and adapter.is_guided(self._mode):
+            if request.due(self._mode, self._heartbeat_s, now_s):
+                yield from adapter.restore_mode(self._prior)
+            level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
+            if level is not None:
+                yield from adapter.leaving(level, now_s)
+        yield from adapter.tick(now_s)
 
     def _note_mode(self) -> None:
-        """End the request when the guided mode has been left, no matter by whom."""
+        """End the request when the guided mode has been left, or someone chose another mode than ours."""
         guided = self._adapter is not None and self._adapter.is_guided(self._mode)
-        if self._was_guided and not guided:
+        if not guided and (self._was_guided or self._mode != self._prior.mode):
             self._request = None
         self._was_guided |= guided

@@ -1,7 +1,7 @@
-"""Who has the aircraft, on each tick: the state machine driven by what is heard and decided.
+"""Settles on each tick who has the aircraft: facts and decisions drive the state machine.
 
-The heartbeat says who has the aircraft (see `ModeRequest`). A mode that we did not ask for, the pilot's
-sticks, a failsafe or a landing end ours at once, before anything is decided, and nothing more is sent.
+The heartbeat shows who has the aircraft (see `ModeRequest`). After a mode that we did not request, and after
+any other of the `OVERRIDES`, the aircraft is not ours: nothing more is decided or sent.
 """
 
 from typing import NamedTuple
@@ -33,16 +33,16 @@ from companion.output.notice import ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 
-# The mode is taken over only from one that was heard just now.
+# The aircraft is taken over only when its mode was heard this recently.
 _FRESH_HEARTBEAT_S = 1.5
-# Datagrams overtake each other: a heartbeat from before the take-over may come after it.
+# Datagrams overtake each other: a heartbeat from before the take-over may arrive this long after it.
 _OVERTAKEN_S = 1.5
 # Setpoints flown for this long after the last invalid one mean that the controller has recovered.
 _RECOVERED_AFTER_S = 3.0
 
 
 class Orders(NamedTuple):
-    """What the operator wants: the role, and whether the mission is to be resumed now."""
+    """The operator's orders: the role, and whether to resume the mission now."""
 
     role: Role
     resume: bool
@@ -63,21 +63,21 @@ class Handover:
         self._release = Release(self._context, self._requester)
         self._take_over = TakeOver(self._context, self._overrides, self._requester, self._release)
 
-    # --- for others
+    # --- interface
 
     @property
     def holds(self) -> bool:
-        """Whether the aircraft is ours, or on its way from or to us."""
+        """Whether the aircraft is ours, or is being taken over or given back."""
         return self.supervisor.flying or self.supervisor.state in ASKING
 
     @property
     def suppresses(self) -> bool:
-        """Whether there is a conflict that the operator decided about."""
+        """Whether the operator's decision suppresses any conflict."""
         return bool(self.supervisor.data.suppressed_s)
 
     @property
     def engagements(self) -> int:
-        """How often the aircraft was taken over."""
+        """Number of take-overs so far."""
         return self._take_over.engagements
 
     def retune(self, params: SupervisorParams) -> None:
@@ -86,11 +86,11 @@ class Handover:
         self._readiness.params = params
 
     def recover(self, left: PersistedState) -> None:
-        """Note the state that a former run left: what it was flying is given back when it is seen."""
+        """Store the state of a former run: the aircraft that it was flying is given back when it is found."""
         self.supervisor.data.left_behind = left if left.before is not None else None
 
     def persisted(self, now_s: float, changed_role: Role | None) -> PersistedState | None:
-        """What the next run must know if this one is killed now."""
+        """The state that the next run needs if this one is killed now; `None`: none."""
         adapter = self._context.aircraft.adapter
         if adapter is None or not (self.holds or adapter.changed_parameters or changed_role is not None):
             return None
@@ -100,18 +100,18 @@ class Handover:
         return PersistedState(now_s, system_id, prior, changed_role, left_behind, adapter.changed_parameters)
 
     def goes_on_to(self) -> GeoPoint | None:
-        """Where the aircraft will fly to when it is given back, as far as its mission says."""
+        """The mission's destination after the release; `None`: unknown, or the aircraft is not ours."""
         return self._context.aircraft.mission_destination(self.supervisor.data.prior) if self.holds else None
 
     def guidance(self) -> Guidance | None:
-        """What to fly without a conflict: straight on to recover, or to where the former mode belongs."""
+        """Guidance without a conflict: straight on to recover, or to where the former mode is entered."""
         aircraft, state, rejoin = self._context.aircraft, self.supervisor.state, self.supervisor.data.rejoin
         if state is State.RECOVERING:
             return aircraft.present_guidance()
         return rejoin.guidance(aircraft) if state is State.RETURNING and rejoin is not None else None
 
     def answered(self, fact: CommandResult, now_s: float) -> None:
-        """Take in an acknowledgement."""
+        """Process an acknowledgement."""
         self._requester.answered(fact, now_s)
 
     def request_stop(self, now_s: float) -> Outgoing:
@@ -123,12 +123,12 @@ class Handover:
         text = f"Avoidance ends, back to {self._context.prior_mode}"
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_WARNING, text)]
 
-    # --- each tick: first who has the aircraft
+    # --- each tick, first: who has the aircraft
 
     def check_overrides(self, now_s: float) -> Outgoing | None:
-        """Hands off when someone else has the aircraft; `None` when no one else has.
+        """Act on an override and return what to send; `None` when there is none.
 
-        To be called first on every tick: it needs nothing but what the autopilot reports.
+        Call this first on every tick: it depends only on what the autopilot reports.
         """
         supervisor = self.supervisor
         if supervisor.state not in HELD and supervisor.state is not State.STOPPING:
@@ -138,22 +138,25 @@ class Handover:
         if override is None:
             return None
         if override is Event.MODE_CHANGED and self._left_guided_by_itself(now_s):
-            # For a moment after a silence it is unknown how the aircraft is: nothing is done yet.
+            # Just after a silence, the state of the aircraft is not known yet: wait.
             return None if self._context.aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
         return self._hands_off(override, now_s)
 
     def _hands_off(self, override: Event, now_s: float) -> Outgoing:
-        """Send nothing from now on, whatever becomes of the aircraft."""
+        """Let go of the aircraft: drop all commands, and send nothing from now on."""
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
         context.adapter.drop_commands()
         changed = override is Event.MODE_CHANGED
-        if data.guided_since_s is not None and not (changed and self._may_be_old_news(now_s)):
+        if data.guided_since_s is not None and not (changed and self._may_be_overtaken(now_s)):
             data.forget_request()
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
+        if not context.aircraft.guided:
+            # The next heartbeat may already show the guided mode, of a request that arrives late.
+            data.last_unguided_mode = context.aircraft.custom_mode
         if changed:
-            data.guided_since_s = None  # another target in the guided mode is someone's choice too
+            data.guided_since_s = None  # another target in the guided mode is also someone's choice
         text = f"Avoidance: hands off, {override}, {context.aircraft.mode}"
         return [Notice(mavlink.MAV_SEVERITY_WARNING, text)]
 
@@ -162,20 +165,20 @@ class Handover:
         return self._context.aircraft.left_guided_by_itself(now_s) and self.supervisor.heeds(Event.FOUND)
 
     def _fell_out(self, now_s: float) -> Outgoing:
-        """Give the aircraft back, or let its controller recover first."""
+        """Give back an aircraft that left the guided mode by itself, or let its controller recover first."""
         invalid = self._context.adapter.setpoint_invalid(now_s)
         event = Event.INVALID_OUTSIDE if invalid else Event.FOUND
         self.supervisor.handle(event)
         return self._take_over.re_enter(now_s) if invalid else self._give_back_found(event, now_s)
 
-    def _may_be_old_news(self, now_s: float) -> bool:
+    def _may_be_overtaken(self, now_s: float) -> bool:
         """Whether the heartbeat may be from before the take-over, overtaken on its way by a newer one."""
         aircraft, data = self._context.aircraft, self.supervisor.data
         if data.guided_since_s is None or aircraft.guided:
             return False
         return aircraft.custom_mode == data.prior.mode and now_s - data.guided_since_s < _OVERTAKEN_S
 
-    # --- then, once it is decided, what follows
+    # --- each tick, after the decision
 
     def step(self, decision: Decision, orders: Orders, now_s: float) -> Outgoing:
         """Act on the decision and on the operator's orders, by the state machine."""
@@ -184,13 +187,13 @@ class Handover:
         if supervisor.data.suppressed_s:
             suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
-            supervisor.data.suppressed_s = {}  # when the role is fly again, everyone is avoided again
+            supervisor.data.suppressed_s = {}  # when the role is fly again, all are avoided
         if supervisor.state in WATCHING:
             return self._watch(now_s)
         if supervisor.state is State.STOPPED or self._is_just_back(now_s):
             return []
         if orders.role is not Role.FLY and supervisor.handle(Event.ADVISE):
-            text = f"Avoidance told to stop, back to {context.prior_mode}"
+            text = f"Avoidance ended by operator, back to {context.prior_mode}"
             return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         if orders.resume:
             return self._resume(now_s)
@@ -201,13 +204,13 @@ class Handover:
         return self._give_back(now_s)
 
     def _is_just_back(self, now_s: float) -> bool:
-        """Whether it left the guided mode in a silence that ended so lately that its state is unknown."""
+        """Whether it left the guided mode in a silence that ended too recently to know its state."""
         if not (self._context.aircraft.contact_just_regained(now_s) and self._left_guided_by_itself(now_s)):
             return False
         return Event.MODE_CHANGED in self._overrides.current(self.supervisor.data)
 
     def _resume(self, now_s: float) -> Outgoing:
-        """Give back now, whatever the traffic: the operator's decision."""
+        """Give the aircraft back now, whatever the traffic, as the operator decided."""
         context = self._context
         suppressed_threats.suppress(context.data, context.decision, now_s)
         if not self.supervisor.handle(Event.RESUME):
@@ -220,7 +223,7 @@ class Handover:
         data.given_up = 0
         lost = "own position lost" if aircraft.position_lost(now_s) else None
         if not aircraft.heard(now_s):
-            lost = "autopilot lost"  # and with it who has the aircraft
+            lost = "autopilot lost"  # then it is unknown who has the aircraft
         if lost is not None:
             supervisor.handle(Event.LOST)
             return [
@@ -243,7 +246,7 @@ class Handover:
         return [*refused, ConflictNotice(flying=True)] if changed else [*refused]
 
     def _fly_clear(self, now_s: float) -> Outgoing:
-        """Give back where the former mode can go on from here; otherwise fly to where it can."""
+        """Give the aircraft back if the former mode can be entered here; otherwise fly to where it can."""
         context, rejoin = self._context, self.supervisor.data.rejoin
         if rejoin is not None and not rejoin.is_done(context.aircraft, now_s):
             if not self.supervisor.handle(Event.FAR):
@@ -274,11 +277,11 @@ class Handover:
         found = self._unattended.found(now_s)
         if found is not None and supervisor.heeds(found[0]):
             return self._reclaim(*found, now_s)
-        outgoing = self._tell_invalid(now_s)
+        outgoing = self._invalid_notices(now_s)
         ready = not self._readiness.hindrances(now_s, context.role) and now_s >= data.wait_until_s
         if not ready and not context.clear:
             outgoing.append(ConflictNotice(flying=False))
-        # The pilot who resumed the mission while we flew has decided about this conflict.
+        # The pilot resumed the mission while we flew: this conflict is not avoided.
         if not ready or (supervisor.state is State.SUPPRESSED and not context.clear):
             data.ready_since_s = None
             if not ready:
@@ -287,7 +290,7 @@ class Handover:
         if supervisor.state in (State.HANDS_OFF, State.SUPPRESSED) and not self._has_settled(now_s):
             return outgoing
         supervisor.handle(Event.READY)
-        outgoing = self._release.restore_item(now_s)
+        outgoing += self._release.restore_item(now_s)
         fresh = now_s - context.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
         return outgoing if context.clear or not fresh else [*outgoing, *self._take_over.begin(now_s)]
 
@@ -299,7 +302,7 @@ class Handover:
         return now_s - data.ready_since_s >= self._context.params.settle_s
 
     def _note_choices(self) -> None:
-        """Respect the modes that others chose since: they decide what is flown next."""
+        """Note a mode that someone else has chosen: our commands and the mission item are then dropped."""
         aircraft, data = self._context.aircraft, self.supervisor.data
         in_prior_mode = aircraft.custom_mode == data.prior.mode
         if not aircraft.guided:
@@ -310,14 +313,14 @@ class Handover:
             data.forget_item()
 
     def _is_invalid_outside(self, now_s: float) -> bool:
-        """Whether the controller lost its setpoint while we had the aircraft, and that came out only now."""
+        """Whether the setpoint became invalid while we flew, but is reported only now."""
         aircraft, data = self._context.aircraft, self.supervisor.data
         if aircraft.adapter is None or not data.left_in_prior_mode or self._context.role is not Role.FLY:
             return False
         return aircraft.custom_mode == data.prior.mode and aircraft.adapter.setpoint_invalid(now_s)
 
-    def _tell_invalid(self, now_s: float) -> Outgoing:
-        """The controller lost its setpoint as someone took the aircraft: the pilot must know."""
+    def _invalid_notices(self, now_s: float) -> Outgoing:
+        """Warns the pilot that the controller has no valid setpoint: only the sticks fly the aircraft."""
         adapter = self._context.aircraft.adapter
         if adapter is None or not adapter.setpoint_invalid(now_s):
             return []

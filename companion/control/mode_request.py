@@ -1,7 +1,7 @@
-"""A change of mode, requested until the heartbeat shows it, and never against what the heartbeat shows.
+"""A change of mode, requested until the heartbeat shows it, and never against the heartbeat.
 
-An acknowledgement does not say which mode it is about, and may arrive late or not at all. Only the heartbeat
-says who has the aircraft. A request is repeated only after a heartbeat that is newer than the last try and
+An acknowledgement does not name the mode, and may arrive late or not at all. Only the heartbeat shows who has
+the aircraft. A request is repeated only after a heartbeat that is newer than the last try and
 still shows the mode we started from. Repeated blindly, it could take the aircraft from a pilot who changed
 the mode meanwhile.
 """
@@ -29,8 +29,8 @@ class ModeRequest:
     """One request, from `start` to `wanted` (custom modes), made at `now_s`.
 
     It is first sent after `delay_s`. With `settle_s`, the wanted mode counts only when it is seen that long
-    after the request was made, as an older request may still be under way. `blind_tries` may be sent without
-    evidence: none for taking the aircraft over, few for giving it back.
+    after the request was made, as an older request may still be under way. `blind_tries` counts tries without
+    a fresh heartbeat: none for taking the aircraft over, few for giving it back.
     """
 
     def __init__(
@@ -84,12 +84,12 @@ class ModeRequest:
         self._blind_tries = 0
 
     def postponed(self, now_s: float) -> None:
-        """Temporarily rejected: ask again soon."""
+        """Temporarily rejected: request again soon."""
         self.postponements += 1
         self._not_before_s = now_s + _NOT_YET_S
 
     def refused(self, now_s: float) -> None:
-        """Refused: ask again, after a wait that doubles each time."""
+        """Refused: request again after a wait that doubles each time, up to 5 s."""
         wait_s = min(_FIRST_REFUSAL_S * 2.0**self.refusals, _LONGEST_REFUSAL_S)
         self.refusals += 1
         self._not_before_s = now_s + wait_s

@@ -1,4 +1,4 @@
-"""Who else has the aircraft: everything that ends ours."""
+"""The signs that someone else has the aircraft, each of which ends our control."""
 
 from collections.abc import Iterable
 
@@ -14,7 +14,7 @@ class PilotOverrides:
         self._aircraft = aircraft
 
     def begin(self, data: StateData, overlooked: Iterable[Event] = ()) -> None:
-        """Start to look. An override that is `overlooked` counts only after it has ceased."""
+        """Start looking. An override that is `overlooked` counts only after it has ceased."""
         data.overlooked = frozenset(overlooked)
         self._aircraft.sticks.mark()
         self._aircraft.target_while_ours = None

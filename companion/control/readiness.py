@@ -1,4 +1,4 @@
-"""Whether the aircraft may be taken over, and if not, why: in words for the operator."""
+"""Whether the aircraft may be taken over, and the reasons why not, in words for the operator."""
 
 from collections.abc import Callable, Iterator
 
@@ -8,9 +8,9 @@ from companion.ownship.aircraft import Aircraft
 
 
 class Readiness:
-    """Every condition for a take-over, besides the conflict.
+    """Every condition for a take-over except the conflict.
 
-    `other_avoider` names another avoidance that acts in the autopilot, where there is one.
+    `other_avoider` returns the name of the autopilot's own avoidance while that acts, otherwise `None`.
     """
 
     def __init__(
@@ -27,7 +27,7 @@ class Readiness:
         self._other_avoider = other_avoider
 
     def hindrances(self, now_s: float, role: Role) -> list[str]:
-        """Why the aircraft would not be taken over now, in this role; empty when it would."""
+        """The reasons why the aircraft would not be taken over now, in this role; empty when it would."""
         if role is not Role.FLY:
             return [f"role is {role.name.lower()}"]
         if self._aircraft.adapter is None:

@@ -9,12 +9,12 @@ from companion.model import Guidance, PriorFlightState
 from companion.ownship.aircraft import Aircraft
 from companion.units import wrap_pi, wrap_two_pi
 
-# A circle stays where it was when its mode is entered at its centre; the mode change takes this long.
+# A circle stays in place when its mode is entered at its centre; the mode change takes this long.
 _LEAD_S = 1.5
 _NEAR_M = 30.0
 _ON_COURSE_RAD = math.radians(5.0)
 _ON_HEIGHT_M = 10.0
-# Against a wind that is too strong the place is never reached.
+# The way ends after this time, as in too strong a wind the place is never reached.
 _LONGEST_S = 300.0
 
 
@@ -35,7 +35,7 @@ class Rejoin:
         return cls(prior, None) if mode in adapter.course_hold_modes else None
 
     def guidance(self, aircraft: Aircraft) -> Guidance:
-        """What to fly."""
+        """Guidance towards the centre, or along the former course."""
         course_rad = self.prior.course_rad
         if self.place is not None:
             north_m, east_m = self._to_go_m(aircraft)
@@ -43,7 +43,7 @@ class Rejoin:
         return Guidance(wrap_two_pi(course_rad), self.prior.airspeed_mps, self.prior.altitude_m)
 
     def is_done(self, aircraft: Aircraft, now_s: float) -> bool:
-        """Whether the former mode can be entered here, or has to be."""
+        """Whether the former mode can be entered here, or the time for the way is over."""
         if self.began_s is None or now_s < self.began_s:
             self.began_s = now_s
         position = aircraft.position

@@ -1,4 +1,4 @@
-"""Giving the aircraft back: the former mode is asked for until the heartbeat shows it."""
+"""Giving the aircraft back: the former mode is requested until the heartbeat shows it."""
 
 import math
 
@@ -10,30 +10,30 @@ from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from companion.output.notice import Notice
 
-# Without heartbeats it is unknown who has the aircraft: so many requests are sent, at the end more.
+# Requests without heartbeats, when it is unknown who has the aircraft; more when the service ends.
 _BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
-# Given back to the guided mode, the heartbeat shows no change: time for the former target to be sent again.
+# If the former mode is the guided one, the heartbeat shows no change: time to send the target again.
 _RETARGET_S = 2.5
 _REFUSALS_BEFORE_FALLBACK = 3
-# The mission goes on with the item that it was at; an autopilot that restarts it does so within this time.
+# An autopilot that restarts its mission does so within this time; the former item is selected again then.
 _ITEM_CHECKED_S = 8.0
 
 
 class Release:
-    """Out of the guided mode."""
+    """Leaves the guided mode for the former mode, or for the fallback mode when that is refused."""
 
     def __init__(self, context: ControlContext, requester: ModeRequester) -> None:
         self._context = context
         self._requester = requester
 
     def begin(self, now_s: float) -> Outgoing:
-        """Ask for the former mode; to be called in the state RELEASING or STOPPING."""
+        """Request the former mode; call this in the state RELEASING or STOPPING."""
         context, data = self._context, self._context.data
         aircraft, adapter = context.aircraft, context.adapter
         adapter.drop_commands()
-        # Our own request for the guided mode may still be under way. The former mode, seen too soon, is then
-        # the one from before that request arrived.
+        # Our request for the guided mode may still be under way. A heartbeat with the former mode may then be
+        # from before that request arrived.
         asked = data.request is None or data.request.tries > 0
         settle_s = 0.0 if data.guided_since_s is not None or not asked else _SETTLE_S
         if data.prior.mode == adapter.guided_mode:
@@ -53,22 +53,23 @@ class Release:
         return self._requester.send(now_s)
 
     def confirm(self, now_s: float) -> bool:
-        """End the release when the heartbeat shows the mode that was asked for."""
+        """End the release when the heartbeat shows the requested mode; true when it has ended."""
         context, data, request = self._context, self._context.data, self._requester.request
         aircraft = context.aircraft
         if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is not Progress.CONFIRMED:
             return False
         if data.guided_since_s is not None:
             data.forget_request()
-        context.supervisor.handle(Event.RECLAIMED if data.reclaiming else Event.GIVEN_BACK)
+        if data.reclaiming:
+            data.wait_until_s = now_s + context.params.settle_s
+        waits = data.wait_until_s > now_s
+        context.supervisor.handle(Event.RECLAIMED if waits else Event.GIVEN_BACK)
         if context.supervisor.state is not State.STOPPED:
             data.given_back_s = now_s
-        if context.supervisor.state is State.WAITING:
-            data.wait_until_s = now_s + context.params.settle_s
         return True
 
     def go_on(self, now_s: float) -> Outgoing:
-        """Ask again for the former mode; for another one when it is refused."""
+        """Request the former mode again, or another one after refusals."""
         if self._requester.request.refusals >= _REFUSALS_BEFORE_FALLBACK:
             return self._try_other_mode(now_s)
         return self._requester.send(now_s)
@@ -77,7 +78,7 @@ class Release:
     def stuck(self) -> bool:
         """Whether the autopilot refuses to leave the guided mode while there is traffic to avoid.
 
-        We go on flying then, which is better than that no one does.
+        We go on flying then, as no one else would avoid the traffic.
         """
         context, data = self._context, self._context.data
         refused = data.request is not None and data.request.refusals > 0
@@ -86,7 +87,7 @@ class Release:
         return stuck and not context.clear and context.role is Role.FLY
 
     def restore_item(self, now_s: float) -> Outgoing:
-        """Send the mission to the item that it was at, when the autopilot restarted it."""
+        """Select the mission's former item, if the autopilot restarted the mission."""
         context, data = self._context, self._context.data
         wanted, present = data.prior.sequence, context.aircraft.sequence
         if wanted is None or present is None or now_s - data.given_back_s > _ITEM_CHECKED_S:
@@ -98,7 +99,7 @@ class Release:
         return [adapter.commands.ask(adapter.select_item(wanted), now_s)]
 
     def _try_other_mode(self, now_s: float) -> Outgoing:
-        """The former mode and the fallback in turn, while the autopilot refuses both."""
+        """Request the former mode and the fallback in turn, while the autopilot refuses both."""
         context, data, request = self._context, self._context.data, self._requester.request
         adapter = context.adapter
         text = f"Avoidance: cannot leave {adapter.mode_name(adapter.guided_mode)}, take over"

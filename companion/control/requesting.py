@@ -1,4 +1,4 @@
-"""Sends the mode request that is under way, and hears what the autopilot answers."""
+"""Sends the mode request that is under way, and processes the autopilot's answers."""
 
 from companion.control.context import ControlContext, Outgoing
 from companion.control.mode_request import ModeRequest
@@ -15,14 +15,14 @@ class ModeRequester:
 
     @property
     def request(self) -> ModeRequest:
-        """The request under way; RuntimeError without one, as the states that ask have one."""
+        """The request under way; RuntimeError while there is none."""
         request = self._context.data.request
         if request is None:
             raise RuntimeError("no request under way: the supervisor must not get here")
         return request
 
     def send(self, now_s: float) -> Outgoing:
-        """The request, when the heartbeats allow that it is sent now."""
+        """The messages of the request, if it is due (see `ModeRequest.due`)."""
         context, data, request = self._context, self._context.data, self.request
         aircraft, adapter = context.aircraft, context.adapter
         if not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
@@ -35,7 +35,7 @@ class ModeRequester:
         return [adapter.set_mode(request.wanted)]
 
     def answered(self, fact: CommandResult, now_s: float) -> None:
-        """Take in an acknowledgement of a command; those about other things are the adapter's."""
+        """Process an acknowledgement; those of commands that change no mode go to the adapter."""
         context, data = self._context, self._context.data
         if fact.command not in context.adapter.mode_commands:
             context.adapter.observe(fact, now_s)
@@ -50,6 +50,6 @@ class ModeRequester:
             request.postponed(now_s)
             return
         request.refused(now_s)
-        # Of several requests that were sent, another one may still be obeyed.
+        # If several requests were sent, another one may still be obeyed.
         if entering and request.refusals >= request.tries:
             self._context.data.forget_request()

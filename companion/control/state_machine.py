@@ -1,7 +1,7 @@
-"""Who has the aircraft: the whole state machine is this file; `companion check CONFIG --table` prints it.
+"""The state machine of who has the aircraft; `companion check --table` prints it.
 
-`TRANSITIONS` says which state follows which event; a pair that is not in it changes nothing. `DATA` says what
-is remembered in each state: all other data is forgotten when the state is entered. What the companion does
+`TRANSITIONS` maps state and event to the next state; a pair that is not in it changes nothing. `DATA` lists
+what each state remembers: all other data is forgotten when the state is entered. What Companion does
 depends on the state, on its data and on what is heard now, and on nothing else.
 """
 
@@ -19,20 +19,20 @@ from companion.output.persisted_state import PersistedState
 
 
 class State(StrEnum):
-    """What the companion is doing with the aircraft."""
+    """What Companion is doing with the aircraft."""
 
     STANDBY = "standby"  # not to be taken over: on the ground, disarmed, in another mode
     WAITING = "waiting"  # not to be taken over yet: after a refusal, or after it had been abandoned
     MONITOR = "monitor"  # the mission is flown; ready to take over
-    ENGAGING = "engaging"  # asked the autopilot for its guided mode
+    ENGAGING = "engaging"  # the guided mode is requested
     OUTER = "outer"  # flying, outer layer
     INNER = "inner"  # flying, inner layer
     RETURNING = "returning"  # flying back to where the former mode belongs: a circle, a course
-    RE_ENTERING = "re-entering"  # asked for the guided mode again, for the controller to recover in it
+    RE_ENTERING = "re-entering"  # the guided mode is requested again, for the controller to recover in it
     RECOVERING = "recovering"  # flying until the autopilot's controller has recovered
-    RELEASING = "releasing"  # asked the autopilot to take up the former mode
-    HANDS_OFF = "hands off"  # someone else took the aircraft while we had it: theirs until settled
-    SUPPRESSED = "suppressed"  # the pilot resumed the mission while we flew: this conflict is his
+    RELEASING = "releasing"  # the former mode is requested
+    HANDS_OFF = "hands off"  # someone else took the aircraft from us: it is theirs until settled
+    SUPPRESSED = "suppressed"  # the pilot resumed the mission while we flew: this conflict is not avoided
     STOPPING = "stopping"  # giving back because the service ends
     STOPPED = "stopped"
 
@@ -48,22 +48,22 @@ class Event(StrEnum):
     FAR = "far"  # clear, but not where the former mode belongs
     TAKEN = "taken"  # the autopilot's heartbeat shows its guided mode
     REFUSED = "refused"  # the autopilot refused, or still shows the former mode after a while
-    UNKNOWN = "unknown"  # nothing is heard of what became of the request
-    LATE = "late"  # the guided mode was entered after we had given up asking
-    FOUND = "found"  # in the mode that the autopilot enters when a companion is killed or not heard
+    UNKNOWN = "unknown"  # no heartbeat shows the outcome of the request
+    LATE = "late"  # the guided mode was entered after the request was given up
+    FOUND = "found"  # in the mode that the autopilot enters when Companion is killed or not heard
     ABANDONED = "abandoned"  # taken from us, but left in the guided mode and flown by no one
-    INVALID_GUIDED = "setpoint invalid"  # guided by us, its controller has no valid setpoint
+    INVALID_GUIDED = "setpoint invalid"  # in our guided mode, the controller has no valid setpoint
     INVALID_OUTSIDE = "setpoint invalid outside"  # the same, but no longer in the guided mode
     RECOVERED = "recovered"
     LOST = "lost"  # own position, or the autopilot
     ADVISE = "advise"  # the operator's role is now advise or off
-    RESUME = "resume"  # the operator resumes the mission now, whatever the traffic
-    GIVEN_BACK = "given back"  # the heartbeat shows the mode that it was given back to
+    RESUME = "resume"  # the operator resumes the mission, whatever the traffic
+    GIVEN_BACK = "given back"  # the heartbeat shows the mode in which it is given back
     RECLAIMED = "reclaimed"  # the same, after it had been abandoned
     STOP = "stop"  # the service ends
     # Someone else has the aircraft:
     MODE_CHANGED = "mode changed"  # not by us: the pilot, the autopilot's own avoidance
-    SENT_BACK = "sent back"  # mode changed not by us, to one that may be taken over from
+    SENT_BACK = "sent back"  # the same, to a mode that may be taken over from
     STICKS = "sticks moved"
     DISARMED = "disarmed"
     LANDING = "landing"
@@ -89,7 +89,7 @@ def _from(states: frozenset[State], event: Event, after: State) -> dict[tuple[St
 TRANSITIONS: dict[tuple[State, Event], State] = {
     **{(state, event): State.HANDS_OFF for state in HELD for event in OVERRIDES},
     **_from(HELD, Event.SENT_BACK, State.SUPPRESSED),
-    # Giving back at the end goes on whatever the sticks and the failsafes say: there is no later.
+    # When the service ends, the release goes on despite sticks, failsafes and fence: it is the last chance.
     (State.STOPPING, Event.MODE_CHANGED): State.STOPPED,
     (State.STOPPING, Event.DISARMED): State.STOPPED,
     (State.STOPPING, Event.LANDING): State.STOPPED,
@@ -127,7 +127,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.RETURNING, Event.INNER_CONFLICT): State.INNER,
     (State.RETURNING, Event.CLEAR): State.RELEASING,
     (State.RETURNING, Event.RESUME): State.RELEASING,
-    # With an invalid setpoint the aircraft cannot fly its mission: it is not given back before it recovered.
+    # With an invalid setpoint the aircraft cannot fly its mission: it is given back only after it recovered.
     (State.RE_ENTERING, Event.TAKEN): State.RECOVERING,
     (State.RECOVERING, Event.RECOVERED): State.OUTER,
     # The autopilot refuses the former mode, and there is traffic.
@@ -148,40 +148,40 @@ class StateData:
     # The flight to go back to, and whether it is still flown in the mode that we left it in.
     prior: PriorFlightState = field(default_factory=lambda: PriorFlightState(0))
     left_in_prior_mode: bool = False
-    # The guided mode was asked for at this time: the request may still arrive, even after it was given up.
+    # When the guided mode was last requested: the request may still arrive after it was given up.
     requested_s: float = -math.inf
     last_unguided_mode: int = 0
     # Take-overs given up since the last one that succeeded.
     given_up: int = 0
-    # Conflicts that the operator decided about: when each track was last in conflict.
+    # Tracks that are not avoided by the operator's decision: when each was last in conflict.
     suppressed_s: dict[str, float] = field(default_factory=dict)
     # The change of mode under way.
     request: ModeRequest | None = None
     # The way back to a circle or a course that the former mode holds.
     rejoin: Rejoin | None = None
-    # Guided by our doing since then, and not left since.
+    # Since when it has been in the guided mode at our request.
     guided_since_s: float | None = None
     # Overrides that were there already when we began: they count only after they have ceased.
     overlooked: frozenset[Event] = frozenset()
     # The last time that the controller had no valid setpoint.
     invalid_s: float = -math.inf
-    # Given back after it was abandoned: to be waited with before the next take-over.
+    # It was abandoned and is being given back: a wait follows before the next take-over.
     reclaiming: bool = False
     given_back_s: float = -math.inf
     wait_until_s: float = -math.inf
     ready_since_s: float | None = None
-    # Guided and flown by no one since then.
+    # Since when it has been in the guided mode and flown by no one.
     unattended_since_s: float | None = None
-    # What a former run left, and since when the aircraft is heard after it.
+    # The state left by a former run, and since when the aircraft has been heard in this one.
     left_behind: PersistedState | None = None
     left_behind_since_s: float | None = None
 
     def forget_request(self) -> None:
-        """No request for the guided mode is under way any more."""
+        """Note that no request for the guided mode is under way any more."""
         self.requested_s = -math.inf
 
     def forget_item(self) -> None:
-        """The mission's item needs no more looking after."""
+        """Do not restore the mission's item any more."""
         self.given_back_s = -math.inf
 
     def forget(self, kept: frozenset[str]) -> None:
@@ -201,13 +201,13 @@ DATA: dict[State, frozenset[str]] = {
     State.STANDBY: _IDLE,
     State.WAITING: _IDLE | {"wait_until_s"},
     State.MONITOR: _IDLE,
-    State.ENGAGING: _OURS | {"request"},
+    State.ENGAGING: _OURS | {"request", "given_back_s"},
     State.OUTER: _OURS,
     State.INNER: _OURS,
     State.RETURNING: _OURS,
     State.RE_ENTERING: _OURS | {"request"},
     State.RECOVERING: _OURS | {"invalid_s"},
-    State.RELEASING: _OURS | {"request", "reclaiming"},
+    State.RELEASING: _OURS | {"request", "reclaiming", "wait_until_s"},
     State.HANDS_OFF: _ALWAYS | {"guided_since_s", "ready_since_s", "unattended_since_s"},
     State.SUPPRESSED: _ALWAYS | {"ready_since_s"},
     State.STOPPING: _OURS | {"request", "reclaiming"},
@@ -219,21 +219,21 @@ DATA: dict[State, frozenset[str]] = {
 class SupervisorParams:
     """When the aircraft may be taken over."""
 
-    # What to begin with; MAVLink parameter CA_ROLE or a command changes it in flight.
+    # The role at the start; MAVLink parameter CA_ROLE or a command changes it in flight.
     role: Literal["off", "advise", "fly"] = "fly"
     # Names of the autopilot's modes, as ground stations show them.
     take_over_from: Annotated[tuple[str, ...], MinLen(1)] = ("AUTO", "MISSION")
     # Never below this height above home.
     min_height_m: Annotated[float, Ge(0)] = 30.0
-    # After someone else took the aircraft, it has to be ready for this long before it is taken over again.
+    # After someone else took the aircraft, it must be ready for this long before it is taken over again.
     settle_s: Annotated[float, Ge(0), Le(600)] = 5.0
-    # The wait after a refusal before the autopilot is asked again.
+    # Wait after a refusal before the next take-over; it grows with refusals in a row.
     retry_s: Annotated[float, Ge(0), Le(600)] = 2.0
     # The pilot flies when the roll, pitch or yaw stick is further than this from where it was. 0: never.
     stick_us: Annotated[float, Ge(0), Le(500)] = 100.0
-    # Taken from us but left in the guided mode, where it would fly on for ever: given back after this time.
+    # An aircraft taken from us but left in the guided mode, flown by no one, is given back after this time.
     abandoned_s: Annotated[float, Ge(1), Le(600)] = 5.0
-    # While the autopilot's own avoidance acts too, we only advise by default: two that steer would fight.
+    # Highest role while the autopilot's own avoidance acts too: two that steer would work against each other.
     beside_other_avoider: Literal["advise", "fly"] = "advise"
 
 
@@ -273,7 +273,7 @@ def printed() -> str:
 
 
 def printed_data() -> str:
-    """What each state remembers: a line for each, without what all of them do."""
+    """The data of each state as text: first what every state remembers, then a line for each state."""
     width = max(map(len, State))
     lines = [f"{'every state':{width}} : {', '.join(sorted(_ALWAYS))}"]
     lines += [f"{state:{width}} : {', '.join(sorted(DATA[state] - _ALWAYS))}".rstrip(" :") for state in State]

@@ -1,7 +1,7 @@
-"""Conflicts that the operator decided about: the mission was resumed in spite of them.
+"""Conflicts that are not avoided, because the operator resumed the mission in spite of them.
 
 A suppressed track is not avoided again before it has been out of conflict for `settle_s`. All others are
-avoided as ever, and that manoeuvre keeps clear of the suppressed ones too.
+avoided as usual, and that manoeuvre keeps clear of the suppressed ones too.
 """
 
 from companion.control.state_machine import StateData
@@ -14,7 +14,7 @@ def suppress(data: StateData, decision: Decision, now_s: float) -> None:
 
 
 def update(data: StateData, decision: Decision, settle_s: float, now_s: float) -> None:
-    """Forget the tracks that have been out of conflict for `settle_s`; to be called on every tick."""
+    """Forget the tracks that have been out of conflict for `settle_s`; call this on every tick."""
     conflicts = {threat.track_id for threat in decision.threats}
     last_s = {track: now_s if track in conflicts else at_s for track, at_s in data.suppressed_s.items()}
     data.suppressed_s = {track: at_s for track, at_s in last_s.items() if now_s - at_s <= settle_s}

@@ -1,4 +1,4 @@
-"""Taking the aircraft over: the guided mode is asked for until the heartbeat shows it."""
+"""Taking the aircraft over: the guided mode is requested until the heartbeat shows it."""
 
 from companion.control.context import ControlContext, Outgoing
 from companion.control.mode_request import ModeRequest
@@ -16,7 +16,7 @@ _LONGEST_WAIT = 5
 
 
 class TakeOver:
-    """Into the guided mode, for a conflict or for the controller to recover."""
+    """Enters the guided mode, for a conflict or for the controller to recover."""
 
     def __init__(
         self, context: ControlContext, overrides: PilotOverrides, requester: ModeRequester, release: Release
@@ -40,7 +40,7 @@ class TakeOver:
         return [*self._requester.send(now_s), ConflictNotice(flying=True)]
 
     def re_enter(self, now_s: float) -> Outgoing:
-        """Enter the guided mode again, in which the controller recovers; then the aircraft is given back."""
+        """Enter the guided mode again for the controller to recover; then the aircraft is given back."""
         context, data = self._context, self._context.data
         adapter = context.adapter
         data.guided_since_s = None
@@ -52,7 +52,7 @@ class TakeOver:
         return [*self._requester.send(now_s), Notice(mavlink.MAV_SEVERITY_CRITICAL, text)]
 
     def go_on(self, now_s: float) -> Outgoing:
-        """Ask until the heartbeat shows the guided mode, or there is no more reason to."""
+        """Request the guided mode until the heartbeat shows it, the conflict ends or the request fails."""
         context, data, request = self._context, self._context.data, self._requester.request
         if context.aircraft.guided:
             return self._taken(now_s)

@@ -1,4 +1,4 @@
-"""The guided mode that no one flies: entered late, left behind by a crash, or abandoned by the pilot."""
+"""An aircraft in the guided mode that no one flies: entered late, left by a crash, or abandoned."""
 
 from companion.control.context import ControlContext
 from companion.control.state_machine import Event, State
@@ -7,15 +7,15 @@ from companion.output.persisted_state import PersistedState
 
 # A request that was given up may still arrive on a slow link.
 _LATE_S = 6.0
-# After this time it is known whether the controller of an aircraft that was left behind is well.
+# After this time it is known whether the attitude setpoint is valid.
 _FOUND_AFTER_S = 1.0
 
-# What was found, and the flight to go back to; `None`: the one that we know.
+# The event, and the flight to go back to; `None`: the one in `StateData.prior`.
 Found = tuple[Event, PriorFlightState | None]
 
 
 class UnattendedGuided:
-    """Looks for it while the aircraft is not ours."""
+    """Looks for such an aircraft while it is not ours."""
 
     def __init__(self, context: ControlContext) -> None:
         self._context = context
@@ -27,7 +27,7 @@ class UnattendedGuided:
             self._context.data.last_unguided_mode = aircraft.custom_mode
 
     def found(self, now_s: float) -> Found | None:
-        """What has to be put right now."""
+        """The event found now, if any, and the flight to go back to."""
         context, data = self._context, self._context.data
         aircraft = context.aircraft
         if data.left_behind is not None:
@@ -47,7 +47,7 @@ class UnattendedGuided:
         return (Event.ABANDONED, None) if abandoned else None
 
     def _left_behind(self, left: PersistedState, now_s: float) -> Found | None:
-        """Whether the aircraft is where a companion that was killed left it."""
+        """The event, if the aircraft is in a mode in which a companion that was killed left it."""
         data, aircraft = self._context.data, self._context.aircraft
         adapter = aircraft.adapter
         if not left.is_fresh(now_s) or left.before is None:

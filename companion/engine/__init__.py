@@ -1,4 +1,4 @@
-"""The object that flies, replays, simulates and is tested: facts in, effects out."""
+"""The engine of flight, replay, simulation and tests: facts in, effects out."""
 
 from companion.engine.engine import Engine
 from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper

@@ -15,12 +15,12 @@ from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 from companion.traffic import TrafficPicture
 
-# Far from its origin the flat frame bends; closer than this its error cannot be seen.
+# The error of a flat frame grows with the distance from its origin; within this it is negligible.
 _FRAME_REACH_M = 5_000.0
 
 
 class Deciding:
-    """Holds the standing decision, and what it was made from."""
+    """Holds the standing decision and its inputs."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class Deciding:
         self._conflict_over = True
 
     def update(self, role: Role, now_s: float) -> None:
-        """Decide; for a moment without a new position the last decision stands."""
+        """Decide; while the newest position is a little old, the last decision stands."""
         aircraft = self._aircraft
         if self._conflict_over:
             self._conflict_over = False
@@ -81,12 +81,12 @@ class Deciding:
         self.decision = Decision(Layer.CLEAR, because=because)
 
     def _may_decide(self) -> bool:
-        """Not on the ground; while it flies for us the aircraft may sink below the lowest height."""
+        """Whether we fly the aircraft, or it is in the air above the lowest height."""
         min_height_m = self.config.supervisor.min_height_m
         return self._handover.supervisor.flying or self._aircraft.flying(min_height_m)
 
     def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
-        """What the mission wants; while the aircraft is ours, what it wanted at the take-over."""
+        """The goal of the mission; while the aircraft is ours, the goal at the take-over."""
         if self.goal is None or self._handover.supervisor.state in WATCHING:
             goal = self._aircraft.goal(frame, now_s)
             if self._aircraft.mission_outdated(now_s):
@@ -94,14 +94,14 @@ class Deciding:
             return goal
         if self.goal.position_m is not None:
             return self.goal
-        # Taken over before the mission was read, as after a restart: it does not lead straight on.
+        # Taken over before the mission was read, as after a restart: the goal was the course flown then.
         place = self._handover.goes_on_to()
         if place is None:
             return self.goal
         return replace(self.goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
 
     def _frame_here(self) -> LocalFrame | None:
-        """The local frame. It moves along with the aircraft, and the goal with it."""
+        """The local frame, which follows the aircraft; the goal is converted to a new frame."""
         place = self._aircraft.place()
         frame = self.frame
         if place is None:
@@ -130,7 +130,7 @@ class Deciding:
 
 
 def _checked(decision: Decision) -> Decision:
-    """The same decision; ValueError when its guidance cannot be flown: a bug, which ends the service."""
+    """The same decision; ValueError when its guidance is not finite: a bug, which ends the service."""
     guidance = decision.guidance
     if guidance is not None and not all(
         map(math.isfinite, (guidance.course_rad, guidance.airspeed_mps, guidance.altitude_m))

@@ -1,7 +1,7 @@
 """The engine: facts in, effects out, the clock is an argument.
 
-The same object flies the aircraft, replays a log and sits in a test. It keeps the order of a tick and nothing
-else: who has the aircraft, then the decision, then commands, then housekeeping.
+The same object flies the aircraft, replays a log and runs in tests. It only keeps the order of a tick: who
+has the aircraft, then the decision, then commands, then housekeeping.
 """
 
 import math
@@ -81,7 +81,7 @@ class Engine:
             adopt_after_s=config.engine.adopt_after_s,
             stick_us=config.supervisor.stick_us,
         )
-        # What the autopilot answers to our questions; shown by `companion check --link`.
+        # The autopilot's answers to our requests; `companion check --link` shows them.
         self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = MessageRates()
         self._picture = TrafficPicture(config.traffic)
@@ -111,13 +111,13 @@ class Engine:
             avoider or Avoider(config.avoidance),
         )
         self._boot_time_s = -math.inf
-        self._prompted = False  # by a report of a threat since the last tick
-        self._resume = False  # the mission, on the operator's request since the last tick
+        self._prompted = False  # a threat was reported since the last tick
+        self._resume = False  # the operator requested to resume the mission since the last tick
         self._answers: list[Message] = []
-        self._left: PersistedState | None = None  # by a former run: what it borrowed is put back
+        self._left: PersistedState | None = None  # state of a former run, until its parameters are restored
         self._kept_s: float | None = None
         self.ticks = 0
-        self.foreign = 0  # facts of systems that are not ours
+        self.foreign = 0  # facts from other systems
 
     # --- what others see
 
@@ -152,12 +152,12 @@ class Engine:
 
     @property
     def engagements(self) -> int:
-        """How often the aircraft was taken over."""
+        """Number of take-overs so far."""
         return self._handover.engagements
 
     @property
     def rejections(self) -> int:
-        """How many of our commands the autopilot refused or never answered."""
+        """Number of our commands that the autopilot refused or never answered."""
         return self._handover.rejections
 
     @property
@@ -179,11 +179,11 @@ class Engine:
         )
 
     def hindrances(self, now_s: float, role: Role | None = None) -> list[str]:
-        """Why the aircraft would not be taken over now, in the present role or in `role`."""
+        """The reasons why the aircraft would not be taken over now, in the present role or in `role`."""
         return self._readiness.hindrances(now_s, self.operator.role if role is None else role)
 
     def snapshot(self, now_s: float) -> Snapshot:
-        """What a display shows."""
+        """The present state, for a display."""
         deciding = self._deciding
         return Snapshot(
             time_s=now_s,
@@ -197,10 +197,10 @@ class Engine:
             last_text=self._statustext.last_text,
         )
 
-    # --- what the shell asks for
+    # --- requests of the shell
 
     def request_stop(self, now_s: float) -> list[Effect]:
-        """The service ends: give the aircraft back first. Tick on until `finished`."""
+        """Give the aircraft back, as the service ends. Go on ticking until `finished`."""
         return self._emit(self._handover.request_stop(now_s), now_s)
 
     def recover(self, text: str, now_s: float, age_s: float) -> None:
@@ -218,11 +218,11 @@ class Engine:
         self._handover.recover(left)
 
     def announce(self, text: str, now_s: float) -> list[Effect]:
-        """A warning from the shell to the operator, once."""
+        """Send the operator a warning from the shell."""
         return self._emit([Notice(mavlink.MAV_SEVERITY_WARNING, text)], now_s)
 
     def emergency_release(self, now_s: float) -> EmergencyRelease:
-        """What gives the aircraft back when the engine itself cannot be trusted any more."""
+        """The object that gives the aircraft back after the engine has failed."""
         return EmergencyRelease(self.aircraft, self.supervisor, now_s)
 
     # --- sense
@@ -281,7 +281,7 @@ class Engine:
         return own is not None and fact.sender.system_id not in (own.system_id, self.sender.system_id)
 
     def _ask_again(self) -> None:
-        """The autopilot restarted, or came back: it forgot our requests, and its settings may be others."""
+        """Request everything again: the autopilot restarted or came back, and may have other settings."""
         self._rates.restart()
         self.queries.restart()
 
@@ -300,7 +300,7 @@ class Engine:
             self._deciding.update(orders.role, now_s)
             effects += self._emit(self._handover.step(self.decision, orders, now_s), now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
-            # A conflict that the operator decided about goes on to be the same one.
+            # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()
         self.aircraft.ours = self._handover.holds
         effects += self._command(now_s)
@@ -324,7 +324,7 @@ class Engine:
         return [] if self._saved == before else [Save(self._saved)]
 
     def _command(self, now_s: float) -> list[Effect]:
-        """Setpoints while we fly; what the autopilot needs while the guided mode is entered or left."""
+        """Setpoints while we fly, and while the guided mode is entered or left."""
         messages = self._commanding.messages(
             self.decision.guidance,
             now_s,
@@ -336,12 +336,12 @@ class Engine:
         return self._emit(messages, now_s)
 
     def _housekeeping(self, now_s: float) -> list[Effect]:
-        """Repetitions, rates, questions, answers, COLLISION, our own heartbeat, state for the next run."""
+        """Repetitions, rates, requests, answers, COLLISION, our own heartbeat, state for the next run."""
         outgoing: list[Message | AnyNotice] = [*self._notices.tick(now_s)]
         adapter, flying = self.aircraft.adapter, self.supervisor.flying
         if adapter is not None:
             if self._left is not None:
-                # It may have been another aircraft's.
+                # The state may be that of another aircraft.
                 if self._left.system_id == adapter.target.system_id:
                     adapter.restore_parameters(self._left.borrowed)
                 self._left = None
@@ -360,7 +360,7 @@ class Engine:
         return self._emit(outgoing, now_s) + self._keep(now_s)
 
     def _keep(self, now_s: float) -> list[Effect]:
-        """The state for the next run, once a second and when there is none any more."""
+        """Save the state for the next run once a second; remove it when there is none any more."""
         state = self._handover.persisted(now_s, self.operator.changed_to)
         if state is None:
             changed, self._kept_s = self._kept_s is not None, None
@@ -394,5 +394,5 @@ class Engine:
 
 @cache
 def _address(system_id: int, component_id: int) -> Sender:
-    """Cached, as every fact needs it."""
+    """An address; cached, because every fact is compared with it."""
     return Sender(system_id, component_id)

@@ -1,8 +1,7 @@
 """When the engine ticks: on whole tenths of a second of its clock, in flight as in a replay.
 
-A tick at time T sees exactly the facts received before T. This rule orders facts and ticks, not the moment at
-which a timer fires. So a recorded flight, replayed by the stamps of its log, makes the decisions that were
-flown.
+A tick at time T sees exactly the facts received before T, whenever its timer fires. Therefore a recorded
+flight, replayed by the time stamps of its log, makes the decisions that were flown.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,8 +11,8 @@ from companion.mavlink.facts import Fact
 from companion.output.effects import Effect
 
 TICK_US = 100_000
-# A machine that was suspended does not make up for decisions that are of no use any more. A log shows such a
-# gap too, as our own heartbeats are missing in it.
+# After the machine was suspended, older ticks are skipped: their decisions would be useless. A replay finds
+# the same gap in the log, because our own heartbeats are missing.
 LONGEST_CATCH_UP_US = 5_000_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
@@ -44,7 +43,7 @@ class Stepper:
         """Make all ticks that are due."""
         due_us = self.next_tick_us(now_us)
         if self._longest_catch_up_us is not None and now_us - due_us > self._longest_catch_up_us:
-            # Not even the latest tick is made: what arrived meanwhile comes first.
+            # The latest tick is skipped too: facts that arrived meanwhile come first.
             resumed_us = (now_us // TICK_US + 1) * TICK_US
             self.skipped_ticks += (resumed_us - due_us) // TICK_US
             due_us = resumed_us

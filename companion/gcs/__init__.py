@@ -1,1 +1,1 @@
-"""What the operator and the ground station request, and what they are told."""
+"""Requests from the operator and the ground station, and the messages to them."""

@@ -1,4 +1,4 @@
-"""What we send regularly: our own HEARTBEAT, and COLLISION for the threats."""
+"""Messages at regular intervals: our own HEARTBEAT, and COLLISION for the threats."""
 
 import math
 
@@ -11,7 +11,7 @@ _MAX_COLLISIONS = 4
 
 
 class Broadcasts:
-    """Knows when each of them is due."""
+    """Makes each message when it is due."""
 
     def __init__(self) -> None:
         self._heartbeat_s = -math.inf
@@ -34,7 +34,7 @@ class Broadcasts:
         ]
 
     def collisions(self, decision: Decision, now_s: float, *, flying: bool) -> list[Message]:
-        """COLLISION for the most urgent threats, once a second."""
+        """COLLISION for at most four of the most urgent threats, once a second."""
         if not decision.threats or 0.0 <= now_s - self._collisions_s < _COLLISION_INTERVAL_S - 1e-3:
             return []
         self._collisions_s = now_s

@@ -1,4 +1,4 @@
-"""What the operator should know about the situation at large: other systems, our role, settings to change."""
+"""Notices that are not about traffic: other systems, our role, settings to change."""
 
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
@@ -8,13 +8,13 @@ from companion.output.notice import Notice
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 
-# Others may be heard before the configured one.
+# The configured autopilot is awaited for this long before others are reported.
 _CONFIGURED_AWAITED_S = 5.0
-_ROLES = {Role.OFF: "be off", Role.ADVISE: "advise only", Role.FLY: "fly"}
+_ROLES = {Role.OFF: "off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 
 
 class OperatorNotices:
-    """Gives each notice once, and again when it changed."""
+    """Returns each notice once, and again when it has changed."""
 
     def __init__(
         self, aircraft: Aircraft, queries: AutopilotQueries, operator: GcsRequests, settings: Settings
@@ -23,7 +23,7 @@ class OperatorNotices:
         self._queries = queries
         self._operator = operator
         self._settings = settings
-        self._announced_role = Role.FLY  # what everyone expects
+        self._announced_role = Role.FLY  # the usual role is not announced
 
     def tick(self, now_s: float) -> list[Notice]:
         """The notices of this tick."""
@@ -43,7 +43,7 @@ class OperatorNotices:
         if role is self._announced_role:
             return []
         self._announced_role = role
-        return [Notice(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance told to {_ROLES[role]}")]
+        return [Notice(mavlink.MAV_SEVERITY_NOTICE, f"Avoidance role: {_ROLES[role]}")]
 
     def _settings_changed(self) -> list[Notice]:
         """Refused settings for the operator; accepted ones, which the ground station shows, for the log."""
@@ -54,7 +54,7 @@ class OperatorNotices:
         return refused + [Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True) for text in changes]
 
     def _advice(self) -> list[str]:
-        """What should be set otherwise in the autopilot."""
+        """Settings of the autopilot that the operator should know or change."""
         adapter, other = self._aircraft.adapter, self.other_avoider()
         texts = [] if adapter is None else adapter.advice(self._queries.parameters)
         if other is not None:

@@ -15,7 +15,7 @@ from companion.avoidance.envelope import ALL_CONTROLS, Control
 from companion.engine_config import EngineConfig
 from companion.model import Role, TextUnits
 
-# No setting needs more, and the 32 bits of the wire end somewhere.
+# No setting needs a larger value, and a larger one may not fit the 32 bits of the wire.
 _LARGEST = 1e9
 _CONTROL_BITS = {Control.HEADING: 1, Control.SPEED: 2, Control.HEIGHT: 4}
 
@@ -142,13 +142,15 @@ GCS_PARAMETERS: tuple[GcsParam, ...] = (
     GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "cost of a climb, PX4 to 1.16"),
     GcsParam("CA_UNITS", "engine.text_units", "", 0, 1, "units of texts: 0 metric, 1 aviation", _TEXT_UNITS),
 )  # fmt: skip
-BY_NAME: Mapping[str, GcsParam] = {tunable.name: tunable for tunable in GCS_PARAMETERS}
-INDEX: Mapping[str, int] = {tunable.name: index for index, tunable in enumerate(GCS_PARAMETERS)}
+BY_NAME: Mapping[str, GcsParam] = {parameter.name: parameter for parameter in GCS_PARAMETERS}
+INDEX: Mapping[str, int] = {parameter.name: index for index, parameter in enumerate(GCS_PARAMETERS)}
 
 
 def values_changed(config: EngineConfig, configured: EngineConfig) -> dict[str, float]:
     """The settings that differ from the configuration, by name."""
-    shown = ((tunable.name, tunable.value(config), tunable.value(configured)) for tunable in GCS_PARAMETERS)
+    shown = (
+        (parameter.name, parameter.value(config), parameter.value(configured)) for parameter in GCS_PARAMETERS
+    )
     return {name: value for name, value, before in shown if value != before}
 
 
@@ -170,12 +172,12 @@ def with_values(configured: EngineConfig, values: Mapping[str, Any]) -> tuple[En
 
 
 def _with_value(config: EngineConfig, name: str, value: Any, configured: EngineConfig) -> EngineConfig:
-    tunable = BY_NAME.get(name)
-    if tunable is None:
+    parameter = BY_NAME.get(name)
+    if parameter is None:
         raise ValueError("unknown")
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
         raise ValueError("must be a number")
     try:
-        return tunable.put(config, value, configured)
+        return parameter.put(config, value, configured)
     except ValueError as error:
         raise ValueError(f"{value:g} refused: {error}") from error

@@ -1,4 +1,4 @@
-"""The words for traffic and for what is flown against it, as pilots say them."""
+"""Texts about traffic and the avoidance of it, in the words of pilots."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ _LEVEL_M = 10
 
 
 class TrafficSituation(NamedTuple):
-    """The decision, and what it was made from."""
+    """The decision and its inputs."""
 
     decision: Decision
     own: Ownship | None
@@ -27,7 +27,7 @@ class TrafficSituation(NamedTuple):
 
 
 def worded(notice: AnyNotice, situation: TrafficSituation, units: TextUnits) -> Notice | None:
-    """The notice in words; `None` when the situation has nothing to say about it."""
+    """The notice in words; `None` for a conflict notice without a threat or own position."""
     match notice:
         case ConflictNotice(flying):
             return _conflict(situation, units, flying=flying)
@@ -38,7 +38,7 @@ def worded(notice: AnyNotice, situation: TrafficSituation, units: TextUnits) -> 
 
 
 def _conflict(situation: TrafficSituation, units: TextUnits, *, flying: bool) -> Notice | None:
-    """Once for each threat and layer: where it is, and what we do, or would do."""
+    """The most urgent threat, and what is flown or advised; one topic for each threat and layer."""
     own, decision = situation.own, situation.decision
     if own is None or not decision.threats:
         return None
@@ -49,7 +49,7 @@ def _conflict(situation: TrafficSituation, units: TextUnits, *, flying: bool) ->
     return Notice(
         mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
         f"{'Traffic!' if inner else 'Traffic'} {where}: {what}",
-        topic=f"{decision.layer} {threat.track_id}",  # distances change, the news does not
+        topic=f"{decision.layer} {threat.track_id}",  # not repeated when only distances change
     )
 
 
@@ -57,7 +57,7 @@ def _resume(situation: TrafficSituation, mode: str) -> Notice:
     """The threats that are not avoided because the operator resumes the mission."""
     threats = situation.decision.threats
     inner = situation.decision.layer is Layer.INNER
-    text = f"Told to resume {mode}"
+    text = f"Resuming {mode}"
     if threats:
         others = f" + {len(threats) - 1}" if len(threats) > 1 else ""
         text += f": {situation.name(threats[0])}{others} {'near, ' if inner else ''}not avoided"
@@ -65,7 +65,7 @@ def _resume(situation: TrafficSituation, mode: str) -> Notice:
 
 
 def describe_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) -> str:
-    """Where a threat is: "N123 2 o'clock 1.8 km 60 m below"."""
+    """The position of a threat: "N123 2 o'clock 1.8 km 60 m below"."""
     clock = round(math.degrees(wrap_two_pi(threat.bearing_rad - own.heading_rad)) / 30.0) % 12 or 12
     height_m = threat.relative_altitude_m
     level = "level"
@@ -75,7 +75,7 @@ def describe_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) -
 
 
 def describe_guidance(decision: Decision, own: Ownship, units: TextUnits, *, doing: bool) -> str:
-    """What is flown: "turning right 040, climbing 80 m"; as advice: "turn right 040, climb 80 m"."""
+    """The manoeuvre flown: "turning right 040, climbing 80 m"; as advice: "turn right 040, climb 80 m"."""
     guidance = decision.guidance
     if guidance is None:
         return "mission"

@@ -1,4 +1,4 @@
-"""What the operator may request over MAVLink: settings as parameters, our role, and to resume the mission."""
+"""Requests of the operator over MAVLink: settings as parameters, our role, resuming the mission."""
 
 import math
 from collections import deque
@@ -12,7 +12,7 @@ from companion.model import Role
 
 ROLE = "CA_ROLE"
 _ALL_COMPONENTS = 0
-# A slow link carries the list beside everything else: at most this many parameters in one tick.
+# On a slow link the list must leave room for everything else: at most this many parameters in one tick.
 _LISTED_AT_ONCE = 10
 _LIST_INTERVAL_S = 0.1
 
@@ -55,14 +55,14 @@ class GcsRequests:
             case CommandRequest() if fact.target == self._address():
                 return [self._command(fact)]
             case ParameterSet() if fact.target == self._address() and fact.name in BY_NAME:
-                tunable = BY_NAME[fact.name]
-                self._put(tunable, fact.value)
-                return [self._value(tunable)]
+                parameter = BY_NAME[fact.name]
+                self._put(parameter, fact.value)
+                return [self._value(parameter)]
             case ParameterRequest(name=None, index=None) if self._is_ours(fact.target):
                 self._listing = deque(GCS_PARAMETERS)
             case ParameterRequest() if fact.target == self._address():
                 # A read that is addressed to all components is for the autopilot.
-                return [self._value(tunable) for tunable in _meant(fact)]
+                return [self._value(parameter) for parameter in _meant(fact)]
             case _:
                 pass
         return []
@@ -106,32 +106,32 @@ class GcsRequests:
         self._resumes = True
         return True
 
-    def _put(self, tunable: GcsParam, value: float | None) -> None:
-        before = self._shown(tunable)
+    def _put(self, parameter: GcsParam, value: float | None) -> None:
+        before = self._shown(parameter)
         try:
-            if tunable.name == ROLE and value in list(Role) and value > self.at_most:
+            if parameter.name == ROLE and value in list(Role) and value > self.at_most:
                 raise ValueError(f"at most {self.at_most:d}")
-            self.settings.put(tunable, value)
+            self.settings.put(parameter, value)
         except ValueError as error:
             got = "no number" if value is None else f"{value:g}"
-            self.refusals.append(f"{tunable.name} {got} refused: {error}")
+            self.refusals.append(f"{parameter.name} {got} refused: {error}")
             return
-        if tunable.name == ROLE:
+        if parameter.name == ROLE:
             self.role = Role[self.settings.supervisor.role.upper()]
-        after = self._shown(tunable)
+        after = self._shown(parameter)
         if after != before:
-            self.changes.append(f"{tunable.name} {tunable.shown(after)}, was {before:g}")
+            self.changes.append(f"{parameter.name} {parameter.shown(after)}, was {before:g}")
 
-    def _shown(self, tunable: GcsParam) -> float:
-        return float(self.role) if tunable.name == ROLE else tunable.value(self.settings.config)
+    def _shown(self, parameter: GcsParam) -> float:
+        return float(self.role) if parameter.name == ROLE else parameter.value(self.settings.config)
 
-    def _value(self, tunable: GcsParam) -> Message:
+    def _value(self, parameter: GcsParam) -> Message:
         return mavlink.MAVLink_param_value_message(
-            tunable.name.encode("ascii"),
-            self._shown(tunable),
+            parameter.name.encode("ascii"),
+            self._shown(parameter),
             mavlink.MAV_PARAM_TYPE_REAL32,
             len(GCS_PARAMETERS),
-            INDEX[tunable.name],
+            INDEX[parameter.name],
         )
 
     def _is_ours(self, target: Sender) -> bool:

@@ -43,6 +43,6 @@ class Settings:
         """The settings that differ from the configuration, by name."""
         return values_changed(self._config, self._configured)
 
-    def put(self, tunable: GcsParam, value: float | None) -> None:
+    def put(self, parameter: GcsParam, value: float | None) -> None:
         """Change one setting; ValueError with the allowed range, and no change, when the value is refused."""
-        self._config = tunable.put(self._config, value, self._configured)
+        self._config = parameter.put(self._config, value, self._configured)

@@ -5,7 +5,7 @@ from companion.output.effects import Say
 from companion.output.notice import Notice
 
 _TEXT_BYTES = 50
-# The same news is sent again only after this time: a warning that is repeated is not read.
+# The same text is sent again only after this time: repeated warnings are ignored.
 _REPEAT_S = 30.0
 
 
@@ -19,7 +19,7 @@ class StatusText:
         self.last_text = ""
 
     def say(self, notice: Notice, now_s: float) -> list[Say | Message]:
-        """The notice for the log and the ground station; nothing when its topic was said a moment ago."""
+        """The notice for the log and the ground station; or nothing if its topic was sent recently."""
         if notice.log_only:
             return [Say(notice.severity, notice.text)]
         if not self._is_news(notice.topic or notice.text, now_s, once=notice.once):

@@ -1,4 +1,4 @@
-"""When a failed link is opened again, and which of its failures are logged. Time is an argument."""
+"""Backoff: when a failed link is opened again, and which failures are logged. Time is an argument."""
 
 import logging
 from enum import StrEnum
@@ -19,7 +19,7 @@ class LinkState(StrEnum):
 
 
 class Backoff:
-    """The state of one link. Waits double, from `SHORTEST_WAIT_S` to `longest_wait_s`, until it was up."""
+    """The state of one link. Waits double, from `SHORTEST_WAIT_S` to `longest_wait_s`, until it is up."""
 
     def __init__(self, longest_wait_s: float = LONGEST_WAIT_S) -> None:
         self.state = LinkState.OPENING
@@ -51,7 +51,7 @@ class Backoff:
         return level
 
     def steady(self, now_s: float) -> bool:
-        """Call this `STEADY_S` after `opened`: true if the recovery of the link should be logged."""
+        """Call this `STEADY_S` after `opened`; True if the recovery of the link should be logged."""
         if self.state is not LinkState.ON_TRIAL or not self._was_up(now_s):
             return False
         self.state = LinkState.UP

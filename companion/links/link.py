@@ -9,7 +9,7 @@ from companion.mavlink.framing import Frame, StreamCounters
 
 @dataclass(slots=True)
 class LinkCounters(StreamCounters):
-    """What was received and sent, since the link was made.
+    """Counts of what was received and sent since the link was made.
 
     `dropped` counts datagrams (or pieces of a stream) that arrived faster than they were processed;
     `send_errors` counts frames that were not sent.
@@ -26,9 +26,9 @@ class Link(ABC):
     """A connection to other MAVLink systems; a `listen_only` link never sends.
 
     `await open()` (optional, as `run` opens the link too) raises `LinkDownError` if the address does not work
-    now, and another `LinkError` if it never will. `run` hands over received frames until `close`, and raises
+    now, and another `LinkError` if it never will. `run` passes received frames on until `close`, and raises
     `LinkDownError` when the link is lost; then both may be called again. Errors of `on_frames` are raised by
-    `run`. All calls belong to one event loop.
+    `run`. All calls must be made in one event loop.
     """
 
     def __init__(self, address: str, *, listen_only: bool = False) -> None:
@@ -47,7 +47,7 @@ class Link(ABC):
 
     @abstractmethod
     async def run(self, on_frames: "OnFrames") -> None:
-        """Hand over received frames, those of one datagram together, until `close`."""
+        """Pass received frames to `on_frames`, those of one datagram together, until `close`."""
 
     @abstractmethod
     def close(self) -> None:

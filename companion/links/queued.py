@@ -24,8 +24,8 @@ Source = TypeVar("Source")
 class QueuedLink(Link, Generic[Source]):
     """Opening, receiving and closing; the owner of the socket calls `arrived` and `failed`.
 
-    Frames are handed over by `run`, not by the event loop's callback: an error of `on_frames` in a callback
-    would only be logged, instead of stopping the service.
+    `run` calls `on_frames`, not the event loop's callback: an error raised there would only be logged, and
+    would not stop the service.
     """
 
     def __init__(self, address: str, *, listen_only: bool = False) -> None:
@@ -44,7 +44,7 @@ class QueuedLink(Link, Generic[Source]):
                 await self._open()
 
     async def run(self, on_frames: OnFrames) -> None:
-        """Hand over received frames, those of one datagram together, until `close`."""
+        """Pass received frames to `on_frames`, those of one datagram together, until `close`."""
         await self.open()
         while not self.closed:
             self._hand_over(on_frames)
@@ -74,7 +74,7 @@ class QueuedLink(Link, Generic[Source]):
         self._changed.set()
 
     def failed(self, reason: str) -> None:
-        """The link is lost; `run` raises `LinkDownError` once the queue is empty."""
+        """The link is lost: `run` raises `LinkDownError` when the queue is empty."""
         self._failure = reason
         self._changed.set()
 

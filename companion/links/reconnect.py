@@ -16,7 +16,7 @@ _LONGEST_WAIT_AT_START_S = 0.25
 
 
 class Reconnect:
-    """Runs one link, and opens it again after growing waits whenever it fails; other links go on."""
+    """Runs one link, and opens it again after growing waits whenever it fails; other links continue."""
 
     def __init__(self, link: Link, clock_s: Callable[[], float] = time.monotonic) -> None:
         self.link = link
@@ -29,7 +29,7 @@ class Reconnect:
         return self._backoff.state
 
     async def run(self, on_frames: OnFrames) -> None:
-        """Hand over received frames until the link is closed or `on_frames` raises."""
+        """Pass received frames to `on_frames` until the link is closed or `on_frames` raises."""
         while True:
             self._backoff.opening()
             try:

@@ -1,4 +1,4 @@
-"""Serial ports: one peer and one stream; frames that the port cannot take at once are dropped."""
+"""Serial ports: one peer and one stream; frames that the port cannot accept at once are dropped."""
 
 import asyncio
 import contextlib
@@ -44,7 +44,7 @@ class SerialLink(QueuedLink[None]):
             asyncio.get_running_loop().add_writer(self._port.fileno(), self._write_rest)
 
     def _write(self, descriptor: int, data: bytes) -> int:
-        """How many bytes the port took; 0 when it is full or gone."""
+        """The number of bytes that the port accepted; 0 when it is full or gone."""
         # Not with pyserial: with a timeout of zero it retries for ever while the port is full.
         try:
             return os.write(descriptor, data)

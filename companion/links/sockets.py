@@ -18,7 +18,7 @@ async def resolve(host: str, port: int, kind: socket.SocketKind) -> SocketAddres
 
 
 def error_text(error: OSError) -> str:
-    """The reason of an error, without number and address; name resolution has negative numbers of its own."""
+    """The reason of an error, without number and address; name resolution has its own, negative numbers."""
     if isinstance(error, TimeoutError):
         return "no answer"
     if error.errno is not None and error.errno > 0:

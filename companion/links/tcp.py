@@ -15,9 +15,9 @@ from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
 
 _READ_BYTES = 16_384
 _LONGEST_CONNECTING_S = 5.0
-# How much the kernel buffers for a peer that does not read, and after how long the connection is closed:
-# setpoints that arrive later than that do harm. The kernel counts the overhead of each small packet, so that
-# this is about a hundred frames: a burst on a slow radio.
+# The kernel buffers this much for a peer that does not read, and closes the connection after this time:
+# setpoints that arrive later do harm. The kernel counts the overhead of each small packet, so that the buffer
+# has room for about a hundred frames: a burst on a slow radio.
 _SEND_BUFFER_BYTES = 65_536
 _UNANSWERED_MS = 5_000
 # Keep-alive probes detect a peer that vanished, even if we never send.
@@ -68,7 +68,7 @@ class Connection(asyncio.BufferedProtocol):
 
 
 class TcpLink(QueuedLink[Connection]):
-    """What `tcpin` and `tcpout` share: connections, and sending that never waits."""
+    """The common part of `tcpin` and `tcpout`: connections, and sending that never waits."""
 
     def __init__(
         self,
@@ -91,13 +91,13 @@ class TcpLink(QueuedLink[Connection]):
         return len(self._connections)
 
     def joined(self, connection: Connection) -> None:
-        """A connection was made."""
+        """Called when a connection was made."""
         connection.heard_s = self._clock_s()
         self._connections.append(connection)
 
     @abstractmethod
     def left(self, connection: Connection, error: Exception | None) -> None:
-        """A connection has ended; not by us, if it is still in `_connections`."""
+        """Called when a connection has ended; the other end closed it if it is still in `_connections`."""
 
     def _send(self, data: bytes) -> None:
         for connection in self._connections:
@@ -140,7 +140,7 @@ class TcpInLink(TcpLink):
         return port
 
     def joined(self, connection: Connection) -> None:
-        """A client has connected."""
+        """Called when a client has connected."""
         if self.closed or (len(self._connections) >= MAX_PEERS and not self._drop_silent()):
             self.counters.dropped += 1
             connection.abort()
@@ -148,7 +148,7 @@ class TcpInLink(TcpLink):
         super().joined(connection)
 
     def left(self, connection: Connection, error: Exception | None) -> None:  # noqa: ARG002 - it may connect again
-        """A client has gone."""
+        """Called when a client has left."""
         if connection in self._connections:
             self._connections.remove(connection)
 
@@ -180,10 +180,10 @@ class TcpInLink(TcpLink):
 
 
 class TcpOutLink(TcpLink):
-    """Connects to one address; the link is lost when that connection is."""
+    """Connects to one address; the link is lost when that connection is lost."""
 
     def left(self, connection: Connection, error: Exception | None) -> None:
-        """The connection has ended."""
+        """Called when the connection has ended."""
         if connection in self._connections:
             self._connections.remove(connection)
             self.failed(error_text(error) if isinstance(error, OSError) else "closed by the other end")
@@ -203,7 +203,7 @@ class TcpOutLink(TcpLink):
         async with asyncio.timeout(_LONGEST_CONNECTING_S):
             transport, _ = await loop.create_connection(lambda: Connection(self, self.counters), host, port)
         if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
-            # No listener, and the kernel chose the very port for our own end.
+            # There was no listener, and the kernel chose this same port for our own end.
             self._disconnect()
             raise ConnectionRefusedError(errno.ECONNREFUSED, "connected to itself")
 

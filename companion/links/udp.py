@@ -12,7 +12,7 @@ from companion.links.sockets import SocketAddress, error_text, resolve
 
 
 class UdpLink(DatagramLink[SocketAddress]):
-    """What `udpin` and `udpout` share: a socket in the event loop, and sending that never waits."""
+    """The common part of `udpin` and `udpout`: a socket in the event loop, and sending that never waits."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class UdpLink(DatagramLink[SocketAddress]):
         return port
 
     def lost(self, transport: asyncio.BaseTransport | None, error: Exception | None) -> None:
-        """The socket was closed; not by us, if it is still `_transport`."""
+        """Called when the socket was closed; the link is lost if it is still `_transport`."""
         if transport is self._transport and error is not None:
             self.failed(error_text(error) if isinstance(error, OSError) else str(error))
 
@@ -76,7 +76,7 @@ class UdpLink(DatagramLink[SocketAddress]):
 
 
 class UdpInLink(UdpLink):
-    """Bound to a port; sends to every peer heard lately, and to none as long as there is none."""
+    """Bound to a port; sends to every peer heard lately."""
 
     async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport:
         loop = asyncio.get_running_loop()

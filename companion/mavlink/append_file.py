@@ -40,7 +40,7 @@ class AppendOnlyFile:
         return self._size
 
     def append(self, record: bytes) -> None:
-        """Add a record, whole or not at all; does nothing once closed."""
+        """Add a record, whole or not at all; does nothing after `close`."""
         if not self._open:
             return
         written = 0
@@ -55,7 +55,7 @@ class AppendOnlyFile:
         self._size += written
 
     def sync(self) -> None:
-        """Write everything to the disk; may take long, so call it outside the event loop's thread."""
+        """Write everything to the disk; this may take long, so call it outside the event loop's thread."""
         with self._lock:
             if self._open:
                 try:

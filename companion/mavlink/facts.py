@@ -211,7 +211,7 @@ class CommandResult:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """PARAM_VALUE, converted to the number it stands for (PX4 sends the bits of integers)."""
+    """PARAM_VALUE, converted to the number that it represents (PX4 sends the bits of integers)."""
 
     sender: Sender
     name: str
@@ -236,7 +236,7 @@ class AttitudeTarget:
 
 @dataclass(frozen=True, slots=True)
 class SystemTime:
-    """SYSTEM_TIME: the clock of the autopilot [s, Unix]; `None` if not set yet."""
+    """SYSTEM_TIME: the Unix time of the autopilot's clock [s]; `None` if it is not set yet."""
 
     sender: Sender
     unix_s: float | None

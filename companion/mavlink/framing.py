@@ -1,7 +1,7 @@
 """Frames: where each MAVLink message begins and ends in a run of bytes, verified by its checksum.
 
 Reads MAVLink 1 and 2, including signed frames (signatures are kept, not verified), in live streams and logs.
-After bytes that are not a frame the search continues one byte later, so that junk never hides a good frame.
+If no frame begins at a byte, the search continues one byte later, so that junk never hides a good frame.
 """
 
 import re
@@ -53,7 +53,7 @@ class Frame(NamedTuple):
 
     @property
     def payload(self) -> bytes:
-        """The fields, without the zeros that MAVLink 2 cuts off the end."""
+        """The fields; MAVLink 2 cuts off the zeros at their end."""
         start = HEADER_V2_BYTES if self.raw[0] == MAGIC_V2 else HEADER_V1_BYTES
         return self.raw[start : start + self.raw[1]]
 
@@ -78,7 +78,7 @@ class Flaw(Enum):
 
 @dataclass(slots=True)
 class Counters:
-    """What was read. `bad_bytes` belong to no frame, or to a frame with a wrong checksum.
+    """Counts of what was read. `bad_bytes` belong to no frame, or to a frame with a wrong checksum.
 
     `bad_crc` counts frames of known messages with a wrong checksum, `unknown` well-formed frames of messages
     that the dialect lacks, `undecodable` good frames that pymavlink refused.
@@ -93,9 +93,9 @@ class Counters:
 
 @dataclass(slots=True)
 class StreamCounters(Counters):
-    """What was received on a link. `lost` frames are missing in the sequence numbers.
+    """Counts of what was received on a link. `lost` frames are missing in the sequence numbers.
 
-    They are not counted in logs, which mix links and directions with sequence numbers of their own.
+    They are not counted in logs, which mix links and directions that each have their own sequence numbers.
     """
 
     lost: int = 0
@@ -116,7 +116,7 @@ class LossMeter:
         self._expected: dict[int, int] = {}
 
     def lost_before(self, system_id: int, component_id: int, sequence: int) -> int:
-        """How many frames are missing between the previous frame of this sender and this one."""
+        """The number of frames missing between the previous frame of this sender and this one."""
         sender = system_id << 8 | component_id
         expected = self._expected.get(sender, sequence)
         if sequence == expected:

@@ -1,4 +1,4 @@
-"""Heartbeats out of order: which one is older than a heartbeat that was received before it."""
+"""Heartbeats out of order: recognizes one that is older than a heartbeat received before it."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from companion.mavlink.framing import Frame
 _WRAP = 256  # of the sequence number
 # After this many outdated heartbeats in a row the sender must have restarted.
 _MAX_OUTDATED = 3
-# After a silence this long the number may have wrapped, so that it proves nothing; no frame is this late.
+# After a silence this long the number may have wrapped, so that it proves nothing. No frame is so late.
 _SILENCE_S = 1.0
 
 

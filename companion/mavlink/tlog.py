@@ -1,4 +1,4 @@
-"""Telemetry logs: frames, each after its time in 8 bytes (big-endian microseconds since 1970)."""
+"""Telemetry logs: frames, each preceded by its time in 8 bytes (big-endian microseconds since 1970)."""
 
 import struct
 from collections.abc import Collection, Iterator
@@ -41,7 +41,7 @@ _RECORD_VIEW_BYTES = _STAMP_BYTES + _FRAME_VIEW_BYTES
 
 
 def read_tlog(path: Path | str, only: Collection[int] | None = None) -> "TlogReader":
-    """Open a log; `LogError` if it cannot be read. `only`: the ids of the messages to hand over."""
+    """Open a log; `LogError` if it cannot be read. `only`: the ids of the messages to return."""
     return TlogReader(Path(path), only)
 
 
@@ -49,8 +49,8 @@ class TlogReader:
     """The good frames of a log, each with its time stamp [us] as written; bytes between them are counted.
 
     A frame without a stamp has that of the frame before it, or 0. Stamps may jump and run backwards; that is
-    left to the caller. With `only`, frames of other messages are checked and counted but not handed over,
-    which is faster. `counters` are those of the newest pass over the file, also while it runs. `LogError` at
+    left to the caller. With `only`, frames of other messages are checked and counted but not returned, which
+    is faster. `counters` are those of the newest pass over the file, also while it runs. `LogError` at
     the end of a file without any frame.
     """
 
@@ -99,7 +99,7 @@ def _intact_records(
 ) -> Iterator[tuple[int, Frame]]:
     """The records up to the first that is damaged, or to the end of the window.
 
-    A copy of `frame_at`, inlined because half of the time of a replay is spent in this loop.
+    A copy of `frame_at`, inlined because a replay spends half of its time in this loop.
     """
     data, position = window.data, window.position
     last = len(data) - _RECORD_VIEW_BYTES
@@ -147,7 +147,7 @@ class _Window:
         self._at_end = False
 
     def fill(self) -> bool:
-        """Read on until a whole record is in `data`, or the file ends; false when nothing is left."""
+        """Read until a whole record is in `data` or the file ends; False when nothing is left."""
         while not self._at_end and len(self.data) - self.position < _RECORD_VIEW_BYTES:
             chunk = _read(self._file, self._path, _CHUNK_BYTES)
             self._at_end = not chunk

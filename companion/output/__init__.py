@@ -1,1 +1,1 @@
-"""What the engine returns: effects, the decision record and the state kept for the next run."""
+"""The output of the engine: effects, the decision record and the state saved for the next run."""

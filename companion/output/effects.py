@@ -1,6 +1,6 @@
-"""Effects: what the shell is to do. Nothing in the engine touches the world.
+"""Effects: what the shell is to do. The engine itself does no input or output.
 
-Text is made only when it is read: a campaign flies without writing any.
+Text is formatted only when it is read, as a campaign writes none.
 """
 
 import json
@@ -47,14 +47,14 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Keep:
-    """Replace the state that is kept for the next run by `text`; `None` removes it."""
+    """Replace the state saved for the next run by `text`; `None` removes it."""
 
-    held: PersistedState | None
+    state: PersistedState | None
 
     @property
     def text(self) -> str | None:
         """One line of JSON, or `None`."""
-        return None if self.held is None else self.held.to_text()
+        return None if self.state is None else self.state.to_text()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What the operator is to read: returned by the rooms that have something to say, worded for STATUSTEXT."""
+"""Notices for the operator, before they are put into words for STATUSTEXT."""
 
 from typing import NamedTuple
 
@@ -18,13 +18,13 @@ class Notice(NamedTuple):
 
 
 class ConflictNotice(NamedTuple):
-    """Where the most urgent threat is, and what is flown against it (`flying`), or would be."""
+    """The most urgent threat, and what is flown against it; without `flying`, what is advised."""
 
     flying: bool
 
 
 class ResumeNotice(NamedTuple):
-    """The operator resumes the mission in `mode`: which threats are not avoided."""
+    """The threats that are not avoided, because the operator resumes the mission in `mode`."""
 
     mode: str
 

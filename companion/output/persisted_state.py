@@ -1,4 +1,4 @@
-"""What must survive a crash of the companion: that it had the aircraft, and the role it was given."""
+"""The state that survives a crash of Companion: whether it flew the aircraft, and the operator's role."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -7,16 +7,16 @@ from typing import Any
 from companion.geodesy import GeoPoint
 from companion.model import PriorFlightState, Role
 
-# After this time the pilot or the autopilot has decided what to do.
+# After this time the state is obsolete: the pilot or the autopilot has acted.
 LONGEST_S = 20.0
 
 
 @dataclass(frozen=True)
 class PersistedState:
-    """State at `time_s` [s, Unix]. `before` is the flight to go back to, `None` when we had no aircraft.
+    """State at `time_s` [s, Unix]. `before` is the flight to go back to; `None`: the aircraft was not ours.
 
     `role` is set when the operator changed it in flight. `left_behind` is the mode that the autopilot enters
-    by itself some time after we fell silent. `borrowed` are parameters to restore, by name.
+    by itself some time after our setpoints end. `borrowed` are parameters to restore, by name.
     """
 
     time_s: float
@@ -53,7 +53,7 @@ class PersistedState:
 
 
 def _before(raw: Any) -> PriorFlightState:
-    """The inverse of `asdict`; raises what `PersistedState.from_text` expects."""
+    """The inverse of `asdict`; raises the errors that `PersistedState.from_text` catches."""
     sequence, target = raw["sequence"], raw["target"]
     return PriorFlightState(
         int(raw["mode"]),

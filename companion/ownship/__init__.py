@@ -1,1 +1,1 @@
-"""Everything that is known of our own aircraft, and how fresh it is."""
+"""Our own aircraft: everything known about it, and how fresh it is."""

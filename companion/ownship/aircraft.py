@@ -1,4 +1,4 @@
-"""Our aircraft: the autopilot that is ours, and the newest of everything that it reported."""
+"""Our aircraft: its autopilot, and the newest of everything that it has reported."""
 
 from companion.autopilots import Adapter
 from companion.autopilots.adapter import GuidanceCommand
@@ -25,14 +25,14 @@ from companion.ownship.kinematics import Kinematics, Terrain
 from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
 
-# The heartbeat with the mode comes once a second, so that after a silence it may be this late.
+# The heartbeat with the mode comes once a second; after a silence it may be this late.
 _MODE_KNOWN_S = 2.5
 # EXTENDED_SYS_STATE is requested at adoption and comes once a second; not every firmware sends it.
 _LANDED_STATE_AWAITED_S = 4.0
 
 
 class Aircraft:
-    """Routes each fact to the part that stores it; answers what takes more than one part.
+    """Routes each fact to the part that stores it, and answers questions that need several parts.
 
     The parameters are those of `Identity` and `Sticks`.
     """
@@ -158,7 +158,7 @@ class Aircraft:
         return self.navigation.destination(before.sequence)
 
     def goal(self, frame: LocalFrame, now_s: float) -> Goal:
-        """What the mission wants (see `Navigation.goal`)."""
+        """The goal of the mission (see `Navigation.goal`)."""
         return self.navigation.goal(frame, now_s, in_mission=self._in_mission)
 
     # --- identity

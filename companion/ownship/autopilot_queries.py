@@ -38,7 +38,7 @@ _REQUEST_INTERVAL_S = 0.2
 _FENCE_HEARD_S = 5.0
 # Parameters arrive one by one; the limits are announced when none has changed them for this long.
 _SETTLED_S = 3.0
-# The autopilot may have other reasons to fly elsewhere than its mission leads; then reading does not help.
+# The autopilot may fly elsewhere for other reasons; then reading the mission again does not help.
 _REREAD_INTERVAL_S = 120.0
 
 
@@ -141,7 +141,7 @@ class AutopilotQueries:
     # --- the fence
 
     def heights(self, min_height_m: float, max_height_m: float | None, now_s: float) -> HeightLimits:
-        """The heights to keep between: those given, and those of the autopilot's fence within its margin."""
+        """Floor and ceiling: those given, and those of the autopilot's fence within its margin."""
         return HeightLimits.within_fence(min_height_m, max_height_m, self._settings(now_s))
 
     def autopilot_fence(self, now_s: float) -> AutopilotFence:
@@ -154,7 +154,7 @@ class AutopilotQueries:
         return self._fence_in_force.in_frame(frame, home_altitude_m, self.autopilot_fence(now_s))
 
     def _settings(self, now_s: float) -> FenceSettings:
-        """What the autopilot makes of its fence; one that is known to be off is none at all."""
+        """The settings of the autopilot's fence; without heights and zones when it is known to be off."""
         if self._adapter is None:
             return FenceSettings()
         settings = self._fence_settings

@@ -1,4 +1,4 @@
-"""What our autopilot reports of itself: identity, contact, mode and state, the pilot's sticks."""
+"""Our autopilot as it reports itself: its identity, the contact with it, the sticks, and the flight state."""
 
 import math
 
@@ -8,6 +8,26 @@ from companion.mavlink.facts import FenceStatus, Heartbeat, LandedState, RcChann
 
 # Aeroplanes, and those VTOLs that fly like one.
 _FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
+# Without heartbeats for this long the autopilot is gone or restarting.
+_HEARTBEAT_LOST_S = 5.0
+# Many messages come in a second. Without any for this long the link is lost, and ours do not arrive either.
+_SILENCE_S = 1.0
+# Messages that come several times a second, such as ATTITUDE_TARGET, have arrived again by then.
+_CONTACT_RENEWED_S = 1.0
+# Roll, pitch and yaw, in the channel order that both autopilots expect of a receiver. The throttle (channel
+# 3) may be anywhere while the autopilot flies.
+_STEERING = (0, 1, 3)
+# FENCE_STATUS comes once a second while the fence is enabled.
+_FENCE_HEARD_S = 10.0
+# The MAV_STATEs of an autopilot in a failsafe.
+_FAILSAFE = frozenset(
+    {
+        mavlink.MAV_STATE_CRITICAL,
+        mavlink.MAV_STATE_EMERGENCY,
+        mavlink.MAV_STATE_POWEROFF,
+        mavlink.MAV_STATE_FLIGHT_TERMINATION,
+    }
+)
 
 
 class Identity:
@@ -75,16 +95,8 @@ class Identity:
         self.others.discard(fact.sender.system_id)
 
 
-# Without heartbeats for this long the autopilot is gone or restarting.
-_HEARTBEAT_LOST_S = 5.0
-# Many messages come in a second. Without any for this long the link is lost, and ours do not arrive either.
-_SILENCE_S = 1.0
-# Messages that come several times a second, such as ATTITUDE_TARGET, have arrived again by then.
-_RENEWED_S = 1.0
-
-
 class Contact:
-    """Times [s] of the newest heartbeat and of the newest fact, and the autopilot's clock."""
+    """When the autopilot was last heard [s], and how its clock differs from ours."""
 
     def __init__(self) -> None:
         self.heartbeat_s = -math.inf
@@ -112,16 +124,11 @@ class Contact:
 
     def contact_just_regained(self, now_s: float) -> bool:
         """Whether a silence ended so recently that not all frequent messages have arrived since."""
-        return now_s - self._silent_until_s < _RENEWED_S
+        return now_s - self._silent_until_s < _CONTACT_RENEWED_S
 
     def since_silence_s(self, now_s: float) -> float:
-        """Time since the last silence ended [s]; infinite when there was none."""
+        """Time since the last silence ended [s]; inf if there was none."""
         return now_s - self._silent_until_s
-
-
-# Roll, pitch and yaw, in the channel order that both autopilots expect of a receiver. The throttle (channel
-# 3) may be anywhere while the autopilot flies.
-_STEERING = (0, 1, 3)
 
 
 class Sticks:
@@ -155,19 +162,6 @@ class Sticks:
     @staticmethod
     def _steering(pulses_us: tuple[int | None, ...]) -> list[int | None]:
         return [pulses_us[channel] if channel < len(pulses_us) else None for channel in _STEERING]
-
-
-# FENCE_STATUS comes once a second while the fence is enabled.
-_FENCE_HEARD_S = 10.0
-# The MAV_STATEs of an autopilot in a failsafe.
-_FAILSAFE = frozenset(
-    {
-        mavlink.MAV_STATE_CRITICAL,
-        mavlink.MAV_STATE_EMERGENCY,
-        mavlink.MAV_STATE_POWEROFF,
-        mavlink.MAV_STATE_FLIGHT_TERMINATION,
-    }
-)
 
 
 class FlightState:

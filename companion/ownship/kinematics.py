@@ -1,4 +1,4 @@
-"""Where our aircraft is and how it moves, the wind around it and the terrain below it."""
+"""Kinematics of our aircraft: its position and motion, the wind around it and the terrain below it."""
 
 import math
 
@@ -8,19 +8,26 @@ from companion.mavlink.facts import AirData, OwnPosition, TerrainReport, Wind
 from companion.model import Guidance, Ownship, Vec2, Vec3
 from companion.units import wrap_two_pi
 
-# Time constant of the estimate: longer than a gust or the swing of the nose.
-_TIME_CONSTANT_S = 10.0
-_FRESH_S = 5.0
-# The estimate is updated with every position, unless airspeed or heading is missing.
-_ESTIMATE_FRESH_S = 30.0
-# An estimate above this share of the airspeed comes from a wrong airspeed, as on the ground.
-_LARGEST_SHARE = 0.6
-# Reports come from a filter that has observed turns, and may be stronger; this is hurricane force.
-_STRONGEST_REPORTED_MPS = 40.0
+# Time constant of the wind estimate: longer than a gust or the swing of the nose.
+_WIND_TIME_CONSTANT_S = 10.0
+_WIND_REPORT_FRESH_S = 5.0
+# The wind estimate is updated with every position, unless airspeed or heading is missing.
+_WIND_ESTIMATE_FRESH_S = 30.0
+# A wind estimate above this share of the airspeed comes from a wrong airspeed, as on the ground.
+_LARGEST_WIND_SHARE = 0.6
+# Wind reports come from a filter that has observed turns, and may be stronger; this is hurricane force.
+_STRONGEST_REPORTED_WIND_MPS = 40.0
+_TERRAIN_FRESH_S = 10.0
+# Ground stations request the terrain of other places too; the reports differ only in their place.
+_HERE_M = 300.0
+_POSITION_LOST_S = 5.0
+_OLD_POSITION_S = 0.5
+# A slower airspeed is not measured in flight.
+_LEAST_AIRSPEED_MPS = 1.0
 
 
 class WindEstimator:
-    """The newest report and a running estimate."""
+    """The wind: the newest report, and a running estimate."""
 
     def __init__(self) -> None:
         self._report: Wind | None = None
@@ -31,7 +38,7 @@ class WindEstimator:
     def report(self, fact: Wind, now_s: float) -> None:
         """Store a report, unless it is implausible or exactly 0, as ArduPilot sends without an estimate."""
         speed_mps = math.hypot(fact.north_mps, fact.east_mps)
-        if 0.0 < speed_mps <= _STRONGEST_REPORTED_MPS:
+        if 0.0 < speed_mps <= _STRONGEST_REPORTED_WIND_MPS:
             self._report, self._report_s = fact, now_s
 
     def observe(self, position: OwnPosition, airspeed_mps: float | None, now_s: float) -> None:
@@ -40,10 +47,10 @@ class WindEstimator:
             return
         north = position.velocity_mps[0] - airspeed_mps * math.cos(position.heading_rad)
         east = position.velocity_mps[1] - airspeed_mps * math.sin(position.heading_rad)
-        if self._estimate is None or not 0.0 <= now_s - self._estimate_s <= _ESTIMATE_FRESH_S:
+        if self._estimate is None or not 0.0 <= now_s - self._estimate_s <= _WIND_ESTIMATE_FRESH_S:
             self._estimate = north, east
         else:
-            share = 1.0 - math.exp((self._estimate_s - now_s) / _TIME_CONSTANT_S)
+            share = 1.0 - math.exp((self._estimate_s - now_s) / _WIND_TIME_CONSTANT_S)
             known = self._estimate
             self._estimate = known[0] + share * (north - known[0]), known[1] + share * (east - known[1])
         self._estimate_s = now_s
@@ -54,24 +61,19 @@ class WindEstimator:
         A fresh report takes precedence over the estimate.
         """
         report = self._report
-        if report is not None and 0.0 <= now_s - self._report_s <= _FRESH_S:
+        if report is not None and 0.0 <= now_s - self._report_s <= _WIND_REPORT_FRESH_S:
             # The prediction needs an aircraft that makes headway against the wind.
             if math.hypot(report.north_mps, report.east_mps) < airspeed_mps:
                 return report.north_mps, report.east_mps
             return None
         estimate = self._estimate
-        if estimate is None or now_s - self._estimate_s > _ESTIMATE_FRESH_S:
+        if estimate is None or now_s - self._estimate_s > _WIND_ESTIMATE_FRESH_S:
             return None
-        return estimate if math.hypot(*estimate) <= _LARGEST_SHARE * airspeed_mps else None
-
-
-_TERRAIN_FRESH_S = 10.0
-# Ground stations request the terrain of other places too; the reports differ only in their place.
-_HERE_M = 300.0
+        return estimate if math.hypot(*estimate) <= _LARGEST_WIND_SHARE * airspeed_mps else None
 
 
 class Terrain:
-    """The newest report about the aircraft's position."""
+    """The height of the terrain below the aircraft, from the newest report."""
 
     def __init__(self) -> None:
         self._altitude_m = 0.0
@@ -94,12 +96,6 @@ class Terrain:
         return self._altitude_m if 0.0 <= now_s - self._at_s <= _TERRAIN_FRESH_S else None
 
 
-_POSITION_LOST_S = 5.0
-_OLD_POSITION_S = 0.5
-# A slower airspeed is not measured in flight.
-_LEAST_AIRSPEED_MPS = 1.0
-
-
 class Kinematics:
     """The newest position and air data; without a position, velocity and heights are 0."""
 
@@ -108,7 +104,7 @@ class Kinematics:
         self.position_s = -math.inf
         self.wind = WindEstimator()
         self._airspeed_mps: float | None = None
-        # By VFR_HUD. It may have an offset, so that only its change since the last position is used.
+        # From VFR_HUD. It may have an offset, so that only its change since the last position is used.
         self._altitude_m: float | None = None
         self._altitude_at_position_m: float | None = None
         self._altitude_s = -math.inf
@@ -187,7 +183,7 @@ class Kinematics:
         return GuidanceCommand(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
 
     def _climbed_since_position_m(self) -> float:
-        """The climb since the last position by VFR_HUD, if that position is old; otherwise 0."""
+        """The climb since the last position [m] from VFR_HUD, if that position is old; otherwise 0."""
         if self._altitude_m is None or self._altitude_at_position_m is None:
             return 0.0
         is_old = self._altitude_s - self.position_s > _OLD_POSITION_S

@@ -1,4 +1,4 @@
-"""Mission and fence as lists of items: which list is read when, and one transfer by the mission protocol."""
+"""Mission and fence as lists of items: one download by the mission protocol, and when each list is read."""
 
 import math
 from dataclasses import dataclass
@@ -15,13 +15,22 @@ from companion.mavlink.facts import (
     Sender,
 )
 
+MISSION, FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
+_ALL_TYPES = mavlink.MAV_MISSION_TYPE_ALL
+MISSION_PROTOCOL = (MissionCount, MissionItem, MissionAck, OtherMissionMessage)
+_Protocol = MissionCount | MissionItem | MissionAck | OtherMissionMessage
+
 _FIRST_ANSWER_S, _LONGEST_ANSWER_S = 1.0, 4.0
-# With 30 % of the datagrams lost in each direction, one item in a thousand is still not answered by then.
+# With 30 % of the datagrams lost in each direction, one item in a thousand is still unanswered after these.
 _TRIES = 10
 # A list that changes more often than this during its download is being edited.
 _RESTARTS = 3
 # No board stores more; a larger count is wrong.
 _MOST_ITEMS = 3_000
+# A ground station's transfer is over this long after its last message.
+_QUIET_S = 3.0
+_REREAD_S = 300.0
+_FIRST_RETRY_S, _LONGEST_RETRY_S = 10.0, 300.0
 
 
 class DownloadOutcome(Enum):
@@ -33,7 +42,7 @@ class DownloadOutcome(Enum):
 
 
 class MissionDownload:
-    """One download; `outcome` is `None` while it is under way, and `items` is the list when it is DONE."""
+    """One download. `outcome` is `None` while it is under way; `items` is the list when it is DONE."""
 
     def __init__(self, mission_type: int) -> None:
         self.mission_type = mission_type
@@ -131,17 +140,6 @@ class MissionDownload:
         return mavlink.MAVLink_mission_ack_message(
             target.system_id, target.component_id, result, mission_type=self.mission_type
         )
-
-
-MISSION, FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
-_ALL_TYPES = mavlink.MAV_MISSION_TYPE_ALL
-# A ground station's transfer is over this long after its last message.
-_QUIET_S = 3.0
-_REREAD_S = 300.0
-_FIRST_RETRY_S, _LONGEST_RETRY_S = 10.0, 300.0
-
-MISSION_PROTOCOL = (MissionCount, MissionItem, MissionAck, OtherMissionMessage)
-_Protocol = MissionCount | MissionItem | MissionAck | OtherMissionMessage
 
 
 @dataclass(slots=True)

@@ -67,7 +67,7 @@ class PartName:
 
 
 def free_name(directory: Path, started_unix_s: float) -> PartName:
-    """The first free name for this start; without a battery, a clock may start twice at the same time."""
+    """The first free name for this start; a clock without a battery may start twice at the same time."""
     started = f"{datetime.fromtimestamp(started_unix_s, UTC):%Y%m%d-%H%M%S}"
     return next(
         name

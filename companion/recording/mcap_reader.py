@@ -1,7 +1,7 @@
-"""Reads the MCAP files of recordings; of a truncated or damaged file, everything before the damage.
+"""Reads the MCAP files of recordings; a truncated or damaged file is read up to the damage.
 
-A file may hold anything: a length is accepted only if the file has as many bytes, a chunk only with the right
-checksum. The first error ends the file.
+A file may hold anything: a length is accepted only if the file has that many bytes, a chunk only with the
+right checksum. Reading ends at the first error.
 """
 
 import io
@@ -51,7 +51,7 @@ class RawRecord(NamedTuple):
 
 
 class McapReader:
-    """The messages of a file, in file order. After a pass, `closed` is true if the file has its end."""
+    """The messages of a file, in file order. After a pass, `closed` is True if the file has its end."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -68,7 +68,7 @@ class McapWriter:
         self._append()
 
     def sync(self) -> None:
-        """Write everything to the disk; slow."""
+        """Write everything to the disk; this may take long."""
         self._file.sync()
 
     def close(self) -> None:

@@ -16,7 +16,7 @@ from companion.recording.mcap_writer import McapMessage, McapWriter
 from companion.recording.repair import repair_all
 from companion.recording.schemas import DECISION, STATE, TEXT, Topic
 
-_SYNC_PERIOD_S = 1.0  # the most that a power cut may cost
+_SYNC_PERIOD_S = 1.0  # a power cut may cost this much
 _SYNCS_PER_CLEANUP = 10
 # Messages that wait for a disk that does not answer; more are dropped, and reported as a problem.
 _MAX_WAITING_BYTES = 64 << 20
@@ -53,7 +53,7 @@ class _Part:
         return max(self.tlog.size, self.lines.size, self.mcap.size)
 
     def sync(self, messages: Sequence[McapMessage]) -> None:
-        """Write everything to the disk, including these messages; slow."""
+        """Write everything to the disk, including these messages; this may take long."""
         self.mcap.write(messages)
         self.tlog.sync()
         self.lines.sync()
@@ -119,7 +119,7 @@ class Recorder:
 
     @property
     def problem(self) -> str | None:
-        """Why something is missing in the recording; `None` if nothing is."""
+        """The reason why the recording is incomplete; `None` if it is complete."""
         return self._part.problem or self._problem
 
     def received(self, time_us: int, raw: bytes) -> None:
@@ -188,7 +188,7 @@ class Recorder:
                 self._remove_oldest()
 
     def _begin_part_if_full(self) -> bool:
-        """Begin a new part if the files could not hold two more seconds; true if one was begun."""
+        """Begin a new part if the files could not hold two more seconds; True if one was begun."""
         size = self._part.largest_bytes
         growth, self._size_before = size - self._size_before, size
         if size + 2 * growth <= self._max_file_bytes:
@@ -196,7 +196,7 @@ class Recorder:
         try:
             following = _Part(self._directory, self._part.name.next_free(self._directory))
         except (LogError, OSError) as error:
-            self._problem = str(error)  # the present files grow on
+            self._problem = str(error)  # the present files continue to grow
             return False
         self._problem = self._part.problem or self._problem
         self._ended.append(self._part)
@@ -217,6 +217,6 @@ class Recorder:
             repair_all(self._directory, skip=self._part.paths, go_on=lambda: not self._closed)
         except OSError as error:
             self._problem = f"{self._directory}: {error.strerror}"
-        except Exception as error:  # noqa: BLE001 - as in `Runtime._guarded`, and to less effect
+        except Exception as error:  # noqa: BLE001 - the broad `except` of this thread, as in `Runtime._guarded`
             # An old file that cannot be repaired must not end the flight.
             self._problem = f"{self._directory}: an old recording cannot be repaired: {error!r}"

@@ -1,4 +1,4 @@
-"""Adds the missing summary to a recording ended by a crash or a power cut, so that other programs open it."""
+"""Repair: adds the missing summary to a recording that a crash cut off, so that other programs open it."""
 
 import contextlib
 import os
@@ -40,7 +40,7 @@ def repair_all(
     """Repair the unfinished files in a folder that are not being written; returns the repaired files.
 
     A file that cannot be repaired, for example on a full disk, is left as it is. `go_on` is called between
-    chunks; when it returns false, the repair is abandoned.
+    chunks; when it returns False, the repair is abandoned.
     """
     repaired: list[Path] = []
     for left in directory.glob(f"companion-*.mcap{_TEMPORARY_SUFFIX}"):
@@ -55,7 +55,7 @@ def repair_all(
 
 
 def repair_file(path: Path, go_on: Callable[[], bool] = lambda: True) -> bool:
-    """Replace a file without summary by one with it; false if it has one already, or has no whole chunk."""
+    """Add the summary to a file; False if it has one already, or has no whole chunk."""
     with path.open("rb") as file:
         if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC or _has_summary(file):
             return False
@@ -113,12 +113,12 @@ class _Summary:
         self._missing_indexes: dict[int, MessageIndex] = {}  # of the newest chunk, by channel
 
     def add(self, record: RawRecord) -> bool:
-        """Add a record; false if it does not belong to the data, which ends there."""
+        """Add a record; False if it does not belong to the data, which ends there."""
         match record.opcode:
             case Opcode.HEADER:
                 pass
             case Opcode.CHUNK:
-                # Each chunk is read: after a power cut the last one may have the right length but hold zeros.
+                # Each chunk is read: after a power cut the last one may have the right length but only zeros.
                 inside = parse(record)
                 if inside is None:
                     return False
@@ -192,7 +192,7 @@ class _Summary:
         offsets_start = start + body.count
         for offset in offsets:
             offset.write(body)
-        # The checksum covers everything from here on.
+        # The checksum covers the whole summary section, including this footer up to its last field.
         Footer(start, offsets_start, 0).write(body)
         summary = bytes(body.end())[: -_CHECKSUM.size]
         return bytes(head.end()) + summary + _CHECKSUM.pack(zlib.crc32(summary)) + MCAP0_MAGIC

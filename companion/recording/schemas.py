@@ -1,7 +1,7 @@
 """The topics of a recording, and the schemas of their messages: JSON schemas that Foxglove can read.
 
-Foxglove allows one type for each property, so that one that may be null is marked `nullable`. It needs the
-properties of every object and allows no lists of lists, so that those in the messages are left out here.
+Foxglove allows one type for each property: one that may be null is marked `nullable`. It needs the properties
+of every object and allows no lists of lists: such lists in the messages are left out here.
 """
 
 import json

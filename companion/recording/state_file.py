@@ -1,4 +1,4 @@
-"""Small files that one run leaves to the next, replaced as a whole so that they are never read in part."""
+"""State files: small files that one run leaves to the next, replaced as a whole, so never read in part."""
 
 import logging
 import os
@@ -19,7 +19,7 @@ class StateFile:
     def read(self) -> tuple[str, float] | None:
         """The text and its age [s]; `None` if there is no readable file.
 
-        The age is that of the file, because the clock of the last run may have been set since.
+        The age is that of the file, because the clock may have been set since the last run.
         """
         try:
             age_s = time.time() - self._path.stat().st_mtime
@@ -35,7 +35,7 @@ class StateFile:
                 return
             new = self._path.with_name(f"{self._path.name}.new")
             self._write_new(new, text)
-            os.replace(new, self._path)  # noqa: PTH105 - atomic, and says so
+            os.replace(new, self._path)  # noqa: PTH105 - documented to be atomic
         except OSError as error:
             if not self._failed:
                 _log.error("%s: cannot be written: %s", self._path, error.strerror)
@@ -48,7 +48,7 @@ class StateFile:
 class DurableStateFile(StateFile):
     """A state file that survives a power cut: the new text is on the disk before it replaces the old one.
 
-    This may take seconds on a memory card, so that a thread does it, in order, while the flight goes on.
+    This may take seconds on a memory card, so a thread does it, in order, and the flight does not wait.
     """
 
     def __init__(self, path: Path) -> None:

@@ -1,1 +1,1 @@
-"""The flight report: one page about what happened in a flight."""
+"""The flight report: one page about a flight."""

@@ -1,4 +1,4 @@
-"""The encounters of a flight: which aircraft came near, how near, and what was done about it."""
+"""The encounters of a flight: the aircraft that came near, how near, and how we avoided them."""
 
 import math
 from collections.abc import Iterator
@@ -126,8 +126,8 @@ def _encounter(
     )
 
 
-def _within(horizontal_m: Floats, vertical_m: Floats, across_m: float, aloft_m: float) -> bool:
-    return bool(((horizontal_m < across_m) & (np.abs(vertical_m) < aloft_m)).any())
+def _within(horizontal_m: Floats, vertical_m: Floats, radius_m: float, half_height_m: float) -> bool:
+    return bool(((horizontal_m < radius_m) & (np.abs(vertical_m) < half_height_m)).any())
 
 
 def _deviation(flight: Flight, first: int) -> tuple[float, float]:

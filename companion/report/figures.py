@@ -37,7 +37,7 @@ MAX_DRAWN = 8  # aircraft in one figure
 
 
 def from_above(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
-    """The path, with colours and dashes by who flew, the mission, and the closest points of encounters."""
+    """The path by phase of the flight, the mission, and the closest points of encounters."""
     drawing = new_figure(8.0)
     axes = drawing.subplots()
     east_km, north_km = flight.column("east_m") / 1e3, flight.column("north_m") / 1e3
@@ -70,21 +70,21 @@ def from_above(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
 def separation(flight: Flight, encounters: Sequence[Encounter]) -> Figure:
     """Horizontal and vertical distance of each aircraft that came near, over time."""
     drawing = new_figure(5.6)
-    across, aloft = drawing.subplots(2, 1, sharex=True)
+    horizontal, vertical = drawing.subplots(2, 1, sharex=True)
     keys: list[Any] = []
     for number, one in enumerate(encounters[:MAX_DRAWN]):
         style = other_style(number)
         at = thinned(np.arange(len(one.at)))
         times_s = flight.time_s[one.at[at]]
-        across.plot(times_s, one.horizontal_m[at], lw=1.6, **style)
-        aloft.plot(times_s, np.abs(one.vertical_m[at]), lw=1.6, **style)
-        for axes, value in ((across, one.closest_horizontal_m), (aloft, abs(one.closest_vertical_m))):
+        horizontal.plot(times_s, one.horizontal_m[at], lw=1.6, **style)
+        vertical.plot(times_s, np.abs(one.vertical_m[at]), lw=1.6, **style)
+        for axes, value in ((horizontal, one.closest_horizontal_m), (vertical, abs(one.closest_vertical_m))):
             axes.plot(
                 flight.time_s[one.closest_at], value, "o", ms=6, mfc="white", mec=style["color"], zorder=6
             )
         keys.append(Line2D([], [], lw=1.6, **style, label=one.name))
-    keys += shade(flight, (across, aloft)) + separation_lines(across, aloft)
-    over_time(aloft, 0.0, float(flight.time_s[-1]))
+    keys += shade(flight, (horizontal, vertical)) + separation_lines(horizontal, vertical)
+    over_time(vertical, 0.0, float(flight.time_s[-1]))
     drawing.legend(handles=keys, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     return drawing
 
@@ -120,11 +120,11 @@ def commands(flight: Flight) -> Figure:
 
 
 def encounter(flight: Flight, one: Encounter, number: int) -> Figure:
-    """One encounter from above, with heights and distances, a minute before and after its closest point."""
+    """One encounter from above, with heights and distances, `AROUND_S` before and after its closest point."""
     drawing = new_figure(5.0)
     left, right = drawing.subfigures(1, 2, width_ratios=(1.0, 1.25), squeeze=False)[0]
     above = left.subplots()
-    heights, across, aloft = right.subplots(3, 1, sharex=True)
+    heights, horizontal, vertical = right.subplots(3, 1, sharex=True)
     closest_s = float(flight.time_s[one.closest_at])
     begin_s, end_s = closest_s - AROUND_S, closest_s + AROUND_S
     if one.acted_s is not None:
@@ -155,16 +155,16 @@ def encounter(flight: Flight, one: Encounter, number: int) -> Figure:
     )
     own_m = flight.column("altitude_m")[one.at[theirs]]
     heights.plot(times_s, own_m + one.vertical_m[theirs], lw=1.6, **style)
-    across.plot(times_s, one.horizontal_m[theirs], lw=1.6, **style)
-    aloft.plot(times_s, np.abs(one.vertical_m[theirs]), lw=1.6, **style)
-    separation_lines(across, aloft)
-    shade(flight, (heights, across, aloft), begin_s, end_s)
+    horizontal.plot(times_s, one.horizontal_m[theirs], lw=1.6, **style)
+    vertical.plot(times_s, np.abs(one.vertical_m[theirs]), lw=1.6, **style)
+    separation_lines(horizontal, vertical)
+    shade(flight, (heights, horizontal, vertical), begin_s, end_s)
     dress(heights, "", "height [m]")
-    for axes in (heights, across, aloft):
+    for axes in (heights, horizontal, vertical):
         axes.axvline(closest_s, color=INK, lw=0.9)
         if one.acted_s is not None:
             axes.axvline(closest_s - one.acted_s, color=INK, lw=0.9, ls=DASHES[3])
-    over_time(aloft, begin_s, end_s)
+    over_time(vertical, begin_s, end_s)
     return drawing
 
 

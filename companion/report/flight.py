@@ -27,7 +27,7 @@ _LARGEST = 1e7
 _COURSE_DEG, _SPEED_MPS, _HEIGHT_M = 10.0, 1.0, 15.0
 # Without a fix, autopilots send a position at 0, 0.
 _NO_FIX_DEG = 1e-3
-_WATCHING = frozenset({State.STANDBY, State.MONITOR})
+_WATCHING = frozenset({State.STANDBY, State.WAITING, State.MONITOR})
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +43,11 @@ class Change:
 
     @property
     def doing(self) -> str:
-        """The state; standby and monitor, which may alternate every second, are both "watching"."""
+        """The state; "watching" for both standby and monitor, which may alternate every second."""
         return "watching" if self.state in _WATCHING else self.state
 
     def differs(self, other: "Change") -> bool:
-        """Whether it should be listed after the other."""
+        """Whether it differs enough from the change before to be listed."""
         if (self.mode, self.doing, self.layer) != (other.mode, other.doing, other.layer):
             return True
         if self.guidance is None or other.guidance is None:
@@ -153,7 +153,7 @@ class Flight:
 
     @property
     def jumps(self) -> int:
-        """How often the time of the records stepped so far that the step was ignored."""
+        """The number of steps in the time of the records that were too large, and ignored."""
         return self._clock.jumps
 
     def column(self, name: str) -> Floats:

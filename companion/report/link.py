@@ -1,4 +1,4 @@
-"""The link, from a tlog: messages per second, gaps, lost messages, texts of the autopilot, its mission."""
+"""The link, from a tlog: messages per second, gaps, lost messages, and the autopilot's texts and mission."""
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -92,7 +92,7 @@ class LinkLog:
                 self._mission.pop(fact.sequence, None)
 
     def _add_text(self, sender: Sender, frame: Frame, time_s: float) -> None:
-        """Add a text, or a further chunk of the last one."""
+        """Add a text, or append a further chunk to the last one."""
         message = decode(frame)
         if message is None:
             return

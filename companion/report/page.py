@@ -167,7 +167,8 @@ def _changes(flight: Flight) -> Iterator[str]:
         yield f"<p>And {len(flight.changes) - len(shown)} more.</p>"
     yield _why(
         "One row for each change of mode, state or layer, or of guidance by more than 10 degrees, 1 m/s or "
-        "15 m. Guidance is commanded only in the states outer, inner and returning; otherwise it is advice."
+        "15 m. Guidance is commanded only in the states outer, inner, returning and recovering; otherwise it "
+        "is advice."
     )
 
 

@@ -36,7 +36,7 @@ _APART_M = (4.0 * WELL_CLEAR_HORIZONTAL_M, 4.0 * WELL_CLEAR_VERTICAL_M)
 
 @dataclass(frozen=True)
 class Phase:
-    """Whether the companion flew, which layer decided, and how that is drawn."""
+    """A combination of flying or not and the layer that decided, with its drawing style."""
 
     flying: bool
     layer: Layer
@@ -86,7 +86,7 @@ def draw_path(axes: Axes, flight: Flight, at: Indices, unit_m: float) -> list[Li
 def draw_other(
     axes: Axes, flight: Flight, one: Encounter, number: int, unit_m: float, shown: Indices | None = None
 ) -> Line2D:
-    """Draw an aircraft near its closest point, and both positions there."""
+    """Draw the path of an aircraft, a line between both positions at the closest point, and the distance."""
     style = other_style(number)
     if shown is None:
         near = np.abs(flight.time_s[one.at] - flight.time_s[one.closest_at]) <= AROUND_S
@@ -177,11 +177,11 @@ def band(style: Style) -> Style:
     return {"facecolor": "white" if hatch else style["color"], "edgecolor": style["color"], "hatch": hatch}
 
 
-def separation_lines(across: Axes, aloft: Axes) -> list[Line2D]:
+def separation_lines(horizontal: Axes, vertical: Axes) -> list[Line2D]:
     """Draw lines at well clear and at near mid-air collision, and limit the axes to distances of interest."""
     lines = (
-        (across, WELL_CLEAR_HORIZONTAL_M, NMAC_HORIZONTAL_M, _APART_M[0]),
-        (aloft, WELL_CLEAR_VERTICAL_M, NMAC_VERTICAL_M, _APART_M[1]),
+        (horizontal, WELL_CLEAR_HORIZONTAL_M, NMAC_HORIZONTAL_M, _APART_M[0]),
+        (vertical, WELL_CLEAR_VERTICAL_M, NMAC_VERTICAL_M, _APART_M[1]),
     )
     well_clear: Style = {"color": INK, "lw": 1.0, "ls": (0, (8, 2))}
     nmac: Style = {"color": "#B3261E", "lw": 1.2, "ls": (0, (2, 1))}
@@ -189,8 +189,8 @@ def separation_lines(across: Axes, aloft: Axes) -> list[Line2D]:
         axes.axhline(clear_m, **well_clear)
         axes.axhline(near_m, **nmac)
         axes.set_ylim(0.0, most_m)
-    dress(across, "", "horizontal [m]")
-    dress(aloft, "", "vertical [m]")
+    dress(horizontal, "", "horizontal [m]")
+    dress(vertical, "", "vertical [m]")
     return [
         Line2D([], [], **well_clear, label="well clear, 610 m and 76 m"),
         Line2D([], [], **nmac, label="near mid-air collision, 152 m and 30 m"),
@@ -242,4 +242,5 @@ def extent(east: Floats, north: Floats) -> tuple[Floats, Floats]:
 
 
 def new_figure(height_in: float) -> Figure:
+    """An empty figure as wide as the page; `height_in` in inches."""
     return Figure((_WIDTH_IN, height_in), layout="constrained")

@@ -1,4 +1,4 @@
-"""Altitudes of different references made comparable with ours.
+"""Altitude datums: converts altitudes of different references, so that they can be compared with ours.
 
 Traffic reports its altitude in the standard atmosphere, above the ellipsoid, or above mean sea level; our own
 altitude is known in each of them as far as our autopilot reports it. A target keeps its altitude as reported.
@@ -38,7 +38,7 @@ class HeightParams:
     # pressure at sea level is often 8 hPa off the standard's 1013.25, and 1 hPa is 8.3 m at low altitude.
     pressure_unknown_m: Annotated[float, Ge(0)] = 60.0
     # Our own pressure altitude counts as current for this time: 1 Hz with losses. After that its error grows,
-    # faster than a front changes it (3 hPa an hour: 0.007 m/s), because silence indicates a fault.
+    # faster than with a passing front (3 hPa an hour: 0.007 m/s), because silence indicates a fault.
     pressure_fresh_s: Annotated[float, Gt(0)] = 5.0
     pressure_stale_mps: Annotated[float, Ge(0)] = 0.5
     # Air 20 K warmer or colder than standard stretches altitudes by 7 %: the error of an old offset for each
@@ -94,17 +94,17 @@ class OwnshipAltitudes:
         self._geoid = DatumOffset(0.0, self._params.geoid_unknown_m)
 
     def observe_altitude(self, altitude_m: float) -> None:
-        """Take our altitude above mean sea level."""
+        """Store our altitude above mean sea level."""
         self._altitude_m = altitude_m
 
     def observe_pressure_altitude(self, pressure_altitude_m: float, now_s: float) -> None:
-        """Take our altitude in the standard atmosphere; ignored until our altitude above the sea is known."""
+        """Store our altitude in the standard atmosphere; ignored while that above the sea is unknown."""
         if self._altitude_m is not None:
             self._pressure = DatumOffset(self._altitude_m - pressure_altitude_m, 0.0)
             self._pressure_s, self._pressure_at_m = now_s, self._altitude_m
 
     def observe_geoid_separation(self, separation_m: float) -> None:
-        """Take the height of the geoid above the ellipsoid here; it varies by about a metre in 10 km."""
+        """Store the height of the geoid above the ellipsoid here; it varies by about a metre in 10 km."""
         self._geoid = DatumOffset(-separation_m, 0.0)
 
     def offsets(self, now_s: float) -> DatumOffsets:

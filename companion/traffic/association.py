@@ -1,4 +1,4 @@
-"""Which targets are the same aircraft, received from several sources.
+"""Association: finds the targets of several sources that are one aircraft.
 
 Two targets of the same source are always two aircraft, because a source identifies its own. Two targets of
 different sources become one track after several reports at the same place with the same motion, and two again
@@ -30,9 +30,9 @@ _AGE_STEP_S, _SIGMA_STEP_M = 3.0, 10.0
 
 
 class _Pair:
-    """Two targets that may be one aircraft, and the reports in a row that speak for a change.
+    """Two targets that may be one aircraft, and the number of reports in a row that suggest a change.
 
-    Before a merge the reports count that are similar, after it those that are apart.
+    Before a merge similar reports are counted, after it those that are apart.
     """
 
     __slots__ = ("merged", "reports", "since_s")
@@ -43,14 +43,14 @@ class _Pair:
         self.since_s = math.inf
 
     def count_report(self, now_s: float) -> int:
-        """Count one more report; returns how many there were in a row."""
+        """Count one more report; returns the number in a row."""
         if not self.reports:
             self.since_s = now_s
         self.reports += 1
         return self.reports
 
     def reset(self) -> None:
-        """Start again, after a report that speaks against a change."""
+        """Start again, after a report that contradicts the change."""
         self.reports = 0
 
 
@@ -234,7 +234,7 @@ def _horizontal_gate_distance(a: Motion, b: Motion, params: AssociationParams, n
 
 
 def leading_target(members: Sequence[Target], now_s: float) -> Target:
-    """The target that gives a group's position: the fresher one, then the more accurate one."""
+    """The target whose position a group takes: the freshest, then the most accurate one."""
 
     def priority(target: Target) -> tuple[float, float, int]:
         motion = target.motion

@@ -7,7 +7,7 @@ from companion.mavlink.facts import Fact, Heartbeat, OwnPosition
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
 from companion.units import wrap_two_pi
 
-# A system that is lower above its home and slower is not flying: it is parked, or carried to its start.
+# A system lower above its home and slower than this is not flying: it is parked, or carried to its start.
 _GROUND_HEIGHT_M, _GROUND_SPEED_MPS = 2.0, 3.0
 _GROUND_STATIONS = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ANTENNA_TRACKER})
 _SURFACE_VEHICLES = frozenset(
@@ -41,7 +41,7 @@ class MavlinkTraffic:
         system_id = fact.sender.system_id
         is_low = fact.height_above_home_m < _GROUND_HEIGHT_M
         vehicle_type = self._types.get(system_id)
-        # A ground station in a moving car is as low as one that stands.
+        # A ground station may be in a moving car: then only its height shows that it is on the surface.
         on_surface = vehicle_type in _SURFACE_VEHICLES or (is_low and vehicle_type in _GROUND_STATIONS)
         return TrafficReport(
             source=TrafficSource.SYSTEM,

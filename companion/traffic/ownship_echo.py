@@ -1,8 +1,8 @@
 """Echoes: our own aircraft, reported back to us as traffic by a source that does not recognize it.
 
-An echo is where we were a moment ago, with the velocity that we had then. No other aircraft stays there for
-long. A target that is there from its first report on is an echo at once; otherwise every echo would begin as
-a conflict at zero distance.
+An echo is at a place where we were a moment ago, with the velocity that we had then. No other aircraft stays
+there for long. A target that is there in its first report counts as an echo at once; otherwise every echo
+would begin as a conflict at zero distance.
 """
 
 import math
@@ -20,7 +20,7 @@ _SPACING_S = 0.2
 _NEAR_DEG = 0.02
 # A report may be valid between our last recorded position and the next one.
 _AHEAD_S = 0.5
-# Our own position comes several times a second, once a second on a slow link. After this time it is missing.
+# Our own position comes several times a second, or once on a slow link. After this time it is missing.
 _SILENT_S = 1.0
 
 
@@ -90,12 +90,12 @@ class OwnshipEcho:
         self.keys.discard(key)
 
     def _has_left(self, evidence: _Evidence, distance: float) -> bool:
-        """Whether an echo was far away for so many reports that it is another aircraft."""
+        """Count a report of an echo; True after enough reports far away: it is another aircraft."""
         evidence.reports = evidence.reports + 1 if distance > self._params.split_factor else 0
         return evidence.reports >= self._params.split_reports
 
     def _has_followed(self, evidence: _Evidence, distance: float, now_s: float) -> bool:
-        """Whether a target was on our trail for so long that it is an echo."""
+        """Count a report of a target; True after enough reports on our trail: it is an echo."""
         if distance > 1.0:
             evidence.reports = 0
             return False

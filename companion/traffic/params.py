@@ -39,7 +39,7 @@ class EchoParams:
 
     radius_m: Annotated[float, Gt(0)] = 30.0
     vertical_m: Annotated[float, Gt(0)] = 40.0
-    # Velocities discriminate better than positions: satellites give them to a few decimetres per second.
+    # Velocities discriminate better than positions: receivers measure them to a few decimetres per second.
     velocity_mps: Annotated[float, Gt(0)] = 2.5
     climb_mps: Annotated[float, Gt(0)] = 2.0
     # Largest delay of a report: networks take seconds.

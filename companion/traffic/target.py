@@ -17,7 +17,7 @@ from companion.traffic.track_filter import (
     VerticalFix,
 )
 
-# More distinct reports of one aircraft within the window mean a rate of 9 Hz: the oldest is forgotten.
+# With more distinct reports of one aircraft in the window (9 Hz) the oldest is forgotten.
 _MAX_REMEMBERED = 64
 
 _Content = tuple[float | None, ...]
@@ -62,7 +62,7 @@ class RepeatFilter:
 
     ArduPilot re-sends a report for up to 5 s without changing its age, and a second link delivers it late,
     after newer ones; therefore several past reports are remembered. An aircraft that stands still sends
-    identical reports: after the window, counted from the first of them, the next one is a new measurement.
+    identical reports: the first one after the window, counted from the first of them, is a new measurement.
     """
 
     __slots__ = ("_first_received_s", "_window_s")

@@ -13,6 +13,18 @@ from companion.model import Vec2
 _REPORT_SIGMAS = 6.0
 _ESTIMATE_SIGMAS = 3.0
 
+# Below this speed no rate of turn is estimated: hovering aircraft swing about.
+_MIN_TURN_SPEED_MPS = 5.0
+# Aircraft in forward flight turn no faster; one that pivots on the spot stays where it is.
+_MAX_TURN_RATE_RADPS = math.radians(20.0)
+_MAX_TURN_GAP_S = 5.0
+# The noise of courses differs between senders and is rarely stated. Its variance is estimated from the
+# innovations, averaged over this many reports, and limited to these multiples of the usual sigma.
+_NOISE_AVERAGING_REPORTS = 20.0
+_MIN_NOISE_SCALE, _MAX_NOISE_SCALE = 0.5, 4.0
+# A larger squared innovation, in units of its variance, is not noise: a turn began, or the report is wrong.
+_MAX_INNOVATION2 = 10.0
+
 
 @dataclass(frozen=True, slots=True)
 class EstimateParams:
@@ -239,7 +251,7 @@ _FilterT = TypeVar("_FilterT", bound=_Filter[Any])
 
 
 class OutlierGate(Generic[_FilterT, _Fix]):
-    """A filter that rejects an outlier unless the next report confirms it."""
+    """Protects a filter: an outlier is rejected unless the next report confirms it."""
 
     __slots__ = ("_suspect", "estimate")
 
@@ -248,7 +260,7 @@ class OutlierGate(Generic[_FilterT, _Fix]):
         self._suspect: _FilterT | None = None  # starts from the outlier
 
     def receive(self, fix: _Fix) -> bool:
-        """Process a report; False when it is rejected as an outlier."""
+        """Process a report; False if it is rejected as an outlier."""
         if self.estimate.is_outlier(fix):
             if self._suspect is None or self._suspect.is_outlier(fix):
                 self._suspect = self.estimate.restart(fix)
@@ -257,19 +269,6 @@ class OutlierGate(Generic[_FilterT, _Fix]):
         self._suspect = None
         self.estimate.update(fix)
         return True
-
-
-# Below this speed the course says little: hovering aircraft swing about.
-_MIN_SPEED_MPS = 5.0
-# Aircraft in forward flight turn no faster; one that pivots on the spot stays where it is.
-_MAX_RATE_RADPS = math.radians(20.0)
-_MAX_GAP_S = 5.0
-# The noise of courses differs between senders and is rarely stated. Its variance is estimated from the
-# innovations, averaged over this many reports, and limited to these multiples of the usual sigma.
-_NOISE_AVERAGING_REPORTS = 20.0
-_MIN_NOISE_SCALE, _MAX_NOISE_SCALE = 0.5, 4.0
-# A larger squared innovation, in units of its variance, is not noise: a turn began, or the report is wrong.
-_MAX_INNOVATION2 = 10.0
 
 
 class TurnFilter:
@@ -292,14 +291,14 @@ class TurnFilter:
         if abs(self._rate_radps) <= sigma_radps:
             return 0.0
         weight = min(abs(self._rate_radps) / sigma_radps - 1.0, 1.0)
-        return min(max(weight * self._rate_radps, -_MAX_RATE_RADPS), _MAX_RATE_RADPS)
+        return min(max(weight * self._rate_radps, -_MAX_TURN_RATE_RADPS), _MAX_TURN_RATE_RADPS)
 
     def receive(self, time_s: float, velocity_mps: Vec2 | None) -> None:
         """Process the velocity of a report that is not older than the last; `None`: no velocity reported."""
         if velocity_mps is None:
             return
         speed_mps = math.hypot(*velocity_mps)
-        if speed_mps < _MIN_SPEED_MPS:
+        if speed_mps < _MIN_TURN_SPEED_MPS:
             self._time_s = -math.inf
             self._rate_radps = 0.0
             return
@@ -308,7 +307,7 @@ class TurnFilter:
         sigma_rad = noise_scale * self._params.velocity_sigma_mps / speed_mps
         dt_s = time_s - self._time_s
         self._time_s = time_s
-        if dt_s > _MAX_GAP_S:
+        if dt_s > _MAX_TURN_GAP_S:
             self._course_rad, self._rate_radps = course_rad, 0.0
             self._covariance = Covariance(sigma_rad, self._params.turn_sigma_radps)
             return

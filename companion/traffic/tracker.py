@@ -1,4 +1,4 @@
-"""Reports to tracks: all traffic of the moment in the local frame."""
+"""The tracker: from traffic reports to tracks in the local frame."""
 
 import cmath
 import math
@@ -75,7 +75,7 @@ class Tracker:
             self._unplaced_received_s.pop(adsb_key(icao), None)
 
     def observe_ownship(self, fix: OwnshipFix) -> None:
-        """Take our own position, by which echoes of it are recognized."""
+        """Store our own position, so that echoes of it are recognized."""
         self._echo.observe_ownship(OwnshipFix(self._clock.advance(fix.time_s), *fix[1:]))
 
     def receive(self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED) -> str | None:
@@ -185,7 +185,7 @@ class Tracker:
         return leading_target(members, monotonic_s), tuple(altitudes)
 
     def _refusal(self, report: TrafficReport) -> DropReason | None:
-        """Why a report cannot be used, whatever was received before."""
+        """Why a report cannot be used, regardless of earlier reports; `None` if it can."""
         if not report.key or (report.icao is not None and report.icao <= 0):
             return DropReason.NO_ADDRESS
         if report.icao in self._own_icao or report.key == self._own_uas_key:
@@ -250,7 +250,7 @@ def _extrapolate(
     """
     lat_deg, lon_deg, position_s, north_mps, east_mps, turn_radps, _, _ = motion
     elapsed_s = monotonic_s - position_s
-    # As in `LocalFrame.to_north_east_m`, whose calls cost too much for a thousand tracks.
+    # Inlined from `LocalFrame.to_north_east_m`: calls cost too much for a thousand tracks.
     dlon_deg = (lon_deg - frame.lon_deg + 180.0) % 360.0 - 180.0
     north_m = (lat_deg - frame.lat_deg) * metres_per_degree[0] + north_mps * elapsed_s
     east_m = dlon_deg * metres_per_degree[1] + east_mps * elapsed_s

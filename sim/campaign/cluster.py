@@ -50,7 +50,7 @@ def run_on(
 ) -> None:
     """Fly the remaining encounters on a scheduler's workers, including workers that join later.
 
-    `on_flown` gets the number newly flown, `on_notice` a text about what is waited for. The task of a worker
+    `on_flown` gets the number newly flown, `on_notice` a text while no worker is there. The task of a worker
     that died is flown again by another. `ConfigError` if no scheduler answers at `address` or a worker has
     other versions; `CompanionError` if the scheduler is lost, or a task killed several workers. Results until
     then are kept, and no task stays queued.
@@ -123,7 +123,7 @@ class _Cluster:
         return f"{len(self._results.done)} results are kept, start again to continue"
 
     def _submit(self, function: Callable[..., Any], *arguments: object) -> "Future[Any]":
-        # Not pure: a key of its own, so that results of another campaign are never taken for ours.
+        # Not pure: each task has its own key, so that dask never returns a result of another campaign.
         with self._connection_errors():
             return self._client.submit(function, *arguments, pure=False)
 
@@ -137,10 +137,10 @@ class _Cluster:
         return sum(count for address, count in threads.items() if address in self._known)
 
     def _check_workers(self, workers: list[str]) -> None:
-        """`ConfigError` if a worker has other versions.
+        """Raise `ConfigError` if a worker has other versions.
 
-        This comes before the first task: without this package it would kill the worker without a message.
-        Each task checks again, since the scheduler gives tasks to new workers without waiting for us.
+        This comes before the first task, which would kill a worker without this package, and without a
+        message. Each task checks again, since the scheduler gives tasks to new workers at once.
         """
         with self._connection_errors():
             answers = self._client.run(environment, self._plan.avoiders, workers=workers, on_error="return")
@@ -190,7 +190,7 @@ class _Cluster:
 
 
 def _probe(address: str) -> None:
-    """`ConfigError` if no server listens there or it is silent; dask itself would wait without end."""
+    """Raise `ConfigError` if no server listens there or it is silent; dask itself would wait for ever."""
     try:
         with socket.create_connection(parse_scheduler_address(address), timeout=_CONNECT_S) as probe:
             if not address.startswith("tls:"):  # with TLS the client sends first

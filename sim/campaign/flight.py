@@ -1,4 +1,4 @@
-"""Flies one encounter: engine, plane and traffic in lockstep, one decision and ten steps a second."""
+"""One encounter flown: engine, plane and traffic in lockstep, one decision and ten steps a second."""
 
 import math
 import time
@@ -104,7 +104,7 @@ def fly(
     *,
     seed: int = 0,
 ) -> EncounterResult:
-    """Fly an encounter, and on until the aircraft is back on its mission line."""
+    """Fly an encounter, and continue until the aircraft is back on its mission line."""
     return _Flight(encounter, make_engine(encounter), surveillance, limits, seed).run()
 
 
@@ -176,7 +176,7 @@ class _Flight:
         effects = engine.tick(now_s)
         flown.decision_ms.append((time.perf_counter() - begun) * 1e3)
         if self._plane.execute(_messages(effects)):
-            # The autopilot's heartbeat comes five times a second and reports a new mode that soon.
+            # The autopilot sends its heartbeat five times a second, so it reports a new mode that soon.
             for fact in (self._plane.heartbeat(), *self._plane.facts(now_s)):
                 engine.receive(fact, now_s)
             self._plane.execute(_messages(engine.tick(now_s)))

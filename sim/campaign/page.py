@@ -155,11 +155,11 @@ def figure_of(encounter: Encounter, flown: EncounterResult) -> Figure:
     heights.set_ylabel("height [m]")
     for i, place_m in enumerate(seen):
         off_m = place_m - own_m
-        across = np.hypot(off_m[:, 0], off_m[:, 1]) / WELL_CLEAR_HORIZONTAL_M
-        aloft = np.abs(off_m[:, 2]) / WELL_CLEAR_VERTICAL_M
+        horizontal = np.hypot(off_m[:, 0], off_m[:, 1]) / WELL_CLEAR_HORIZONTAL_M
+        vertical = np.abs(off_m[:, 2]) / WELL_CLEAR_VERTICAL_M
         style = {"color": _COLOURS[i % 4], "ls": _DASHES[i % 4]}
-        apart.plot(times_s, across, lw=1.6, label="horizontal", **style)
-        apart.plot(times_s, aloft, lw=0.8, label="vertical", **style)
+        apart.plot(times_s, horizontal, lw=1.6, label="horizontal", **style)
+        apart.plot(times_s, vertical, lw=0.8, label="vertical", **style)
     near = max(NMAC_HORIZONTAL_M / WELL_CLEAR_HORIZONTAL_M, NMAC_VERTICAL_M / WELL_CLEAR_VERTICAL_M)
     apart.axhspan(0.0, 1.0, color=_LOST, zorder=0)
     apart.axhspan(0.0, near, color=_NEAR, zorder=0)

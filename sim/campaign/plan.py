@@ -28,7 +28,7 @@ _FILES = (".csv", ".daa")
 
 
 class Part(StrEnum):
-    """Which half of the encounters: one for tuning, the other for quoted results."""
+    """The encounters flown: all, the half for tuning, or the half for quoted results."""
 
     ALL = "all"
     TUNING = "tuning"  # even numbers

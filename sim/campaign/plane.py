@@ -86,7 +86,7 @@ class Plane:
 
     @property
     def velocity_mps(self) -> Vec3:
-        """Over ground, north-east-down [m/s]."""
+        """Velocity over ground, north-east-down [m/s]."""
         return self._wing.velocity_mps
 
     def off_line_m(self) -> tuple[float, float]:
@@ -97,7 +97,7 @@ class Plane:
         return aside_m, self._start_m[2] - down_m
 
     def fly(self, steps: int, dt_s: float) -> NDArray[np.float64]:
-        """Fly some steps; the position after each, north-east-down [m], (steps, 3)."""
+        """Fly some steps; returns the position after each, north-east-down [m], (steps, 3)."""
         return self._wing.fly(steps, dt_s, self._line_m if self.mode == AUTO else None)
 
     def facts(self, now_s: float) -> list[Fact]:

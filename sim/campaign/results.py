@@ -21,7 +21,7 @@ Key = tuple[str, str, int]  # avoider, surveillance, number of the encounter
 def result_line(
     key: Key, encounter: Encounter, nominal: ClosestApproach, flown: EncounterResult
 ) -> ResultLine:
-    """One line of the results; all but `timing` is the same on any machine."""
+    """One line of the results; everything except `timing` is the same on any machine."""
     avoider, surveillance, number = key
     return {
         "number": number,

@@ -111,7 +111,7 @@ def ratio_of(columns: dict[str, Array], name: str, event: str) -> dict[str, obje
     ratio = float(flown.sum() / nominal.sum())
     low, high = _interval(len(weight), lambda picked: _divided(flown[picked].sum(1), nominal[picked].sum(1)))
     if not flown.any():
-        # Resampling shows no spread for an event that never happened: the rule of three bounds it.
+        # Resampling shows no spread if the event never happened: the rule of three bounds it.
         high = _bound_without_events(nominal)
     return {name: _shown(ratio), f"{name}_ci95": [_shown(low), _shown(high)]}
 

@@ -130,7 +130,7 @@ class FixedWing:
 
     @property
     def airframe(self):
-        """What the aircraft can do; may be replaced at any time."""
+        """Limits and lags of the aircraft; may be replaced at any time."""
         return self._airframe
 
     @airframe.setter
@@ -207,11 +207,11 @@ class FixedWing:
         self.airspeed_command_mps = min(max(airspeed_mps, low_mps), high_mps)
 
     def step(self, dt_s: c.double):
-        """Fly on for a short time (0.1 s at most for the lags to be smooth)."""
+        """Fly for a short time, at most 0.1 s, so that the lags are smooth."""
         self._step(dt_s)
 
     def fly(self, steps: c.Py_ssize_t, dt_s: c.double, line=None):
-        """Fly on for a number of steps; the positions after them, north-east-down [m], (steps, 3).
+        """Fly a number of steps; returns the position after each, north-east-down [m], (steps, 3).
 
         The aircraft follows its commands or, with `line`, the bank that joins the line from one place (north,
         east) to another.
@@ -259,7 +259,7 @@ class FixedWing:
     @c.cfunc
     @c.exceptval(check=False)
     def _roll(self, dt_s: c.double) -> c.void:
-        """Follow the bank command, or the bank that the course command asks for."""
+        """Follow the bank command, or the bank for the course command."""
         wanted_rad = self._bank_command_rad
         if self._holds_course:
             error_rad = _wrap_pi(self._course_command_rad - atan2(self._east_mps(), self._north_mps()))
@@ -292,7 +292,7 @@ class FixedWing:
     @c.cfunc
     @c.exceptval(check=False)
     def _horizontal_mps(self) -> c.double:
-        """The part of the airspeed that is not climb."""
+        """Horizontal airspeed [m/s]: without the part that is climb."""
         return sqrt(max(self.airspeed_mps * self.airspeed_mps - self.climb_mps * self.climb_mps, 0.0))
 
     @c.cfunc
@@ -307,7 +307,7 @@ class FixedWing:
 
 
 def line_bank_rad(position_m, velocity_mps, start_m, end_m):
-    """Bank that joins and follows the line from start to end (L1 guidance, Park et al. 2004)."""
+    """Bank [rad] that joins and follows the line from start to end (L1 guidance, Park et al. 2004)."""
     return _line_bank_rad(
         position_m[0], position_m[1], velocity_mps[0], velocity_mps[1],
         start_m[0], start_m[1], end_m[0], end_m[1],

@@ -113,9 +113,9 @@ def _daa_reader(
 ) -> Callable[[int, list[str]], tuple[float, Vec3, Vec3]]:
     """A function from a row to time, position and velocity; positions by latitude or in a flat frame."""
     geographic = "lat" in place
-    across = ("lat", "lon", "alt") if geographic else ("sx", "sy", "sz")
+    position = ("lat", "lon", "alt") if geographic else ("sx", "sy", "sz")
     speeds = ("trk", "gs", "vs") if "trk" in place else ("vx", "vy", "vz")
-    missing = [name for name in ("name", "time", *across, *speeds) if name not in place]
+    missing = [name for name in ("name", "time", *position, *speeds) if name not in place]
     if missing:
         raise ConfigError(f"{path}: no encounters: column {missing[0]} is missing")
     frame: LocalFrame | None = None
@@ -128,7 +128,7 @@ def _daa_reader(
 
     def read(number: int, cells: list[str]) -> tuple[float, Vec3, Vec3]:
         nonlocal frame
-        first, second, up = (value(number, cells, name, _LENGTH_M) for name in across)
+        first, second, up = (value(number, cells, name, _LENGTH_M) for name in position)
         if geographic:
             frame = frame or LocalFrame(first, second)
             north, east, _ = frame.to_ned_m(GeoPoint(first, second, 0.0))

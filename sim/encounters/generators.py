@@ -1,4 +1,4 @@
-"""Encounters generated from the closest approach: all kinds, from all sides, hits and misses."""
+"""Encounters generated from their closest approach: all kinds, from all sides, hits and misses."""
 
 import math
 from collections.abc import Callable
@@ -89,7 +89,7 @@ def generate(kind: str, seed: int, number: int, *, hits: bool | None = None) -> 
 def _intruder(
     kind: str, own_m: Vec3, own_mps: float, passes_s: float, rng: np.random.Generator, *, hit: bool
 ) -> Path:
-    """A path that passes at that time; drawn again if it starts too near to us."""
+    """A random path that passes us at `passes_s`; drawn again while it starts too near to us."""
     while True:
         speed_mps = 0.0 if kind == "hovering" else float(rng.uniform(*_SPEEDS_MPS))
         course_rad = float(rng.uniform(0.0, math.tau))

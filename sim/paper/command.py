@@ -159,7 +159,7 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 def _finite(content: Any) -> Any:
-    """The content with None for NaN, the mean of flights that never arrived."""
+    """The content with None for NaN, which is the mean if no flight arrived."""
     if isinstance(content, dict):
         return {key: _finite(value) for key, value in content.items()}
     if isinstance(content, list | tuple):

@@ -71,7 +71,7 @@ class Flight:
 
 @dataclass
 class _Pilot:
-    """One UAV in flight."""
+    """One UAV in flight: its aircraft, its avoider, and the samples so far."""
 
     scene: Scene
     uav: Uav
@@ -165,7 +165,7 @@ class _Pilot:
         )
 
     def move(self, step: int) -> None:
-        """Fly one step; it arrives if the segment passes the goal within the arrival radius."""
+        """Fly one step; the UAV arrives if the step passes the goal within the arrival radius."""
         before = self.point
         for _ in range(_SUBSTEPS):
             self.aircraft.step(self.scene.step_s / _SUBSTEPS)

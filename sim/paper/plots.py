@@ -40,7 +40,7 @@ _KEY: Style = {"loc": "outside lower center", "fontsize": 9, "frameon": False, "
 _TEXT: Style = {"fontsize": 7.5, "ha": "center", "va": "center_baseline", "color": INK, "zorder": 8}
 _EDGE: Style = {"facecolors": "none", "linewidths": 0.7, "linestyles": "--"}
 _COMMANDED: Style = {"lw": 0.9, "ls": (0, (4, 1.5))}
-# With more than these, names, numbers and circles are left out.
+# With more obstacles or UAVs than this, names, numbers and circles are left out.
 _NAMED_OBSTACLES, _NAMED_UAVS = 12, 6
 
 

@@ -121,7 +121,7 @@ def best_delta_beta_deg(points: Sequence[TransitionPoint], method: str = methods
     """The width with the largest safety value among those that arrive most reliably.
 
     Reliable: the interval of its share reaches the best share. The paper uses the safety value alone, which
-    would also favour widths that never arrive.
+    would also favour widths with which no flight arrives.
     """
     candidates = [
         point for point in points if point.method == method and math.isfinite(point.safety_value[0])
@@ -156,7 +156,7 @@ def share_with_interval(successes: int, of: int) -> Triple:
     p, z2 = successes / of, _Z**2 / of
     middle = (p + z2 / 2.0) / (1.0 + z2)
     half = _Z * math.sqrt(p * (1.0 - p) / of + z2 / (4.0 * of)) / (1.0 + z2)
-    # Rounding must not put the share itself outside.
+    # Rounding must not put the share itself outside its interval.
     return p, min(max(middle - half, 0.0), p), max(min(middle + half, 1.0), p)
 
 

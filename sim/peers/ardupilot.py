@@ -97,8 +97,8 @@ class ArduPilot:
 def perpendicular(seen: Relative, own: Ownship) -> tuple[float, float, float]:
     """The perpendicular from the intruder's line of flight to us: north, east, up [m].
 
-    Its horizontal part is never zero: on the line itself it is one metre to the right; in flight, noise would
-    choose the side. Up is negative unless we are above the line.
+    Its horizontal part is never zero: on the line itself it is one metre to the right (in flight, noise would
+    decide the side). Up is negative unless we are above the line.
     """
     away = tuple(-p for p in seen.position_m)
     velocity = seen.track.velocity_mps

@@ -1,4 +1,4 @@
-"""Commands (COMMAND_LONG, COMMAND_INT) that all autopilots support; each autopilot adds its own."""
+"""Commands (COMMAND_LONG, COMMAND_INT) that both autopilots support; each autopilot adds its own."""
 
 import math
 from abc import ABC, abstractmethod
@@ -61,7 +61,7 @@ Action = Callable[[Call], Result]
 
 
 class Commands(ABC):
-    """Executes commands on one flight; `streams` by channel, `send(channel, message)` answers."""
+    """Executes commands on one flight; `streams` are by channel, `send(channel, message)` sends answers."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class Commands(ABC):
         self._actions = self._all_actions()
 
     def run(self, call: Call) -> Result:
-        """Execute a command; its result."""
+        """Execute a command; returns its result."""
         action = self._actions.get(call.command)
         return Result.UNSUPPORTED if action is None else action(call)
 

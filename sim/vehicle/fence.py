@@ -1,4 +1,4 @@
-"""Fences as the mission protocol carries them: polygons and circles, inclusion and exclusion."""
+"""Fences in the form of the mission protocol: polygons and circles, inclusion and exclusion."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,8 @@ class _Area:
 class Fence:
     """The fence items, and whether a place breaches them: outside the inclusions or inside an exclusion.
 
-    With several inclusions it is enough to be in one of them, as in both autopilots' defaults.
+    With several inclusions it is enough to be inside one of them, as in PX4; a real ArduPlane requires all of
+    them unless FENCE_OPTIONS permits the union.
     """
 
     def __init__(self, frame: LocalFrame) -> None:
@@ -46,7 +47,7 @@ class Fence:
         self._areas: list[_Area] = []
 
     def replace(self, items: Sequence[MissionItem]) -> bool:
-        """Store a new list; False, and the old one stays, if its items are no complete areas."""
+        """Store a new list; False, and the old list stays, if its items are not complete areas."""
         areas = self._areas_of(items)
         if areas is None:
             return False
@@ -89,7 +90,7 @@ class Fence:
             return _Area(first.command == INCLUSION_CIRCLE, points_m, first.params[0])
         if first.command in _VERTICES:
             return _Area(first.command == INCLUSION_VERTEX, points_m)
-        return None  # the return point is no boundary
+        return None  # the return point is not a boundary
 
     def _place_m(self, item: MissionItem) -> Vec2:
         return self._frame.to_ned_m(item.place_or_zero())[:2]

@@ -1,4 +1,4 @@
-"""The part of the flight that all autopilots share: ground roll, take-off, fence, time steps.
+"""The part of the flight that both autopilots share: ground roll, take-off, fence, time steps.
 
 `mission_flight` flies the mission; `ardupilot.flight` and `px4.flight` fly the other modes.
 """
@@ -21,7 +21,7 @@ from sim.vehicle.peripherals import Sticks
 
 STEP_S = 0.05
 
-# As recorded from ArduPlane's simulated plane, at full throttle
+# Recorded from ArduPlane's simulated plane at full throttle.
 _ROLL_ACCELERATION_MPS2 = 6.5
 _LIFT_OFF_MPS = 18.0
 _BRAKING_MPS2 = 3.0
@@ -31,7 +31,7 @@ _ENGINE_OFF_SINK_MPS = 2.5
 
 
 class Flight(ABC):
-    """Flies one simulated plane. `advance()` moves time by `STEP_S`; `events` are those to report."""
+    """Flies one simulated plane. `advance()` moves time by `STEP_S`; `events` are still to be reported."""
 
     mode: IntEnum
     armed_text = "Throttle armed"
@@ -322,7 +322,7 @@ class Flight(ABC):
 
 
 def _roll(aircraft: FixedWing, ground_speed_mps: float, *, accelerate: bool) -> float:
-    """Roll straight for one step, accelerating or braking; the ground speed afterwards [m/s]."""
+    """Roll straight for one step, accelerating or braking; returns the ground speed afterwards [m/s]."""
     rate_mps2 = _ROLL_ACCELERATION_MPS2 if accelerate else -_BRAKING_MPS2
     speed_mps = max(ground_speed_mps + rate_mps2 * STEP_S, 0.0)
     ahead_n, ahead_e = math.cos(aircraft.heading_rad), math.sin(aircraft.heading_rad)

@@ -54,7 +54,7 @@ class MissionItem:
         return self.altitude_m + (0.0 if self.frame in ABSOLUTE_FRAMES else home_altitude_m)
 
     def place_or_zero(self) -> GeoPoint:
-        """Its latitude and longitude unchanged, its height as its frame counts it."""
+        """Its latitude and longitude unchanged, its height in its own frame."""
         return GeoPoint(self.lat_e7 / 1e7, self.lon_e7 / 1e7, self.altitude_m)
 
     def place(self, here: GeoPoint, home_altitude_m: float) -> GeoPoint:

@@ -1,4 +1,4 @@
-"""Flying a mission as both autopilots do: item by item, turning early, landing at the end."""
+"""Mission flight, as both autopilots do it: item by item, turning early, landing at the end."""
 
 import math
 from abc import abstractmethod
@@ -26,7 +26,7 @@ class MissionFlight(Flight):
         """Called when no mission item is left to fly."""
 
     def load_mission(self, items: Sequence[MissionItem]) -> None:
-        """Replace the mission; in the mission's mode it is flown at once, from its first item."""
+        """Replace the mission; in the mission's mode it is flown at once from its first item."""
         self.mission.replace(items)
         if self.on_mission:
             self._start_or_resume()

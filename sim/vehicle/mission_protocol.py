@@ -193,7 +193,7 @@ class MissionProtocol:
 
 
 def _refusal(item: MissionItem, mission_type: int) -> int | None:
-    """MAV_MISSION_RESULT for an item that is refused, None for one that is accepted."""
+    """The MAV_MISSION_RESULT for an item that is refused; None if it is accepted."""
     if mission_type == FENCE:
         why = fence.refusal(item)
         return None if why is None else _REFUSALS[why]

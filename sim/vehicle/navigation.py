@@ -46,7 +46,7 @@ class Leg:
         return (position_m[0] - self.end_m[0]) * leg_n + (position_m[1] - self.end_m[1]) * leg_e >= 0.0
 
     def turn_distance_m(self, ground_speed_mps: float, radius_m: float) -> float:
-        """Distance before the end at which to turn to the next leg, as ArduPlane; 0 without a turn."""
+        """Distance before the end at which to turn to the next leg [m], as in ArduPlane; 0 without a turn."""
         if self.next_m == self.end_m:
             return 0.0
         turn_rad = abs(

@@ -61,7 +61,7 @@ class Parameters:
         return self._by_name[self._order[index]] if 0 <= index < len(self._order) else None
 
     def set(self, name: str, value: float) -> Parameter | None:
-        """Apply PARAM_SET; the parameter as it is afterwards, None for an unknown name.
+        """Apply PARAM_SET; returns the parameter as it is afterwards, None for an unknown name.
 
         Values that are not finite are refused; integer parameters are rounded, as in the autopilot.
         """

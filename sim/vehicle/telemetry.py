@@ -24,7 +24,7 @@ Builder = Callable[[float], Message]
 
 
 class Telemetry(ABC):
-    """Builds the messages about one flight; drains its battery."""
+    """Builds the messages about one flight, and drains its battery."""
 
     autopilot: ClassVar[int]  # MAV_AUTOPILOT
     capabilities: ClassVar[int]  # AUTOPILOT_VERSION: MAV_PROTOCOL_CAPABILITY

@@ -29,9 +29,9 @@ class FakeVehicle(ABC):
     """A vehicle of either autopilot.
 
     `receive()` takes a message from a channel; `step()` advances time and returns the messages to send. The
-    flight moves in equal steps of `STEP_S` from construction on, so the rhythm of the calls changes nothing.
-    Tests make it fail as real vehicles do: `refuse`, `silence`, `withhold`, `set_clock`, `reboot`,
-    `fail_safe`, `move_sticks`.
+    flight moves in equal steps of `STEP_S` from construction on, so the rhythm of the calls has no effect.
+    With these methods, tests make it fail as real vehicles do: `refuse`, `silence`, `withhold`, `set_clock`,
+    `reboot`, `fail_safe`, `move_sticks`.
     """
 
     component_id = 1
@@ -201,13 +201,13 @@ class FakeVehicle(ABC):
         (self._withheld.add if withheld else self._withheld.discard)(message_id)
 
     def set_clock(self, error_s: float) -> None:
-        """Let the Unix time in SYSTEM_TIME be wrong by `error_s`."""
+        """Make the Unix time in SYSTEM_TIME wrong by `error_s`."""
         self._telemetry.clock_error_s = error_s
 
     def reboot(self, now_s: float) -> None:
         """Restart in flight: it stays armed and in its mode; boot time, commands and streams are reset.
 
-        `boots` increases; the encoder of its messages must restart the sequence numbers then.
+        `boots` increases; the encoder of its messages must then restart the sequence numbers.
         """
         self._outbox = self.step(now_s)
         self.boots += 1
@@ -222,7 +222,7 @@ class FakeVehicle(ABC):
     # --- time ---
 
     def step(self, now_s: float) -> list[Outgoing]:
-        """Fly until `now_s`; the messages to send since the last call, oldest first."""
+        """Fly until `now_s`; returns the messages to send since the last call, oldest first."""
         while self._start_s + (self._steps + 1) * STEP_S <= now_s + _TOLERANCE_S:
             self._flight.advance()
             self._steps += 1

@@ -73,9 +73,9 @@ def test_the_mission_resumes_at_once_and_this_conflict_is_not_avoided_again(
     assert not loop.world.vehicle.truth.uncontrolled
     if state is not State.RELEASING:
         assert still_conflict > 10, "the conflict went on"
-        texts = [text for text in loop.flight.texts if text.startswith("Told to resume")]
+        texts = [text for text in loop.flight.texts if text.startswith("Resuming")]
         near = "near, " if state is State.INNER else ""
-        assert texts == [f"Told to resume {MISSION_MODE[autopilot]}: SUDDEN {near}not avoided"]
+        assert texts == [f"Resuming {MISSION_MODE[autopilot]}: SUDDEN {near}not avoided"]
         assert len(texts[0]) <= 50
 
 
@@ -87,7 +87,7 @@ def test_a_repeated_command_is_accepted_again(autopilot: Autopilot) -> None:
     assert result_of(loop, by_long(3)) == ACCEPTED, "already done"
     loop.run(2.0)
     assert loop.state is State.MONITOR
-    assert len([text for text in loop.flight.texts if text.startswith("Told to resume")]) == 1
+    assert len([text for text in loop.flight.texts if text.startswith("Resuming")]) == 1
 
 
 def test_without_an_avoidance_it_is_denied() -> None:

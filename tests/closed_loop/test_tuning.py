@@ -166,7 +166,7 @@ def test_a_replay_with_settings_and_commands_decides_the_same(tmp_path: Path) ->
             loop.send_to_companion(message)
     loop.close()
     assert loop.flight.engagements == 2, "released with shorter times, taken over again with longer ones"
-    assert any(text.startswith("Told to resume") for text in loop.flight.texts)
+    assert any(text.startswith("Resuming") for text in loop.flight.texts)
     flown = loop.flight.decisions
     replayed: list[str] = []
     engine = Engine()

@@ -18,6 +18,7 @@ from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode
 from companion.mavlink.tlog import read_tlog
 from companion.recording.recorder import Recorder
+from companion.recording.state_file import StateFile
 from companion.runtime import Runtime
 from companion.watchdog import Watchdog
 
@@ -172,6 +173,26 @@ async def test_an_emergency_release_hears_the_pilot_and_is_recorded(tmp_path: Pa
     assert asked == [15, 10], "what was sent in the emergency is recorded too"
     heard = [m.custom_mode for m in messages if m.get_type() == "HEARTBEAT" and m.autopilot == 3]
     assert heard[-1] == 5
+
+
+async def test_after_an_emergency_release_the_next_run_gives_nothing_back(tmp_path: Path) -> None:
+    near, far = memory_pair()
+    state_file = StateFile(tmp_path / "companion.state")
+    runtime, autopilot = Runtime(new_engine(), [near], state_file=state_file), Autopilot(far)
+    flying = asyncio.create_task(autopilot.run())
+    running = asyncio.create_task(runtime.run())
+    await until(runtime, State.OUTER, State.INNER)
+    assert state_file.read() is not None
+
+    def broken(_now_s: float) -> list[object]:
+        raise ZeroDivisionError("a bug")
+
+    runtime.engine.tick = broken  # type: ignore[method-assign,assignment]
+    with pytest.raises(ZeroDivisionError):
+        await asyncio.wait_for(running, 10.0)
+    assert autopilot.mode == 10
+    assert state_file.read() is None
+    flying.cancel()
 
 
 async def test_an_autopilot_that_never_takes_it_back_is_said() -> None:

@@ -19,7 +19,7 @@ from tests.support.avoidance_cases import (
 def enter(
     domain: TransitionDomain, ids: Sequence[str], alpha: Array, beta1: Array, reached: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Update the domain; in whose cone we are."""
+    """Update the domain; returns the obstacles whose cone we are in, (N,)."""
     inside: NDArray[np.bool_] = reached & domain.covers(ids, alpha, beta1)
     domain.keep(ids, inside)
     return inside
@@ -140,7 +140,7 @@ def test_an_angle_that_stays_within_the_domain_never_changes_the_result(
     assert {bool(enter(domain, ["A"], np.array([a]), beta1, reached)[0]) for a in alphas} == {entered}
 
 
-def test_an_obstacle_that_comes_back_has_to_be_entered_again() -> None:
+def test_the_cone_of_an_obstacle_that_comes_back_has_to_be_entered_again() -> None:
     domain, beta1, reached = TransitionDomain(0.1), np.array([0.1]), np.array([True])
     within, between = np.array([0.05]), np.array([0.15])
     assert enter(domain, ["A"], within, beta1, reached)[0]

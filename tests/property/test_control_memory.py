@@ -1,4 +1,4 @@
-"""What control does depends on the state, its data and what is heard now, and on no other memory."""
+"""Control depends only on the state, its data and the present facts, and has no other memory."""
 
 import copy
 import random
@@ -38,7 +38,7 @@ def vars_of(value: object) -> object:
 
 
 class TwinSeat(Seat):
-    """Beside each step a newly made `Handover` makes the same step, from the state and its data alone."""
+    """Repeats each step with a new `Handover` that has only the state and its data, and compares the two."""
 
     def __init__(self, autopilot: int) -> None:
         super().__init__(autopilot)
@@ -88,7 +88,7 @@ class TwinSeat(Seat):
 
 
 def disturb(seat: TwinSeat, chance: random.Random) -> None:
-    """Something that happens to a flight."""
+    """Disturb the flight at random, or end all disturbances."""
     ours = seat.engine.aircraft.guided
     what = chance.randrange(16)
     if what == 0:
@@ -96,7 +96,7 @@ def disturb(seat: TwinSeat, chance: random.Random) -> None:
     elif what == 1:
         seat.mode = seat.prior_mode
     elif what == 2:
-        seat.status = 9 - seat.status  # failsafe, and well again
+        seat.status = 9 - seat.status  # failsafe on or off
     elif what == 3:
         obeys = chance.random() < 0.6
         seat.obeys = lambda _message: obeys
@@ -108,31 +108,31 @@ def disturb(seat: TwinSeat, chance: random.Random) -> None:
     elif what == 6:
         seat.set_role(chance.randrange(1, 3))
     elif what == 7:
-        seat.tell(CommandRequest(GCS, US, 193, (1.0, 0.0, None, None)))
+        seat.receive(CommandRequest(GCS, US, 193, (1.0, 0.0, None, None)))
     elif what == 8:
-        seat.tell(RcChannels(AUTOPILOT, (chance.choice((1500, 1700)), 1500, 1000, 1500)))
+        seat.receive(RcChannels(AUTOPILOT, (chance.choice((1500, 1700)), 1500, 1000, 1500)))
     elif what == 9:
-        seat.tell(LandedState(AUTOPILOT, chance.choice((2, 2, 4))))
+        seat.receive(LandedState(AUTOPILOT, chance.choice((2, 2, 4))))
     elif what == 10:
         seat.answer(176, chance.choice((0, 1, 4)))
     else:
-        be_well(seat)
+        end_disturbances(seat)
 
 
-def be_well(seat: TwinSeat) -> None:
-    """Everything is well again, and another aircraft comes."""
+def end_disturbances(seat: TwinSeat) -> None:
+    """End all disturbances, and let another aircraft come."""
     seat.status, seat.finite, seat.heartbeats = 4, True, True
     seat.mode = seat.prior_mode
     seat.obeys = lambda _message: True
     seat.set_role(2)
-    seat.tell(LandedState(AUTOPILOT, 2))
-    seat.tell(RcChannels(AUTOPILOT, (1500, 1500, 1000, 1500)))
+    seat.receive(LandedState(AUTOPILOT, 2))
+    seat.receive(RcChannels(AUTOPILOT, (1500, 1500, 1000, 1500)))
     seat.fly(7.0)
     seat.meet_s = seat.now_s + 35.0
 
 
 def fly(autopilot: int, seed: int) -> set[State]:
-    """A flight with disturbances, but for the first one; the states that it came to."""
+    """Fly with random disturbances (seed 0: an invalid setpoint only); returns the states visited."""
     chance = random.Random(seed)
     seat = TwinSeat(autopilot)
     seat.obeys = lambda _message: seed % 2 == 0

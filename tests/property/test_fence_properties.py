@@ -30,7 +30,7 @@ def polygons(draw: st.DrawFn) -> tuple[Vec2, ...]:
 
 
 def winding(place: Vec2, vertices: tuple[Vec2, ...]) -> int:
-    """How many times the polygon goes round the place: the sum of the angles of its edges."""
+    """The winding number of the polygon around the place: the sum of the angles of its edges."""
     total = 0.0
     for (an, ae), (bn, be) in zip(vertices, (*vertices[1:], vertices[0]), strict=True):
         one, other = complex(an - place[0], ae - place[1]), complex(bn - place[0], be - place[1])
@@ -62,7 +62,7 @@ def inside_m(zone: Zone, place: Vec2) -> float:
 
 @settings(deadline=None, derandomize=True, max_examples=200)
 @given(polygons(), places)
-def test_inside_is_where_the_outline_goes_round(vertices: tuple[Vec2, ...], place: Vec2) -> None:
+def test_a_place_is_inside_if_the_winding_number_is_not_zero(vertices: tuple[Vec2, ...], place: Vec2) -> None:
     inside = inside_m(Zone(True, vertices), place)
     away_m = to_edges_m(place, vertices)
     assert math.isclose(abs(inside), away_m, abs_tol=ROUNDING_M)
@@ -74,7 +74,7 @@ def test_inside_is_where_the_outline_goes_round(vertices: tuple[Vec2, ...], plac
 @given(
     polygons(), places, st.floats(-math.pi, math.pi), st.tuples(st.floats(-2e4, 2e4), st.floats(-2e4, 2e4))
 )
-def test_a_rotated_and_shifted_frame_changes_nothing(
+def test_a_rotated_and_shifted_frame_does_not_change_the_distance(
     vertices: tuple[Vec2, ...], place: Vec2, angle_rad: float, shift: Vec2
 ) -> None:
     def seen(at: Vec2) -> Vec2:

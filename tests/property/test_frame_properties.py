@@ -48,7 +48,7 @@ def recording_avoider(params: AvoidanceParams) -> tuple[Avoider, RecordingLayers
 
 
 def without_u_turns(rows: EvaluatedRows, own: Ownship) -> Mask:
-    """Rows that do not turn by exactly 180 degrees: rounding would choose the side of such a turn."""
+    """Rows that do not turn by exactly 180 degrees: rounding would decide the side of such a turn."""
     course_rad = math.atan2(own.velocity_mps[1], own.velocity_mps[0])
     turn_rad = np.abs((rows.commands.course_rad - course_rad + math.pi) % (2.0 * math.pi) - math.pi)
     grounds: Mask = turn_rad < math.pi - 1e-6
@@ -83,7 +83,7 @@ def test_a_rotated_and_shifted_frame_rotates_every_guidance(
 ) -> None:
     """Two decisions, so that the memory (cones entered, last guidance, course of the rule) rotates too.
 
-    If two different rows cost the same, rounding may choose between them. Then only costs are compared.
+    If two different rows cost the same, rounding may decide between them. Then only costs are compared.
     """
     (one, one_layers), (other, other_layers) = recording_avoider(params), recording_avoider(params)
     for moment_s in (0.0, 1.0):

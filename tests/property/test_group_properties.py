@@ -218,7 +218,7 @@ def members_view(places: Sequence[tuple[float, float]], viewer: int, altitude_m:
     )
 )
 def test_every_member_computes_the_same_joint_response(group: list[tuple[float, float]]) -> None:
-    """Bit for bit: the decision of each member is what all others compute for it."""
+    """Bit for bit: the decision of each member is the one that all others compute for it."""
     assume(min(math.dist(a, b) for a, b in itertools.combinations(group, 2)) > 100.0)
     params = replace(FORMATION, own_id="U0")
     goal = Goal(0.0, 21.0, 300.0)
@@ -274,15 +274,15 @@ def abreast(first: str, second: str, north_m: float = 0.0) -> dict[str, Guidance
     return dict(response.guidance)
 
 
-def test_between_equal_combinations_the_ids_decide_and_not_the_positions() -> None:
+def test_the_ids_and_not_the_positions_decide_between_equal_combinations() -> None:
     once, swapped = abreast("A", "B"), abreast("B", "A")
     assert once["A"].course_rad == pytest.approx(-swapped["A"].course_rad % (2.0 * math.pi))
     assert once["A"].airspeed_mps == swapped["A"].airspeed_mps
     assert once["B"].airspeed_mps == swapped["B"].airspeed_mps
 
 
-def test_between_equal_combinations_the_origin_of_the_frame_does_not_decide() -> None:
-    """Bit for bit: the rounding of large coordinates must not choose."""
+def test_the_origin_of_the_frame_does_not_decide_between_equal_combinations() -> None:
+    """Bit for bit: the rounding of large coordinates must not decide."""
     assert all(abreast("A", "B", 1e4 * shift + 7.0) == abreast("A", "B") for shift in range(1, 30))
 
 

@@ -1,4 +1,4 @@
-"""The compiled kernels against the same maths written plainly in numpy, whatever the situation."""
+"""The kernels against the same maths written plainly in numpy, in random situations."""
 
 import math
 from dataclasses import replace
@@ -31,14 +31,14 @@ from companion.units import STANDARD_GRAVITY_MPS2
 
 STEPS_S = np.diff(TIMES_S)
 MIDDLES_S = TIMES_S[:-1] + 0.5 * STEPS_S
-FADES_S = 35.0  # time constant of a rate of turn
+TURN_DECAY_S = 35.0  # time constant of a rate of turn
 
 STILL = (0.0, 0.0, 0.0)
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-def some_tracks(rng: np.random.Generator) -> Tracks:
+def random_tracks(rng: np.random.Generator) -> Tracks:
     count = int(rng.integers(0, 6))
     turn_radps = rng.normal(0.0, 0.03, count)
     turn_radps[rng.random(count) < 0.4] = 0.0
@@ -64,8 +64,8 @@ def two(values: Array) -> Vec2:
     return first, second
 
 
-def some_own(rng: np.random.Generator) -> OwnState:
-    """In a calm the nose is where the course is."""
+def random_own(rng: np.random.Generator) -> OwnState:
+    """A random state; in calm air the heading is the course."""
     calm = rng.random() < 0.5
     wind = (0.0, 0.0) if calm else two(rng.normal(0.0, 6.0, 2))
     return OwnState(
@@ -78,7 +78,7 @@ def some_own(rng: np.random.Generator) -> OwnState:
     )
 
 
-def some_commands(rng: np.random.Generator) -> Commands:
+def random_commands(rng: np.random.Generator) -> Commands:
     grounds, heights, rows = (int(n) for n in rng.integers(1, (9, 4, 20)))
     return Commands(
         rng.uniform(-4.0, 4.0, grounds),
@@ -90,8 +90,8 @@ def some_commands(rng: np.random.Generator) -> Commands:
 
 
 def plain_tracks_m(tracks: Tracks) -> Array:
-    """A rate of turn that fades, its course halfway through each step."""
-    turned_s = FADES_S * (1.0 - np.exp(-MIDDLES_S / FADES_S))
+    """Positions, (N, T, 2): the rate of turn decays, and each step has the course at its middle."""
+    turned_s = TURN_DECAY_S * (1.0 - np.exp(-MIDDLES_S / TURN_DECAY_S))
     velocity = tracks.velocity_mps[:, :1] + 1j * tracks.velocity_mps[:, 1:2]
     flown = np.cumsum(velocity * np.exp(1j * tracks.turn_radps[:, None] * turned_s) * STEPS_S, axis=1)
     flown = np.concatenate([np.zeros((len(tracks), 1)), flown], axis=1)
@@ -100,7 +100,7 @@ def plain_tracks_m(tracks: Tracks) -> Array:
 
 
 def plain_ground_m(own: OwnState, commands: Commands, envelope: Envelope) -> Array:
-    """Eq. 2 in the air that the wind carries along: rows of arrays, without any shortcut."""
+    """Ground paths by eq. 2, carried along by the wind, (H, T, 2), without any shortcut."""
     target_rad, target_mps = commands.course_rad[:, None], commands.airspeed_mps[:, None]
     fastest_mps = np.maximum(np.maximum(target_mps, own.airspeed_mps), 1.0)
     bank_limited = STANDARD_GRAVITY_MPS2 * math.tan(envelope.max_bank_rad) / fastest_mps
@@ -124,7 +124,7 @@ def plain_ground_m(own: OwnState, commands: Commands, envelope: Envelope) -> Arr
 
 
 def plain_ratio(paths: Paths, tracks: Tracks) -> Array:
-    """In protected volumes, for all rows, tracks and times, (K, N, T)."""
+    """Separation in protected volumes, for all rows, tracks and times, (K, N, T)."""
     off_m = paths.ground_m[paths.ground_of][:, None] - plain_tracks_m(tracks)
     down_m = tracks.position_m[:, 2:] + tracks.velocity_mps[:, 2:] * TIMES_S
     above_m = paths.altitude_m[paths.height_of][:, None] + down_m
@@ -136,15 +136,19 @@ def plain_ratio(paths: Paths, tracks: Tracks) -> Array:
 
 
 @given(seeds)
-def test_tracks_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
-    tracks = some_tracks(np.random.default_rng(seed))
+def test_predicted_tracks_are_those_of_the_plain_maths(seed: int) -> None:
+    tracks = random_tracks(np.random.default_rng(seed))
     assert tracks.ground_m() == pytest.approx(plain_tracks_m(tracks), rel=1e-9, abs=1e-6)
 
 
 @given(seeds)
-def test_rows_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
+def test_predicted_rows_are_those_of_the_plain_maths(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    own, commands, envelope = some_own(rng), some_commands(rng), Envelope(response_s=float(rng.uniform(0, 2)))
+    own, commands, envelope = (
+        random_own(rng),
+        random_commands(rng),
+        Envelope(response_s=float(rng.uniform(0, 2))),
+    )
     paths = fly_ahead(own, commands, envelope)
     assert paths.ground_m == pytest.approx(plain_ground_m(own, commands, envelope), rel=1e-9, abs=1e-6)
     acting_s = np.maximum(TIMES_S - envelope.response_s, 0.0)
@@ -158,8 +162,8 @@ def test_rows_fly_ahead_as_the_plain_maths_has_it(seed: int) -> None:
 @given(seeds, st.floats(0.0, HORIZON_S))
 def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: float) -> None:
     rng = np.random.default_rng(seed)
-    tracks = some_tracks(rng)
-    paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
+    tracks = random_tracks(rng)
+    paths = fly_ahead(random_own(rng), random_commands(rng), Envelope())
     kept = separation(paths, tracks, horizon_s=horizon_s, buffers=True)
     count = max(int((horizon_s >= TIMES_S).sum()), 2)
     ratio = plain_ratio(paths, tracks)[..., :count]
@@ -176,14 +180,14 @@ def test_separation_is_that_of_every_row_track_and_time(seed: int, horizon_s: fl
 
 
 @given(seeds, st.floats(0.0, HORIZON_S), st.floats(0.0, HORIZON_S))
-def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
+def test_losses_are_the_prices_of_separation_weighted_with_probabilities(
     seed: int, horizon_s: float, soon_s: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    tracks = some_tracks(rng)
-    maneuvers = some_maneuvers(rng, len(tracks))
+    tracks = random_tracks(rng)
+    maneuvers = random_maneuvers(rng, len(tracks))
     weights = CostWeights(*rng.uniform(0.0, 100.0, 4).tolist())
-    paths = fly_ahead(some_own(rng), some_commands(rng), Envelope())
+    paths = fly_ahead(random_own(rng), random_commands(rng), Envelope())
     cost, closest = losses(paths, tracks, maneuvers, weights, 0.8, horizon_s=horizon_s, soon_s=soon_s)
     expected = np.zeros(len(paths.ground_of))
     each = [
@@ -191,7 +195,8 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
         for n in range(len(tracks))
     ]
     each += [
-        (separation(paths, one, horizon_s=soon_s), likely) for one, likely in come_true(tracks, maneuvers)
+        (separation(paths, one, horizon_s=soon_s), likely)
+        for one, likely in maneuvering_tracks(tracks, maneuvers)
     ]
     for kept, likely in each:
         depth = np.maximum(0.8 - kept.closest[:, 0], 0.0)
@@ -200,17 +205,19 @@ def test_losses_are_the_price_of_separation_from_each_as_likely_as_it_is(
         expected += likely * price
     assert cost == pytest.approx(expected, rel=1e-9, abs=1e-9)
     kept = separation(paths, tracks, horizon_s=horizon_s)
-    assert closest == pytest.approx(kept.closest.min(axis=1, initial=math.inf)), "by what is predicted alone"
+    assert closest == pytest.approx(kept.closest.min(axis=1, initial=math.inf)), (
+        "from predicted flights alone"
+    )
 
 
-def some_maneuvers(rng: np.random.Generator, tracks: int) -> IntruderManeuvers:
+def random_maneuvers(rng: np.random.Generator, tracks: int) -> IntruderManeuvers:
     count = int(rng.integers(0, 6)) if tracks else 0
     of = rng.integers(0, max(tracks, 1), count).astype(np.intp)
     return IntruderManeuvers(of, rng.normal(0.0, 0.05, count), rng.normal(0.0, 3.0, count), rng.random(count))
 
 
-def come_true(tracks: Tracks, maneuvers: IntruderManeuvers) -> list[tuple[Tracks, float]]:
-    """Each of them as a track of its own, and how likely it is."""
+def maneuvering_tracks(tracks: Tracks, maneuvers: IntruderManeuvers) -> list[tuple[Tracks, float]]:
+    """Each maneuver as a track of its own, and its probability."""
     made = []
     for of, turn_radps, sink_mps, likely in zip(*maneuvers, strict=True):
         one = tracks.subset(np.array([of]))
@@ -220,12 +227,12 @@ def come_true(tracks: Tracks, maneuvers: IntruderManeuvers) -> list[tuple[Tracks
 
 
 @given(seeds, st.floats(1.0, HORIZON_S))
-def test_outcomes_are_distances_then_and_the_closest_approach_of_flying_on_from_there(
+def test_outcomes_are_the_distance_from_the_mission_and_the_closest_approach_after_it(
     seed: int, then_s: float
 ) -> None:
     rng = np.random.default_rng(seed)
-    tracks, own, then = some_tracks(rng), some_own(rng), index_at(then_s)
-    paths = fly_ahead(own, some_commands(rng), Envelope())
+    tracks, own, then = random_tracks(rng), random_own(rng), index_at(then_s)
+    paths = fly_ahead(own, random_commands(rng), Envelope())
     onward_mps = ground_velocity_mps(1.0, 22.0, own.wind_mps)
     mission_m = rng.normal(0.0, 500.0, 2)
     aside, unresolved = rng.uniform(0.0, 9.0, 2).tolist()
@@ -249,10 +256,10 @@ def test_outcomes_are_distances_then_and_the_closest_approach_of_flying_on_from_
 
 
 @given(seeds)
-def test_efforts_are_what_the_plain_maths_has_them(seed: int) -> None:
+def test_efforts_are_those_of_the_plain_maths(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    commands, mission = some_commands(rng), some_guidance(rng)
-    held = some_guidance(rng) if rng.random() < 0.5 else None
+    commands, mission = random_commands(rng), random_guidance(rng)
+    held = random_guidance(rng) if rng.random() < 0.5 else None
     if held is not None:
         commands = commands.preceded_by(held)
     weights, flown_rad = CostWeights(*rng.uniform(0.0, 9.0, 15).tolist()), float(rng.uniform(-4.0, 4.0))
@@ -295,7 +302,7 @@ def test_efforts_are_what_the_plain_maths_has_them(seed: int) -> None:
         assert cost[row] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def some_guidance(rng: np.random.Generator) -> Guidance:
+def random_guidance(rng: np.random.Generator) -> Guidance:
     return Guidance(*rng.uniform((-4.0, 14.0, 100.0), (4.0, 30.0, 500.0)).tolist())
 
 
@@ -306,7 +313,7 @@ def around_rad(course_rad: float, from_rad: float) -> float:
 @given(seeds)
 def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    tracks, own_m, own_mps = some_tracks(rng), rng.normal(0.0, 100.0, 3), rng.normal(0.0, 20.0, 3)
+    tracks, own_m, own_mps = random_tracks(rng), rng.normal(0.0, 100.0, 3), rng.normal(0.0, 20.0, 3)
     motion = relative_motion(tracks.position_m, tracks.velocity_mps, three(own_m), three(own_mps))
     for n in range(len(tracks)):
         away_m, towards_mps = tracks.position_m[n] - own_m, own_mps - tracks.velocity_mps[n]
@@ -322,7 +329,7 @@ def test_relative_motion_is_that_of_the_plain_maths(seed: int) -> None:
 @given(seeds)
 def test_heights_to_pass_are_beyond_every_threat_while_it_is_near(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    tracks = some_tracks(rng)
+    tracks = random_tracks(rng)
     motion = relative_motion(tracks.position_m, tracks.velocity_mps, STILL, (20.0, 0.0, 0.0))
     conflict = rng.random(len(tracks)) < 0.7
     over_m, under_m, passed_s = heights_to_pass(tracks, motion, conflict)
@@ -342,10 +349,10 @@ def test_heights_to_pass_are_beyond_every_threat_while_it_is_near(seed: int) -> 
 
 
 @given(seeds)
-def test_the_mean_velocity_leads_to_where_a_track_is_closest(seed: int) -> None:
+def test_the_mean_velocity_leads_to_the_closest_place_of_a_track(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    tracks = some_tracks(rng)
-    path_m = fly_ahead(some_own(rng), some_commands(rng), Envelope()).ground_m[0]
+    tracks = random_tracks(rng)
+    path_m = fly_ahead(random_own(rng), random_commands(rng), Envelope()).ground_m[0]
     mean_mps = tracks.velocity_until_closest_mps(path_m)
     ahead_m = plain_tracks_m(tracks)
     for n in range(len(tracks)):
@@ -358,12 +365,12 @@ def test_the_mean_velocity_leads_to_where_a_track_is_closest(seed: int) -> None:
         assert mean_mps[n, 2] == tracks.velocity_mps[n, 2]
 
 
-def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyond_them() -> None:
+def test_arrays_that_do_not_match_are_refused_and_nothing_is_read_beyond_them() -> None:
     rng = np.random.default_rng(1)
-    tracks = some_tracks(rng)
+    tracks = random_tracks(rng)
     while len(tracks) < 2:
-        tracks = some_tracks(rng)
-    paths, more = fly_ahead(some_own(rng), some_commands(rng), Envelope()), np.zeros((len(tracks) + 1, 3))
+        tracks = random_tracks(rng)
+    paths, more = fly_ahead(random_own(rng), random_commands(rng), Envelope()), np.zeros((len(tracks) + 1, 3))
     with pytest.raises(ValueError, match="do not match"):
         separation(paths._replace(ground_of=paths.ground_of + 1000), tracks)
     with pytest.raises(ValueError, match="do not match"):
@@ -379,9 +386,9 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
     with pytest.raises(ValueError, match="do not match"):
         outcomes(paths, tracks, 1000, np.zeros(2), (0.0, 0.0), 0.0, aside=0.0, unresolved=0.0)
     with pytest.raises(ValueError, match="do not match"):
-        add_nothing(np.zeros(2), Commands.of([some_guidance(rng)]))
+        add_nothing(np.zeros(2), Commands.of([random_guidance(rng)]))
     with pytest.raises(ValueError, match="do not match"):
-        add_nothing(np.zeros(1), replace(Commands.of([some_guidance(rng)]), height_of=np.array([1])))
+        add_nothing(np.zeros(1), replace(Commands.of([random_guidance(rng)]), height_of=np.array([1])))
     with pytest.raises(ValueError, match="do not match"):
         kernels.half_angles(np.zeros(3), np.zeros(2))
     with pytest.raises(ValueError, match="do not match"):
@@ -404,7 +411,7 @@ def test_arrays_that_do_not_belong_together_are_refused_and_nothing_is_read_beyo
         ("grounded", np.zeros(1, dtype=bool)),
     ],
 )
-def test_tracks_of_arrays_that_do_not_belong_together_are_never_made(name: str, wrong: Array) -> None:
+def test_tracks_are_not_made_from_arrays_that_do_not_match(name: str, wrong: Array) -> None:
     two_rows, two_of = np.zeros((2, 3)), np.ones(2)
     tracks = Tracks(("A", "B"), two_rows, two_rows, two_of, two_of, two_of > 1.0, two_of, two_of)
     with pytest.raises(ValueError, match="do not match"):

@@ -1,4 +1,4 @@
-"""No variant commands what cannot be flown."""
+"""Every variant of the avoidance commands only guidance within the limits."""
 
 import itertools
 import math
@@ -32,10 +32,10 @@ from tests.support.avoidance_cases import (
 @pytest.mark.parametrize("params", ALL_VARIANTS, ids=variant_name)
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(case=cases(), airspeed_mps=st.floats(5.0, 45.0), altitude_m=st.floats(-100.0, 900.0))
-def test_no_variant_commands_what_cannot_be_flown(
+def test_every_variant_commands_only_guidance_within_the_limits(
     params: AvoidanceParams, case: Case, airspeed_mps: float, altitude_m: float
 ) -> None:
-    """Not even if the mission itself asks for it."""
+    """Not even if the mission itself requires it."""
     own, tracks, goal = case
     unflyable = replace(goal, airspeed_mps=airspeed_mps, altitude_m=altitude_m)
     decision = Avoider(params).decide(0.0, own, tracks, unflyable)

@@ -1,12 +1,23 @@
 """Properties of damaged MCAP files: reading gives a prefix of the written messages."""
 
+import contextlib
 import tempfile
 from pathlib import Path
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.recording import DECISION, TEXT, Entry, McapMessage, McapWriter, read_mcap, repair_file
+from companion.errors import LogError
+from companion.recording import (
+    DECISION,
+    TEXT,
+    Entry,
+    McapMessage,
+    McapWriter,
+    read_mcap,
+    repair_all,
+    repair_file,
+)
 
 
 def recorded() -> tuple[bytes, list[Entry]]:
@@ -52,3 +63,18 @@ def test_damage_ends_the_file_or_changes_nothing(at: int, junk: bytes) -> None:
 @given(st.binary(max_size=400))
 def test_any_bytes_after_the_magic_are_read_without_error(junk: bytes) -> None:
     read(RAW[:8] + junk)
+
+
+def test_any_single_byte_may_be_wrong(tmp_path: Path) -> None:
+    """Recordings of former runs are repaired at every start: no damage may raise an error."""
+    file = McapWriter(tmp_path / "whole")
+    decisions = [McapMessage(DECISION, 100 + i, f'{{"n":{i}}}') for i in range(10)]
+    file.write([*decisions, McapMessage(TEXT, 100, "{}")])
+    whole = file.path.read_bytes()
+    path = tmp_path / "companion-20260101-120000.mcap"
+    for at in range(len(whole)):
+        for wrong in (0xFF, 0x7F):
+            path.write_bytes(whole[:at] + bytes([wrong]) + whole[at + 1 :])
+            with contextlib.suppress(LogError):
+                list(read_mcap(path))
+            repair_all(tmp_path)

@@ -14,7 +14,7 @@ from sim.paper.scene import Scene, Sphere, Uav
 
 
 def random_flight(seed: int, uavs: int, obstacles: int, samples: int) -> Flight:
-    """A flight of random positions; measures do not require that it can be flown."""
+    """A flight of random positions; measures apply even if it cannot be flown."""
     chance = np.random.default_rng(seed)
     scene = Scene(
         "chance", 400.0, 1.0, 5.0, 1.5, 5.0, 10.0, 0.1, 0.25,

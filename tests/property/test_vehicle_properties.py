@@ -1,4 +1,4 @@
-"""On any input the fake vehicles neither raise nor send a message that cannot be packed."""
+"""The fake vehicles neither raise nor send a message that cannot be packed, on any input."""
 
 import math
 import random

@@ -1,4 +1,4 @@
-"""Properties of all bytes and all messages."""
+"""Properties of frames, facts and logs, for any bytes and any messages."""
 
 import math
 import struct

@@ -33,12 +33,12 @@ _ACTS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT", "PARAM
 
 
 def acts(message: Message) -> bool:
-    """Whether it changes what the aircraft does."""
+    """Whether a message changes what the aircraft does."""
     return message.get_type() in _ACTS and getattr(message, "command", None) not in _QUESTIONS
 
 
 class Seat:
-    """Obeys mode and parameter commands while `obeys` says so; everything else is done by hand."""
+    """Obeys those mode and parameter commands that `obeys` accepts; a test changes everything else."""
 
     def __init__(self, autopilot: int = ARDUPILOT, rules: SupervisorParams | None = None) -> None:
         self.engine = Engine(
@@ -51,7 +51,7 @@ class Seat:
         self.meet_s = T0 + 40.0
         self.trim_mps = 22.0
         self.obeys: Callable[[Message], bool] = lambda _message: True
-        self.says: list[Fact] = []  # at every tick
+        self.extra_facts: list[Fact] = []  # received at every tick
         self.height_m = 300.0
         self.vehicle_type = 1
         self.sent: list[Message] = []
@@ -67,12 +67,12 @@ class Seat:
         return self.engine.supervisor.state
 
     def fly(self, seconds: float) -> list[Message]:
-        """Fly on; the acting messages that were sent meanwhile."""
+        """Fly on; returns the messages sent meanwhile that act on the aircraft."""
         first = len(self.sent)
         for _ in range(round(seconds * 10)):
             self._tick += 1
             for fact in self._telemetry():
-                self.tell(fact)
+                self.receive(fact)
             self._perform(self.engine.tick(self.now_s))
         return self.sent[first:]
 
@@ -83,15 +83,15 @@ class Seat:
             self.fly(0.1)
         raise AssertionError(f"never came to {states}, stayed in {self.state}")
 
-    def tell(self, fact: Fact) -> None:
+    def receive(self, fact: Fact) -> None:
         if self.engine.receive(fact, self.now_s):
             self._perform(self.engine.tick(self.now_s))
 
     def answer(self, command: int, result: int) -> None:
-        self.tell(CommandResult(AUTOPILOT, command, result, US))
+        self.receive(CommandResult(AUTOPILOT, command, result, US))
 
     def set_role(self, role: int) -> None:
-        self.tell(ParameterSet(GCS, US, "CA_ROLE", float(role)))
+        self.receive(ParameterSet(GCS, US, "CA_ROLE", float(role)))
 
     def stop(self) -> None:
         self._perform(self.engine.request_stop(self.now_s))
@@ -114,7 +114,7 @@ class Seat:
 
     def _telemetry(self) -> list[Fact]:
         now_s, flown_s = self.now_s, self.now_s - T0
-        facts, self._answers = [*self._answers, *self.says, AirData(AUTOPILOT, 22.0)], []
+        facts, self._answers = [*self._answers, *self.extra_facts, AirData(AUTOPILOT, 22.0)], []
         facts.append(AttitudeTarget(AUTOPILOT, self.finite))
         if self._tick == 0:
             facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))

@@ -1,4 +1,4 @@
-"""Cooperation: whether a conflict is answered jointly by our group, and with which guidance."""
+"""Cooperation: whether our group answers a conflict jointly, and with which guidance."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,7 +24,7 @@ from companion.model import Goal, Guidance, Member, Ownship, Track
 
 
 def describe_member(own: Ownship, goal: Goal, envelope: Envelope) -> Member:
-    """What the other members need to know of us: our goal, as far as we can fly it, and our limits."""
+    """Describe us to the other members: our goal, within what we can fly, and our limits."""
     airspeed_mps = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
     altitude_m = goal.altitude_m
     if altitude_m is None:
@@ -46,14 +46,14 @@ class JointGuidance(NamedTuple):
 
 
 class Cooperation:
-    """Our part in the group. `answering`: a joint response is flown now, and ends only with some margin."""
+    """Our part in the group. A joint response that is being flown ends only with some margin."""
 
     def __init__(self, params: FormationParams, release_margin: float, *, enabled: bool) -> None:
         self._answering = False
         self.retune(params, release_margin, enabled=enabled)
 
     def retune(self, params: FormationParams, release_margin: float, *, enabled: bool) -> None:
-        """Other parameters from now on; a conflict at hand goes on."""
+        """Use these parameters from now on; a conflict at hand continues."""
         self._params, self._release_margin = params, release_margin
         self.enabled = enabled and params.cooperate and bool(params.own_id)
 
@@ -73,8 +73,8 @@ class Cooperation:
     ) -> JointGuidance | None:
         """Our part of the joint response, if it resolves the conflicts and may be flown.
 
-        `predicted` and `conflict`, (N,), are the assessed tracks, in the order of `tracks`. Conflicts with
-        strangers come first: then there is no joint response.
+        `predicted` holds the tracks as assessed, and `conflict` (N,) whether each is in conflict, both in the
+        order of `tracks`. A conflict with a stranger comes first: then there is no joint response.
         """
         self._answering, answering = False, self._answering
         member = describe_member(own, flight.goal, constraints.envelope)
@@ -95,7 +95,7 @@ class Cooperation:
     def _response(
         self, now_s: float, ours: MemberState, tracks: Sequence[Track], *, answering: bool
     ) -> JointResponse | None:
-        """The joint response of our group, if it is in conflict and the response keeps its members apart."""
+        """The joint response of our group, if the group is in conflict and the response keeps it apart."""
         others = [
             MemberState(track.track_id, position_at(track, now_s), track.velocity_mps, track.member)
             for track in tracks
@@ -112,7 +112,7 @@ class Cooperation:
 
 
 def _keeps_clear(guidance: Guidance, state: OwnState, strangers: Tracks, envelope: Envelope) -> bool:
-    """Whether a guidance keeps clear of all tracks that are not of the group."""
+    """Whether the guidance keeps clear of all `strangers`, the tracks outside the group."""
     if len(strangers) == 0:
         return True
     kept = separation(fly_ahead(state, Commands.of([guidance]), envelope), strangers)

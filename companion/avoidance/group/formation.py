@@ -1,6 +1,6 @@
-"""The joint table: UAVs that know each other answer each other jointly (paper abstract and §4.3, P12).
+"""The joint table: UAVs that know each other respond jointly (paper abstract and §4.3, P12).
 
-Every member has the same few responses, defined in advance: courses beside the way to its goal, and speeds.
+Every member has the same few responses, defined in advance: courses beside the one to its goal, and speeds.
 All combinations of all members' responses are flown ahead. Among those that keep the separation and the
 goals, the one with the best safety value (eq. 3) is chosen. No negotiation is needed: from the same states
 every member computes the same combination, bit for bit, and flies its own part.
@@ -22,10 +22,10 @@ from companion.avoidance.trajectory import TIME_SHARES, Commands, OwnState, cour
 from companion.model import Guidance, Member, Vec3
 from companion.units import wrap_pi, wrap_two_pi
 
-# In larger groups every member avoids the others like strangers.
+# In a larger group each member avoids the others like strangers.
 _LARGEST_GROUP = 8
-# Up to this many members every combination is tried. In larger groups members improve one after the other, in
-# the order of their ids.
+# Up to this many members, every combination is tried. In larger groups each member in turn improves its row,
+# in the order of the ids.
 _ALL_COMBINATIONS = 3
 _ROUNDS = 10
 
@@ -39,7 +39,7 @@ class Response:
 
     @property
     def path_ratio(self) -> float:
-        """How much longer the way to the goal gets if this is flown all the way."""
+        """Length of the way to the goal with this response throughout, over that of the straight way."""
         return 1.0 / math.cos(self.beside_rad)
 
 
@@ -53,27 +53,27 @@ _PATH_RATIO = np.array([response.path_ratio for response in RESPONSES])
 
 @dataclass(frozen=True)
 class FormationParams:
-    """How a group keeps apart. `own_id` is the id by which the other members know us."""
+    """How a group keeps its members apart."""
 
-    own_id: str = ""  # without one there is no group
+    own_id: str = ""  # by which the other members know us; without one there is no group
     cooperate: bool = True
-    # Members that would come nearer than this, flying straight to their goals, are in conflict and respond.
+    # Members are in conflict, and respond, if straight ways to their goals would bring them nearer than this.
     influence_m: Annotated[float, Gt(0)] = 100.0
-    separation_m: Annotated[float, Gt(0)] = 100.0  # kept between members wherever any response does
+    separation_m: Annotated[float, Gt(0)] = 100.0  # between members, wherever some response keeps it
     # Members further apart than this ignore each other: more distance is worth nothing.
     reach_m: Annotated[float, Gt(0)] = 400.0
     # A joint response that leads nearer than this is not flown: each member then avoids the others like
     # strangers.
     smallest_m: Annotated[float, Gt(0)] = 50.0
-    # No longer ways to the goals than this, unless separation requires them.
+    # A response makes the way to the goal at most this much longer, unless the separation requires more.
     largest_path_ratio: Annotated[float, Ge(1)] = 1.1
-    # The worth of half a circle of turn, or of a change by the whole speed, in shares of the reach.
+    # Cost of a turn by half a circle, or of a change by the whole speed, as a share of the reach.
     calm: Annotated[float, Ge(0)] = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class MemberState:
-    """One member as all members know it: north-east-down, over ground [m, m/s]."""
+    """One member as all members know it: position and velocity over ground, north-east-down [m, m/s]."""
 
     member_id: str
     position_m: Vec3
@@ -83,9 +83,9 @@ class MemberState:
 
 @dataclass(frozen=True, slots=True)
 class JointResponse:
-    """The guidance of each member, and the smallest distance between any two that results [m].
+    """The guidance of each member, and the smallest distance between any two that it leads to [m].
 
-    `straight_closest_m` is that distance if all fly straight to their goals.
+    `straight_closest_m` is the distance if all fly straight to their goals.
     """
 
     guidance: Mapping[str, Guidance]
@@ -94,7 +94,10 @@ class JointResponse:
 
 
 def group_around(states: Sequence[MemberState], reach_m: float) -> list[MemberState]:
-    """The first state and all within reach of it, directly or through others; the same for all of them."""
+    """The first member and all within reach of it, directly or through others.
+
+    The group is the same whichever of its members comes first.
+    """
     group, waiting = [states[0]], list(states[1:])
     for one in group:
         near = [state for state in waiting if math.dist(state.position_m, one.position_m) < reach_m]
@@ -104,7 +107,7 @@ def group_around(states: Sequence[MemberState], reach_m: float) -> list[MemberSt
 
 
 def is_valid(state: MemberState) -> bool:
-    """Whether what a member reports is finite, with limits that an aircraft can have."""
+    """Whether all numbers that a member reports are finite, and its limits are those of an aircraft."""
     member, goal = state.member, state.member.goal
     numbers = [*state.position_m, *state.velocity_mps, member.min_airspeed_mps, member.max_airspeed_mps]
     numbers += [member.max_turn_rate_radps, *(goal.position_m or ())]
@@ -119,8 +122,8 @@ def is_valid(state: MemberState) -> bool:
 def joint_response(states: Sequence[MemberState], params: FormationParams) -> JointResponse | None:
     """The best combination for these members, which may come in any order.
 
-    `None` for a single member, for too many, for two with one id, and where distances are not finite. The
-    wind is neglected: all members are taken to continue over the ground at their present speed.
+    `None` for a single member, for too many, for two with the same id, and if a distance is not finite. The
+    wind is neglected: ground speed is taken as airspeed.
     """
     states = sorted(states, key=lambda state: state.member_id)
     ids = {state.member_id for state in states}
@@ -145,7 +148,7 @@ def joint_response(states: Sequence[MemberState], params: FormationParams) -> Jo
 
 @dataclass(frozen=True, slots=True)
 class _MemberPaths:
-    """All responses of one member: `path_m` (R, T, 3); `steadiness` (R,), 0 for no change, else negative."""
+    """The R responses of one member: `path_m` (R, T, 3); `steadiness` (R,), 0 if unchanged, else negative."""
 
     path_m: Array
     steadiness: Array
@@ -192,7 +195,7 @@ def _fly_responses(state: MemberState, centre_m: Array) -> _MemberPaths:
 
 
 def _pair_distances(one_m: Array, other_m: Array, reach_m: float) -> tuple[Array, Array]:
-    """Mean over time of the distance, at most the reach, and the smallest, for all pairs of rows, (R, R)."""
+    """For all pairs of rows, (R, R): the mean distance over time, capped at the reach, and the smallest."""
     offset = one_m[:, None] - other_m[None, :]
     distance = np.sqrt(np.einsum("abti,abti->abt", offset, offset))
     return np.minimum(distance, reach_m)[..., 1:] @ TIME_SHARES, distance.min(axis=2)
@@ -208,12 +211,12 @@ class _JointTable:
     params: FormationParams
 
     def best(self) -> tuple[int, ...]:
-        """The best of all combinations; of equals the first, in order of id and row."""
+        """The best of all combinations; among equals the first, in the order of ids and rows."""
         count = len(self.steadiness)
         return self._best_of([np.arange(len(RESPONSES))] * count)
 
     def improved(self) -> tuple[int, ...]:
-        """From straight to the goals, members in turn take their best row, until none finds a better one."""
+        """Starting straight to the goals, members in turn take their best row, until none changes."""
         chosen = [0] * len(self.steadiness)
         for _ in range(_ROUNDS):
             before = list(chosen)
@@ -226,7 +229,7 @@ class _JointTable:
         return tuple(chosen)
 
     def _best_of(self, rows: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
-        """The best combination of these rows of each member."""
+        """The best combination of the given rows, `rows[i]` of member i."""
         params, count = self.params, len(rows)
         shape = tuple(len(r) for r in rows)
         value, closest = np.zeros(shape), np.full(shape, np.inf)
@@ -240,7 +243,7 @@ class _JointTable:
             value += _along(steadiness[rows[i]], (i,), count) * params.calm * params.reach_m / count
             straight &= _along(too_long[rows[i]], (i,), count) == 0.0
         kept = closest >= params.separation_m
-        # If no combination keeps the separation, the widest is best, and no way is too long for that.
+        # If no combination keeps the separation, the one with the largest distance is best, however long.
         wanted = straight & kept if (straight & kept).any() else kept
         score = np.where(wanted, value, -np.inf) if wanted.any() else closest
         place = np.unravel_index(int(np.argmax(score)), shape)
@@ -248,7 +251,7 @@ class _JointTable:
 
 
 def _along(values: Array, axes: tuple[int, ...], count: int) -> Array:
-    """The values along these axes of a joint table with `count` axes, to be broadcast along the others."""
+    """The values on these axes of a joint table with `count` axes, for broadcasting along the others."""
     shape = [1] * count
     for axis, length in zip(axes, values.shape, strict=True):
         shape[axis] = length

@@ -1,7 +1,7 @@
 """From messages to facts: the one place for the units, sentinels, flags and traps of MAVLink fields.
 
-A field that its sender marked as invalid, left unset, or filled with an implausible value becomes `None`; a
-message without anything usable gives no fact. No message that can be decoded raises an error. One file for
+A field that its sender marked as invalid, left unset, or filled with an implausible value becomes `None`. A
+message without any usable field gives no fact. No message that can be decoded raises an error. One file for
 each protocol; a new source of traffic is a new file and an entry in `_TRANSLATIONS`.
 """
 
@@ -28,7 +28,7 @@ def to_fact(message: Message, received_s: float) -> Fact | None:
 
 
 def frame_to_fact(frame: Frame, received_s: float) -> Fact | None:
-    """The fact in a frame: several times as fast as by way of a pymavlink message."""
+    """The fact in a frame; several times faster than `to_fact`, because no pymavlink message is made."""
     translate = _TRANSLATIONS.get(frame.message_id)
     if translate is None:
         return None

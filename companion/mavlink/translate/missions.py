@@ -1,4 +1,4 @@
-"""The mission protocol, and what belongs to missions: fence status, home and terrain.
+"""The mission protocol, and other messages about missions: fence status, home and terrain.
 
 Traps: positions are degrees times 1e7 only in a global frame, a mission type that is not sent arrives as 0,
 NaN means "not given", and terrain without data is reported as 0 m.

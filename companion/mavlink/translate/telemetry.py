@@ -1,4 +1,4 @@
-"""What an autopilot reports about its aircraft, its flight and itself."""
+"""Telemetry: messages of an autopilot about its aircraft, its flight and itself."""
 
 import math
 
@@ -29,7 +29,7 @@ _MIN_PRESSURE_HPA, _MAX_PRESSURE_HPA = 230.0, 1_100.0  # 11 km, and below the De
 _MAX_GEOID_SEPARATION_M = 120.0
 _NO_PULSE = (0, 65_535)
 _CHANNELS = tuple(f"chan{number}_raw" for number in range(1, 19))
-_YEAR_2015_S = 1_420_070_400.0  # a clock that shows less was never set
+_YEAR_2015_S = 1_420_070_400.0  # a clock that shows an earlier time was never set
 _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: ""}
 
 
@@ -89,7 +89,7 @@ def _air_data(message: Message, sender: Sender, _received_s: float) -> Fact:
 
 
 def _wind(message: Message, sender: Sender, _received_s: float) -> Fact | None:
-    """`direction` is where the wind comes from [deg]."""
+    """`direction` is the direction that the wind comes from [deg]."""
     if not (math.isfinite(message.direction) and math.isfinite(message.speed)):
         return None
     from_rad = math.radians(message.direction)
@@ -97,7 +97,7 @@ def _wind(message: Message, sender: Sender, _received_s: float) -> Fact | None:
 
 
 def _wind_cov(message: Message, sender: Sender, _received_s: float) -> Fact | None:
-    """`wind_x` and `wind_y` are where the air moves to (north, east), NaN when unknown."""
+    """`wind_x` and `wind_y` are the velocity of the air (north, east) [m/s], NaN when unknown."""
     if not (math.isfinite(message.wind_x) and math.isfinite(message.wind_y)):
         return None
     return Wind(sender, message.wind_x, message.wind_y)

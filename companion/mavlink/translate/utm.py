@@ -50,7 +50,7 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
 
 
 def _name(message: Message, sender: Sender) -> str:
-    """Its id in hexadecimal without trailing zeros, or else the address of its sender."""
+    """The id of the aircraft in hexadecimal without trailing zeros, otherwise the address of the sender."""
     if message.flags & mavlink.UTM_DATA_AVAIL_FLAGS_UAS_ID_AVAILABLE:
         uas_id = bytes(message.uas_id).rstrip(b"\0")
         if uas_id:

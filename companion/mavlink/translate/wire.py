@@ -1,4 +1,4 @@
-"""What all translations share: sentinels, plausible ranges, and fields that many messages have."""
+"""Shared by all translations: sentinels, plausible ranges, and fields that many messages have."""
 
 import math
 from collections.abc import Callable

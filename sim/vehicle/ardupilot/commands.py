@@ -30,7 +30,7 @@ class ArduPlaneCommands(Commands):
         self._flight: ArduPlaneFlight = flight
 
     def run(self, call: Call) -> Result:
-        """Execute a command; its result."""
+        """Execute a command; returns its result."""
         if call.frame is None and call.command in _WITH_FRAME_ONLY:
             return Result.COMMAND_INT_ONLY
         return super().run(call)

@@ -18,7 +18,7 @@ _ANY_OF = mavlink.ADSB_FLAGS_VALID_COORDS | mavlink.ADSB_FLAGS_VALID_ALTITUDE
 _LARGEST_ICAO = 0xFF_FFFF
 _FROM_RECEIVER = 1  # ADSB_TYPE
 
-# AVD_F_ACTION: up to _REPORT it only reports.
+# AVD_F_ACTION: values up to _REPORT only report.
 _REPORT, _RTL = 1.0, 5.0
 _RESUME_PREVIOUS_MODE = 1.0  # AVD_F_RCVRY
 _CLEAR_FOR_S = 5.0
@@ -55,7 +55,7 @@ class TrafficList:
         if self._parameters["ADSB_TYPE"] != _FROM_RECEIVER:
             return
         icao = int(report.ICAO_address)
-        # With the default 0 the ownship's own transponder comes back as traffic.
+        # With the default 0, our own transponder's reports come back as traffic.
         own = int(self._parameters["ADSB_ICAO_ID"])
         unusable = (
             icao > _LARGEST_ICAO

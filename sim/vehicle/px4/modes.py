@@ -26,7 +26,7 @@ class Px4Mode(IntEnum):
     STABILIZED = _custom_mode(7)
 
 
-# In these modes the sticks bypass the position controller, and so an invalid setpoint of it.
+# In these modes the sticks bypass the position controller, so its invalid setpoint has no effect.
 WITHOUT_POSITION_CONTROL = frozenset({Px4Mode.MANUAL, Px4Mode.ACRO, Px4Mode.STABILIZED})
 PILOTED = WITHOUT_POSITION_CONTROL | {Px4Mode.ALTCTL, Px4Mode.POSCTL}
 

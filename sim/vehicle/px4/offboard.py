@@ -12,7 +12,7 @@ _RESPONSE_S = 0.35
 # Measured when leaving OFFBOARD: 15 m between commanded and flown height always made the attitude setpoint
 # NaN, 0 m never did.
 _INVALIDATING_M = 5.0
-# For how long an earlier setpoint still has that effect.
+# An earlier setpoint still has that effect for this time.
 _MEMORY_S = 0.3
 _VELOCITY_FIRST_S = 0.4
 _VELOCITY_TO_RECOVER_S = 1.45  # "1.5 s", with the same room
@@ -23,7 +23,7 @@ class Offboard:
     """The received setpoints and their effect on the controller. Times are seconds of the flight.
 
     `setpoint_invalid`: the attitude setpoint is NaN. `strict`: entering directly with position and velocity
-    always invalidates it; measured were 2 of 85.
+    always invalidates it; in measurements it did in 2 of 85 cases.
     """
 
     def __init__(self, *, strict: bool = True) -> None:

@@ -14,7 +14,7 @@ _TRAFFIC_ACTIONS = {2: Px4Mode.RETURN, 3: Px4Mode.LAND, 4: Px4Mode.HOLD}  # NAV_
 
 
 class EchoedTraffic:
-    """A queue of reports for each channel, the sender's included; a full queue loses its oldest."""
+    """A queue of reports for each channel, the sender's included; a full queue drops its oldest report."""
 
     def __init__(self) -> None:
         self._queues: dict[int, deque[Message]] = {}

@@ -197,7 +197,7 @@ def test_a_late_change_after_the_restoration_is_restored_again(adapter: Px4Fixed
 @pytest.mark.parametrize(
     ("version", "loses"), [(None, True), ((1, 16), True), ((1, 17), False), ((2, 0), False)]
 )
-def test_the_versions_that_climbs_make_invalid(
+def test_up_to_version_1_16_climbs_may_invalidate_the_setpoint(
     adapter: Px4FixedWing, version: tuple[int, int] | None, loses: bool
 ) -> None:
     if version is not None:

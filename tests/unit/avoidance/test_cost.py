@@ -1,4 +1,4 @@
-"""The cost of rows against brute force, one track and one moment after the other."""
+"""The cost of rows against brute force, track by track and time by time."""
 
 import math
 from dataclasses import replace
@@ -102,7 +102,7 @@ def test_the_best_row_is_the_cheapest(seed: int, controls: frozenset[Control]) -
     assert brute_force_cost(rows.best_guidance, context, tracks) == pytest.approx(cheapest, abs=5e-3)
 
 
-def test_of_rows_with_equal_cost_the_first_is_best() -> None:
+def test_the_first_of_rows_with_equal_cost_is_best() -> None:
     """On the mission's course a turn by 0 degrees is the same as the mission's own row, which comes first."""
     mission = make_context().mission
     context = make_context(own=make_context().own._replace(course_rad=mission.course_rad))
@@ -111,7 +111,7 @@ def test_of_rows_with_equal_cost_the_first_is_best() -> None:
     assert TABLE[0].controls == frozenset()
 
 
-def test_all_rows_but_the_last_guidance_cost_a_switch() -> None:
+def test_all_rows_except_the_last_guidance_cost_a_switch() -> None:
     context, tracks = make_context(), random_tracks(np.random.default_rng(2), 2)
     last = Guidance(0.7, 20.0, 350.0)
     fresh, continued = evaluate_table(context, tracks), evaluate_table(context, tracks, last)

@@ -1,4 +1,4 @@
-"""The context of a conflict: when a volume counts as entered, and how far off the conflict is."""
+"""The context of a conflict: the separation that counts as a breach, and earliness."""
 
 import pytest
 

@@ -187,7 +187,7 @@ def test_a_breach_after_the_look_ahead_has_a_time_but_no_depth() -> None:
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (8.0, 0.0), (0.0, -12.0), (-15.0, 5.0)])
 @pytest.mark.parametrize("airspeed_mps", [16.0, 28.0])
 def test_within_the_look_ahead_there_is_room_to_turn_around(airspeed_mps: float, wind: Vec2) -> None:
-    """The length of the look-ahead is chosen so that a turn stays within the straight flight of that time."""
+    """The look-ahead is so long that a turn gets no further ahead than straight flight in that time."""
     state = own_state(airspeed_mps=airspeed_mps, wind=wind)
     ahead_s = turn_around_s(state, ENVELOPE)
     turned = fly_ahead(state, Commands.of([Guidance(math.pi, airspeed_mps, 300.0)]), ENVELOPE).row_m(0)

@@ -95,7 +95,7 @@ def test_a_joint_response_that_leads_to_a_stranger_is_not_flown() -> None:
     assert alone.guidance is not None
     state = OwnState((0.0, 0.0, -300.0), 0.0, 22.0, 0.0, (0.0, 0.0))
     way = fly_ahead(state, Commands.of([alone.guidance]), Envelope()).row_m(0)
-    # At the place that the joint response reaches after 16 s, far beside the mission.
+    # At the place that the joint response reaches after 16 s, far from the mission's line.
     stranger = replace(
         member("S", (way[14, 0], way[14, 1]), (0.0, 0.0, 0.0), None), protected_horizontal_m=40.0
     )
@@ -120,7 +120,7 @@ def test_without_an_id_or_without_cooperation_there_is_no_group(changes: dict[st
     assert decision.guidance is not None, "it is avoided like a stranger"
 
 
-def test_two_members_with_one_id_are_no_group() -> None:
+def test_two_members_with_one_id_are_not_a_group() -> None:
     twice = [member("B", (390.0, 0.0)), member("B", (300.0, 50.0))]
     decision = decide(twice)
     assert not by_group(decision)
@@ -133,7 +133,7 @@ def test_a_track_with_our_own_id_is_ignored() -> None:
     assert decide([echo, member("B", (390.0, 0.0))]) == decide([member("B", (390.0, 0.0))])
 
 
-def test_too_many_members_are_no_group() -> None:
+def test_too_many_members_are_not_a_group() -> None:
     crowd = [MemberState(f"M{i:02d}", (60.0 * i, 0.0, -300.0), (22.0, 0.0, 0.0), MEMBER) for i in range(9)]
     assert joint_response(crowd, FORMATION) is None
     assert joint_response(crowd[:8], FORMATION) is not None
@@ -149,7 +149,7 @@ def test_the_joint_guidance_is_held_before_the_return() -> None:
     assert later.layer is Layer.CLEAR
 
 
-def test_right_at_its_goal_a_member_keeps_its_course() -> None:
+def test_a_member_at_its_goal_keeps_its_course() -> None:
     east = MemberState(
         "A", (0.0, 0.0, -300.0), (0.0, 22.0, 0.0), replace(MEMBER, goal=Goal(position_m=(0.0, 0.0, -300.0)))
     )

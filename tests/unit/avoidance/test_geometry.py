@@ -51,7 +51,7 @@ def test_left_is_positive() -> None:
     assert approach_angle_rad(left, ahead) == pytest.approx(-math.pi / 2)
 
 
-def test_any_of_values_is_not_zero() -> None:
+def test_any_of_is_true_if_a_value_is_not_zero() -> None:
     assert any_of(np.array([0.0, -1e-300]))
     assert any_of(np.array([False, True]))
     assert not any_of(np.array([0.0, -0.0]))
@@ -93,7 +93,7 @@ def test_the_transition_domain_forgets_tracks_that_are_out_of_reach_or_gone() ->
     assert not inside(domain, 12.0)
 
 
-def test_repulsion_follows_equation_8() -> None:
+def test_the_repulsion_has_the_length_of_equation_7() -> None:
     rho, rho_o, gain = 2.0, 5.0, 10.0
     expected = gain * (1 / rho - 1 / rho_o) / rho**2
     assert repulsion_magnitude(np.array([rho]), rho_o, gain) == pytest.approx(expected)

@@ -28,7 +28,7 @@ def three_tracks() -> Tracks:
     )
 
 
-def test_every_aircraft_may_turn_and_climb_either_way_and_obstacles_stay() -> None:
+def test_every_aircraft_may_turn_and_climb_either_way_and_obstacles_may_not() -> None:
     maneuvers = enumerate_maneuvers(three_tracks(), PARAMS)
     assert maneuvers.of.tolist() == 4 * [0, 1, 2]
     turns, climbs = maneuvers.turn_radps.reshape(4, 3), -maneuvers.sink_mps.reshape(4, 3)
@@ -73,7 +73,7 @@ def test_a_maneuver_costs_in_proportion_to_its_probability() -> None:
     assert with_them.closest.tolist() == without.closest.tolist(), "closest is of predicted flights alone"
 
 
-def test_of_two_clear_rows_the_one_wins_that_stays_clear_if_the_intruder_turns() -> None:
+def test_a_row_that_stays_clear_if_the_intruder_turns_is_preferred() -> None:
     """An aircraft passes 750 m to the left, and would meet us if it turned left."""
     context = make_context(
         own=OwnState((0.0, 0.0, -300.0), 0.0, 21.0, 0.5, (2.0, -3.0)),

@@ -1,4 +1,4 @@
-"""Ownship and its mission: wind, course, horizon, and inputs that no decision can be based on."""
+"""Ownship and its mission: wind, course, horizon, and inputs that are refused."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ def test_an_implied_wind_above_60_percent_of_airspeed_is_rejected() -> None:
     assert own_state(0.0, backwards).wind_mps == (0.0, 0.0)
 
 
-def test_only_in_a_wind_stronger_than_the_airspeed_the_heading_is_kept() -> None:
+def test_the_heading_is_kept_only_in_a_wind_stronger_than_the_airspeed() -> None:
     assert own_state(0.0, replace(OWN, wind_mps=(0.0, 21.0))).heading_rad is None
     assert own_state(0.0, replace(OWN, wind_mps=(0.0, 23.0))).heading_rad == OWN.heading_rad
 

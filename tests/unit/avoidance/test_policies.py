@@ -93,7 +93,7 @@ def test_by_default_there_are_no_buffers() -> None:
     assert not policy_of(DEFAULTS).emergency.buffered(tracks, GOAL).buffer_m.any()
 
 
-def test_only_the_methods_that_do_not_fly_ahead_ignore_whether_the_mission_comes_too_near() -> None:
+def test_every_method_except_priced_ignores_whether_the_mission_comes_too_near() -> None:
     within, too_near = np.array([True, True]), np.array([True, False])
     for method in OuterMethod:
         confirmed = policy_of(replace(DEFAULTS, outer_method=method)).outer.confirmed(within, too_near)

@@ -70,7 +70,7 @@ def test_overtaking_turns_the_same_way_on_every_course() -> None:
 
 
 def test_being_overtaken_turns_the_same_way_on_every_course() -> None:
-    """Exactly astern is neither left nor right. Either would do, but rounding must not choose."""
+    """Exactly astern is neither left nor right. Either is acceptable, but rounding must not decide."""
     usual_deg = ruled_deg(0.0, 180.0, flying(0.0, 40.0))
     for course_deg in range(0, 360, 7):
         ruled = ruled_deg(course_deg, course_deg + 180.0, flying(course_deg, 40.0))
@@ -99,7 +99,7 @@ def test_the_course_is_in_one_circle() -> None:
 
 
 def first_crossing_s(place_m: Array, velocity_mps: Array, on_m: Array, along_mps: Array) -> float | None:
-    """When a straight flight reaches the line of another, found in small steps; `None` if never [s]."""
+    """Time at which a straight flight reaches the line of another, in small steps [s]; `None` if never."""
     times_s = np.arange(0.0, 400.0, 0.02)
     offset = place_m + velocity_mps * times_s[:, None] - on_m
     side = np.sign(along_mps[0] * offset[:, 1] - along_mps[1] * offset[:, 0])
@@ -129,7 +129,7 @@ def test_the_speed_is_that_of_equation_13() -> None:
         if stepped is not None:
             assert speed_rule(rel_m, other_mps, own_mps) is stepped
             seen[stepped] += 1
-    assert min(seen.values()) >= 30, "every case has occurred"
+    assert min(seen.values()) >= 30, "every case occurs"
 
 
 @pytest.mark.parametrize(

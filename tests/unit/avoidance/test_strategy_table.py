@@ -19,7 +19,7 @@ def rows_of(table: StrategyTable, context: CostContext) -> list[Guidance]:
     return [commands.row(row) for row in range(len(commands))]
 
 
-def test_every_row_is_there_once() -> None:
+def test_no_row_is_repeated() -> None:
     assert len(set(TABLE)) == len(TABLE)
 
 
@@ -33,7 +33,7 @@ def test_no_turn_is_so_large_that_it_could_go_either_way() -> None:
     assert math.radians(160.0) < max(turns_rad) < math.radians(170.0)
 
 
-def test_the_rules_are_there_alone_and_together() -> None:
+def test_the_rules_have_rows_alone_and_together() -> None:
     pairs = {(row.ground.course, row.ground.speed) for row in TABLE}
     assert pairs >= {
         (Course.RULE, Speed.MISSION),

@@ -90,7 +90,7 @@ def test_ground_velocity_is_that_of_the_wind_triangle() -> None:
     ("course_deg", "wind", "drift_mps"),
     [(180.0, (40.0, 0.0), (20.0, 0.0)), (0.0, (0.0, 40.0), (0.0, 20.0)), (90.0, (-30.0, 0.0), (-10.0, 0.0))],
 )
-def test_in_a_wind_too_strong_for_the_course_the_aircraft_drifts(
+def test_an_aircraft_drifts_in_a_wind_too_strong_for_its_course(
     course_deg: float, wind: tuple[float, float], drift_mps: tuple[float, float]
 ) -> None:
     velocity_mps = ground_velocity_mps(math.radians(course_deg), 20.0, wind)

@@ -283,7 +283,7 @@ def test_a_long_address_is_shortened_in_the_message(tmp_path: Path) -> None:
     assert len(refusal(tmp_path, f"links: ['{'x' * 5000}']")) < 250
 
 
-# --- files that are no configuration -----------------------------------------------------------------
+# --- files that are not a configuration --------------------------------------------------------------
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:

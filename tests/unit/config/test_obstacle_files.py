@@ -63,7 +63,7 @@ obstacles:
 def test_obstacles_of_a_geojson_file(tmp_path: Path) -> None:
     square = [[8.0, 47.0], [8.02, 47.0], [8.02, 47.01], [8.0, 47.01], [8.0, 47.0]]
     text = geojson(
-        feature("Point", [8.2, 47.1, 400.0], name="Radio", top_amsl_m=712.5, owner="somebody"),
+        feature("Point", [8.2, 47.1, 400.0], name="Radio", top_amsl_m=712.5, owner="unknown"),
         feature("LineString", [[8.0, 47.0], [8.0, 47.01]], name="Line", height_m=40, radius_m=5),
         feature("Polygon", [square], name="Forest", height_m=30, ground_amsl_m=400),
         feature("MultiPoint", [[8.2, 47.1], [8.3, 47.1]], height_m=20),

@@ -1,4 +1,4 @@
-"""The emergency release: on the newest heartbeat alone, and never against the pilot."""
+"""The emergency release follows the newest heartbeat alone, and never acts against the pilot."""
 
 import pytest
 
@@ -37,7 +37,7 @@ class Emergency:
         self.release.observe(fact, self.now_s)
 
     def run(self, seconds: float, mode: int | None = None) -> list[Message]:
-        """The messages of some seconds, with heartbeats of this mode each fifth of a second."""
+        """The messages of some seconds; heartbeats show `mode` five times a second, `None`: no heartbeats."""
         sent = []
         for tick in range(round(seconds * 10)):
             self.now_s = round(self.now_s + 0.1, 1)
@@ -48,16 +48,16 @@ class Emergency:
 
 
 def modes(messages: list[Message]) -> list[int]:
-    """The modes asked for (PX4: main modes)."""
+    """The requested modes (PX4: main modes)."""
     return [round(m.param2) for m in messages if getattr(m, "command", None) == SET_MODE]
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
-def test_the_former_mode_is_asked_for_while_the_heartbeat_shows_ours(autopilot: int) -> None:
+def test_the_former_mode_is_requested_while_the_heartbeat_shows_the_guided_mode(autopilot: int) -> None:
     emergency = Emergency(autopilot)
-    asked = modes(emergency.run(2.0, GUIDED_OF[autopilot]))
+    requested = modes(emergency.run(2.0, GUIDED_OF[autopilot]))
     wanted = PRIOR_OF[autopilot] if autopilot == ARDUPILOT else PRIOR_OF[autopilot] >> 16 & 0xFF
-    assert set(asked) == {wanted}
+    assert set(requested) == {wanted}
     assert not emergency.release.finished
     emergency.heartbeat(PRIOR_OF[autopilot])
     assert emergency.release.finished
@@ -69,17 +69,17 @@ def test_nothing_is_sent_against_the_pilot(autopilot: int) -> None:
     emergency = Emergency(autopilot)
     emergency.heartbeat(FBWA if autopilot == ARDUPILOT else 3 << 16)
     assert emergency.run(3.0, FBWA if autopilot == ARDUPILOT else 3 << 16) == []
-    assert emergency.run(3.0, GUIDED_OF[autopilot]) == [], "the guided mode is his too now"
+    assert emergency.run(3.0, GUIDED_OF[autopilot]) == [], "the guided mode is the pilot's choice now"
 
 
-def test_a_pilot_who_takes_over_in_the_middle_ends_it() -> None:
+def test_a_pilots_mode_change_ends_the_release() -> None:
     emergency = Emergency(ARDUPILOT)
     assert modes(emergency.run(1.0, GUIDED)) == [AUTO]
     assert emergency.run(2.0, FBWA) == []
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
-def test_nothing_is_asked_for_blindly(autopilot: int) -> None:
+def test_nothing_is_requested_without_heartbeats(autopilot: int) -> None:
     emergency = Emergency(autopilot)
     emergency.run(1.6)
     assert emergency.run(5.0) == []

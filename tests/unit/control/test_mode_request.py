@@ -1,4 +1,4 @@
-"""Asking for a mode: on evidence, with patience, never against what the heartbeat shows."""
+"""Mode requests are repeated on fresh heartbeats, at growing intervals, and never against the heartbeat."""
 
 from companion.control.mode_request import ModeRequest, Progress
 
@@ -6,7 +6,7 @@ AUTO, GUIDED, FBWA = 10, 15, 5
 
 
 def sent(request: ModeRequest, mode: int, heartbeats_s: list[float], until_s: float) -> list[float]:
-    """When it is sent, decided every tenth of a second."""
+    """Times at which the request is sent; it is checked every tenth of a second."""
     times = []
     for tenth in range(round(until_s * 10) + 1):
         now_s = tenth / 10
@@ -16,28 +16,28 @@ def sent(request: ModeRequest, mode: int, heartbeats_s: list[float], until_s: fl
     return times
 
 
-def test_sent_again_while_heartbeats_show_the_old_mode() -> None:
+def test_a_request_is_repeated_while_heartbeats_show_the_old_mode() -> None:
     request = ModeRequest(AUTO, GUIDED, 0.0)
     assert sent(request, AUTO, [n / 5 for n in range(20)], 2.0) == [0.0, 1.0, 2.0]
 
 
-def test_without_heartbeats_only_a_few_times() -> None:
-    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 1, "never to take it over"
+def test_without_heartbeats_a_request_is_sent_a_few_times_only() -> None:
+    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 1, "no blind tries for a take-over"
     assert len(sent(ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3), GUIDED, [0.0], 60.0)) == 4
 
 
-def test_accepted_means_wait_and_see() -> None:
+def test_an_accepted_request_is_not_repeated_for_three_seconds() -> None:
     request = ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3)
     assert request.due(GUIDED, 0.0, 0.0)
     request.accepted(0.2)
     assert sent(request, GUIDED, [n / 5 for n in range(16)], 3.1) == []
 
 
-def test_never_against_a_third_mode() -> None:
+def test_nothing_is_sent_while_the_heartbeat_shows_a_third_mode() -> None:
     assert sent(ModeRequest(GUIDED, AUTO, 0.0), FBWA, [0.0, 0.2, 0.4], 10.0) == []
 
 
-def test_progress_by_heartbeats_since_the_request() -> None:
+def test_progress_follows_the_heartbeats_since_the_request() -> None:
     request = ModeRequest(AUTO, GUIDED, 10.0)
     assert request.progress(FBWA, 9.9) is Progress.WAITING, "older than the request"
     assert request.progress(AUTO, 10.1) is Progress.WAITING
@@ -51,7 +51,7 @@ def test_the_wanted_mode_seen_too_soon_does_not_count() -> None:
     assert request.progress(AUTO, 11.1) is Progress.CONFIRMED
 
 
-def test_a_postponed_request_is_made_again_with_the_next_heartbeat() -> None:
+def test_a_postponed_request_is_repeated_with_the_next_heartbeat() -> None:
     request = ModeRequest(10, 15, 0.0)
     assert request.due(10, 0.0, 0.0)
     request.postponed(0.1)
@@ -61,7 +61,7 @@ def test_a_postponed_request_is_made_again_with_the_next_heartbeat() -> None:
     assert (request.refusals, request.postponements) == (0, 1)
 
 
-def test_refusals_make_it_patient() -> None:
+def test_the_wait_grows_with_each_refusal() -> None:
     request = ModeRequest(GUIDED, AUTO, 0.0)
     heartbeats = [n / 5 for n in range(500)]
     times = []

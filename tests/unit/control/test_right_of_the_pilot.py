@@ -1,4 +1,4 @@
-"""Whose the aircraft is: nothing is sent against him, and nothing is left with nobody flying it."""
+"""Nothing is sent against the pilot, and no aircraft is left in the guided mode without control."""
 
 import pytest
 
@@ -30,11 +30,11 @@ def commands(messages: list[Message]) -> list[int]:
 
 
 def modes(messages: list[Message]) -> list[int]:
-    """The modes asked for."""
+    """The requested modes."""
     return [round(m.param2) for m in messages if getattr(m, "command", None) == SET_MODE]
 
 
-def test_a_pilot_who_flies_by_the_guided_mode_himself_is_left_alone() -> None:
+def test_a_pilot_who_uses_the_guided_mode_is_left_alone() -> None:
     seat = Seat()
     seat.until(*FLYING)
     seat.mode = LOITER
@@ -45,21 +45,21 @@ def test_a_pilot_who_flies_by_the_guided_mode_himself_is_left_alone() -> None:
     assert seat.mode == GUIDED
 
 
-def test_another_target_given_in_the_guided_mode_is_kept_to() -> None:
+def test_a_new_target_in_the_guided_mode_is_respected() -> None:
     seat = Seat(rules=SupervisorParams(take_over_from=("AUTO", "GUIDED")))
     seat.mode = GUIDED
-    seat.tell(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
+    seat.receive(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
     while seat.state not in FLYING:
-        seat.tell(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
+        seat.receive(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
         seat.fly(0.5)
     seat.fly(1.0)
-    seat.tell(NavigationTarget(AUTOPILOT, -35.0, 149.1, 884.0))
+    seat.receive(NavigationTarget(AUTOPILOT, -35.0, 149.1, 884.0))
     seat.fly(0.1)
     assert seat.state is State.SUPPRESSED
     assert seat.fly(8.0) == []
 
 
-def test_left_in_the_guided_mode_with_nobody_flying_it_it_is_given_back() -> None:
+def test_an_aircraft_left_in_the_guided_mode_is_given_back() -> None:
     seat = Seat()
     seat.until(*FLYING)
     seat.status = 5
@@ -71,7 +71,7 @@ def test_left_in_the_guided_mode_with_nobody_flying_it_it_is_given_back() -> Non
     assert modes(seat.fly(4.0))[0] == AUTO
 
 
-def test_what_was_never_asked_for_needs_no_giving_back() -> None:
+def test_a_take_over_that_was_not_yet_requested_needs_no_release() -> None:
     seat = Seat(PX4)
     seat.until(State.ENGAGING)
     seat.set_role(1)
@@ -81,7 +81,7 @@ def test_what_was_never_asked_for_needs_no_giving_back() -> None:
     assert seat.state in (State.MONITOR, State.STANDBY)
 
 
-def test_a_refusal_of_the_first_request_says_nothing_of_the_second() -> None:
+def test_a_second_request_may_succeed_after_the_first_was_refused() -> None:
     seat = Seat()
     seat.obeys = lambda _message: False
     seat.until(State.ENGAGING)
@@ -91,11 +91,11 @@ def test_a_refusal_of_the_first_request_says_nothing_of_the_second() -> None:
     seat.fly(0.2)
     assert seat.state is State.WAITING
     seat.obeys = lambda _message: True
-    seat.mode = GUIDED  # the second one was on its way
+    seat.mode = GUIDED  # the second one arrives
     assert modes(seat.fly(1.0)) == [AUTO]
 
 
-def test_a_request_that_overtakes_nothing_and_comes_very_late_is_undone() -> None:
+def test_a_request_that_arrives_very_late_is_undone() -> None:
     seat = Seat()
     seat.obeys = lambda _message: False
     seat.until(State.ENGAGING)
@@ -109,36 +109,36 @@ def test_a_request_that_overtakes_nothing_and_comes_very_late_is_undone() -> Non
 
 
 def given_back(seat: Seat) -> None:
-    """Past the intruder, on the mission again."""
+    """Fly past the intruder, until the mission is flown again."""
     seat.meet_s = T0 + 15.0
     seat.fly(0.5)
-    seat.tell(MissionProgress(AUTOPILOT, 4))
+    seat.receive(MissionProgress(AUTOPILOT, 4))
     seat.until(*FLYING)
     seat.until(State.MONITOR, limit_s=120.0)
     assert seat.mode == AUTO
 
 
-def test_the_mission_item_is_not_asked_for_when_the_pilot_has_the_aircraft() -> None:
+def test_the_mission_item_is_not_restored_when_the_pilot_has_the_aircraft() -> None:
     seat = Seat()
     given_back(seat)
-    seat.tell(MissionProgress(AUTOPILOT, 1))
+    seat.receive(MissionProgress(AUTOPILOT, 1))
     assert SELECT_ITEM in commands(seat.fly(0.2))
     seat.mode = FBWA
     seat.fly(0.3)
     assert seat.fly(5.0) == []
 
 
-def test_an_item_that_the_pilot_chose_is_his() -> None:
+def test_an_item_that_the_pilot_chose_is_not_changed() -> None:
     seat = Seat()
     given_back(seat)
     seat.mode = LOITER
     seat.fly(1.0)
-    seat.tell(MissionProgress(AUTOPILOT, 1))
+    seat.receive(MissionProgress(AUTOPILOT, 1))
     seat.mode = AUTO
     assert SELECT_ITEM not in commands(seat.fly(5.0))
 
 
-def test_without_heartbeats_the_aircraft_is_not_flown_on() -> None:
+def test_without_heartbeats_the_aircraft_is_no_longer_flown() -> None:
     seat = Seat()
     seat.until(*FLYING)
     seat.heartbeats = False
@@ -149,17 +149,19 @@ def test_without_heartbeats_the_aircraft_is_not_flown_on() -> None:
     assert seat.fly(5.0) == []
 
 
-def test_no_stream_goes_out_to_an_autopilot_that_is_not_heard() -> None:
+def test_no_setpoints_are_sent_to_an_autopilot_that_is_not_heard() -> None:
     seat = Seat(PX4)
     seat.until(*FLYING)
     seat.heartbeats = seat.positions = False
     seat.obeys = lambda _message: False
     seat.fly(12.0)
     sent = seat.fly(5.0)
-    assert [message for message in sent if message.get_type() != "PARAM_SET"] == [], "it would enter anew"
+    assert [message for message in sent if message.get_type() != "PARAM_SET"] == [], (
+        "PX4 would enter OFFBOARD again"
+    )
 
 
-def test_the_pilots_mode_ends_a_stop_whatever_else_is_wrong() -> None:
+def test_the_pilots_mode_ends_a_stop_even_in_a_failsafe() -> None:
     seat = Seat()
     seat.until(*FLYING)
     seat.obeys = lambda _message: False
@@ -173,7 +175,7 @@ def test_the_pilots_mode_ends_a_stop_whatever_else_is_wrong() -> None:
     assert seat.fly(5.0) == []
 
 
-def test_nothing_is_put_right_on_the_ground() -> None:
+def test_nothing_is_sent_after_disarming() -> None:
     seat = Seat()
     seat.until(*FLYING)
     seat.armed = False
@@ -183,12 +185,12 @@ def test_nothing_is_put_right_on_the_ground() -> None:
 
 
 @pytest.mark.parametrize("heard", [True, False])
-def test_a_fence_that_is_off_is_breached_no_more(heard: bool) -> None:
+def test_a_breach_ends_when_the_fence_is_switched_off(heard: bool) -> None:
     seat = Seat()
-    seat.tell(FenceStatus(AUTOPILOT, True))
+    seat.receive(FenceStatus(AUTOPILOT, True))
     for _ in range(20):
         if heard:
-            seat.tell(FenceStatus(AUTOPILOT, True))
+            seat.receive(FenceStatus(AUTOPILOT, True))
         seat.fly(1.0)
     assert (seat.state is State.STANDBY) is heard
 
@@ -196,7 +198,7 @@ def test_a_fence_that_is_off_is_breached_no_more(heard: bool) -> None:
 # --- PX4
 
 
-def test_a_poisoned_controller_is_not_given_back() -> None:
+def test_an_aircraft_with_an_invalid_setpoint_is_not_given_back() -> None:
     seat = Seat(PX4)
     seat.until(*FLYING)
     seat.fly(3.0)
@@ -209,7 +211,7 @@ def test_a_poisoned_controller_is_not_given_back() -> None:
     assert seat.mode == MISSION
 
 
-def test_one_bad_attitude_setpoint_and_then_silence_is_no_poison() -> None:
+def test_one_bad_attitude_setpoint_does_not_count_as_invalid() -> None:
     seat = Seat(PX4)
     seat.until(*FLYING)
     adapter = seat.engine.aircraft.adapter
@@ -220,7 +222,7 @@ def test_one_bad_attitude_setpoint_and_then_silence_is_no_poison() -> None:
     assert not adapter.setpoint_invalid(seat.now_s + 5.0)
 
 
-def test_the_speed_is_put_back_before_the_service_ends() -> None:
+def test_the_speed_is_restored_before_the_service_ends() -> None:
     seat = Seat(PX4)
     seat.until(*FLYING)
     adapter = seat.engine.aircraft.adapter
@@ -247,28 +249,28 @@ def test_the_stream_after_a_late_entry_begins_with_velocity_alone() -> None:
     assert setpoints[0].type_mask == 3527
 
 
-def test_the_target_of_the_guided_mode_is_given_again_when_it_got_lost() -> None:
+def test_the_target_of_the_guided_mode_is_sent_again_when_it_was_lost() -> None:
     seat = Seat(rules=SupervisorParams(take_over_from=("AUTO", "GUIDED")))
     seat.mode = GUIDED
     while seat.state not in FLYING:
-        seat.tell(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
+        seat.receive(NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0))
         seat.fly(0.5)
     seat.set_role(1)
     assert commands(seat.fly(6.0)).count(REPOSITION) >= 2
     assert seat.state in (State.MONITOR, State.STANDBY)
 
 
-def test_a_speed_borrowed_from_another_aircraft_is_not_put_into_this_one() -> None:
+def test_the_saved_speed_of_another_aircraft_is_not_restored_in_this_one() -> None:
     for system_id, expected in ((1, [15.0]), (2, [])):
         seat = Seat(PX4)
         seat.intruder = False
-        held = PersistedState(T0 - 3600.0, system_id, borrowed={"FW_AIRSPD_TRIM": 15.0})
-        seat.engine.recover(held.to_text(), T0, 0.0)
+        saved = PersistedState(T0 - 3600.0, system_id, borrowed={"FW_AIRSPD_TRIM": 15.0})
+        seat.engine.recover(saved.to_text(), T0, 0.0)
         sent = seat.fly(3.0)
         assert [message.param_value for message in sent] == expected
 
 
-def test_an_emergency_gives_back_the_speed_too() -> None:
+def test_an_emergency_release_restores_the_speed_too() -> None:
     seat = Seat(PX4)
     seat.until(*FLYING)
     seat.fly(1.0)

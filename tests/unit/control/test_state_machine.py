@@ -1,4 +1,4 @@
-"""The state machine: every pair of state and event, and what is remembered in each state."""
+"""The state machine: every pair of state and event, and the data of each state."""
 
 import itertools
 from dataclasses import fields, replace
@@ -47,7 +47,7 @@ EXAMPLE = StateData(
 
 
 @pytest.mark.parametrize(("state", "event"), [*itertools.product(State, Event)])
-def test_every_pair(state: State, event: Event) -> None:
+def test_every_pair_of_state_and_event_follows_the_table(state: State, event: Event) -> None:
     supervisor = Supervisor()
     supervisor.state, supervisor.data = state, replace(EXAMPLE)
     after = TRANSITIONS.get((state, event), state)
@@ -62,7 +62,7 @@ def test_every_pair(state: State, event: Event) -> None:
         assert getattr(supervisor.data, field.name) == expected, field.name
 
 
-def test_every_state_says_what_it_remembers() -> None:
+def test_every_state_and_every_field_is_in_the_data_table() -> None:
     names = {field.name for field in fields(StateData)}
     assert set(DATA) == set(State)
     assert set().union(*DATA.values()) == names
@@ -75,7 +75,7 @@ def test_flying_is_reached_only_by_the_autopilots_heartbeat() -> None:
 
 @pytest.mark.parametrize("event", sorted(OVERRIDES))
 @pytest.mark.parametrize("state", sorted(State))
-def test_an_override_ends_ours(state: State, event: Event) -> None:
+def test_an_override_ends_our_control(state: State, event: Event) -> None:
     after = TRANSITIONS.get((state, event), state)
     assert after not in FLYING
     if state in HELD:
@@ -93,7 +93,7 @@ def test_in_the_role_advise_the_aircraft_is_given_back(state: State) -> None:
 
 
 @pytest.mark.parametrize("state", sorted(State))
-def test_resume_gives_back_what_we_fly_unless_its_controller_is_lost(state: State) -> None:
+def test_resume_gives_the_aircraft_back_unless_its_controller_must_recover(state: State) -> None:
     ours = state in {*FLYING, State.ENGAGING} - {State.RECOVERING}
     assert TRANSITIONS.get((state, Event.RESUME), state) is (State.RELEASING if ours else state)
 
@@ -103,23 +103,23 @@ def test_only_returning_is_entered_without_a_conflict() -> None:
     assert into == {(State.OUTER, Event.FAR), (State.INNER, Event.FAR)}
 
 
-def test_a_lost_controller_is_given_back_only_after_it_recovered() -> None:
+def test_an_aircraft_is_given_back_only_after_its_controller_recovered() -> None:
     for state in (State.RE_ENTERING, State.RECOVERING):
         ways = {event for (before, event) in TRANSITIONS if before is state}
         assert not ways & {Event.CLEAR, Event.FAR, Event.RESUME}
 
 
-def test_the_table_printed_says_what_the_table_says() -> None:
+def test_the_printed_table_equals_the_table() -> None:
     head, *lines = [[cell.strip() for cell in line.split("|")] for line in printed().splitlines()]
     assert head == ["", *State]
     assert [line[0] for line in lines] == list(Event)
-    said = {
+    shown = {
         (State(head[i]), Event(line[0])): line[i] for line in lines for i in range(1, len(line)) if line[i]
     }
-    assert said == {pair: str(after) for pair, after in TRANSITIONS.items()}
+    assert shown == {pair: str(after) for pair, after in TRANSITIONS.items()}
 
 
-def test_the_data_printed_says_what_each_state_remembers() -> None:
+def test_the_printed_data_equals_the_data_of_each_state() -> None:
     always, *states = printed_data().splitlines()
     common = set(always.partition(": ")[2].split(", "))
     assert len(states) == len(State)
@@ -129,7 +129,7 @@ def test_the_data_printed_says_what_each_state_remembers() -> None:
         assert common | set(filter(None, own.split(", "))) == DATA[state]
 
 
-def test_after_hands_off_only_readiness_leads_back_to_taking_over() -> None:
+def test_hands_off_ends_only_by_readiness_stop_or_release() -> None:
     ways = {event for (state, event) in TRANSITIONS if state is State.HANDS_OFF}
     assert ways == {Event.READY, Event.STOP, Event.LATE, Event.ABANDONED}
     assert TRANSITIONS[State.HANDS_OFF, Event.ABANDONED] is State.RELEASING
@@ -137,10 +137,10 @@ def test_after_hands_off_only_readiness_leads_back_to_taking_over() -> None:
 
 
 @pytest.mark.parametrize("state", [s for s in State if s not in (State.STOPPED, State.STOPPING)])
-def test_stop_is_heard_everywhere_and_gives_back_what_is_held(state: State) -> None:
+def test_stop_works_in_every_state_and_gives_back_a_held_aircraft(state: State) -> None:
     after = TRANSITIONS[state, Event.STOP]
     assert after is (State.STOPPED if state in WATCHING else State.STOPPING)
 
 
-def test_stopped_is_the_end() -> None:
+def test_no_event_leaves_stopped() -> None:
     assert not any(state is State.STOPPED for state, _ in TRANSITIONS)

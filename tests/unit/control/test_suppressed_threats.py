@@ -1,4 +1,4 @@
-"""How long the operator's decision about a conflict holds."""
+"""Which conflicts the operator's decision suppresses, and for how long."""
 
 from companion.control.state_machine import StateData
 from companion.control.suppressed_threats import covers, suppress, update
@@ -31,7 +31,7 @@ def test_only_the_tracks_in_conflict_are_suppressed() -> None:
     assert covers(data, conflict("B", "C"))
 
 
-def test_each_suppression_ends_when_its_conflict_has_been_over_for_a_while() -> None:
+def test_a_suppression_ends_when_its_conflict_has_been_over_for_the_settling_time() -> None:
     data = StateData()
     suppress(data, conflict("A", "B"), 0.0)
     for tick in range(100):
@@ -39,7 +39,7 @@ def test_each_suppression_ends_when_its_conflict_has_been_over_for_a_while() -> 
         assert covers(data, conflict("B")) == (tick <= 50)
     update(data, conflict(), 5.0, 14.9)
     assert covers(data, conflict("A"))
-    update(data, conflict("A"), 5.0, 15.0)  # flickers
+    update(data, conflict("A"), 5.0, 15.0)  # in conflict again for a moment
     update(data, conflict(), 5.0, 19.9)
     assert covers(data, conflict("A"))
     update(data, conflict(), 5.0, 20.1)

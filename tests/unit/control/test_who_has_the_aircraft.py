@@ -1,4 +1,4 @@
-"""Everything that ends ours at once, and everything that keeps it from beginning."""
+"""Everything that ends our control at once, and everything that prevents a take-over."""
 
 from collections.abc import Callable
 
@@ -23,42 +23,44 @@ LANDING, ON_GROUND, TAKING_OFF = (LandedState(AUTOPILOT, state) for state in (4,
 BREACHED = FenceStatus(AUTOPILOT, True)
 
 
-def says(*facts: Fact) -> Callable[[Seat], None]:
-    return lambda seat: seat.says.extend(facts)
+def reports(*facts: Fact) -> Callable[[Seat], None]:
+    return lambda seat: seat.extra_facts.extend(facts)
 
 
 def becomes(name: str, value: object) -> Callable[[Seat], None]:
     return lambda seat: setattr(seat, name, value)
 
 
-CLAIMS = {
-    "sticks moved": says(ROLLED),
+OVERRIDES = {
+    "sticks moved": reports(ROLLED),
     "failsafe": becomes("status", 5),
     "flight termination": becomes("status", 8),
-    "landing": says(LANDING),
-    "on the ground": says(ON_GROUND),
-    "fence breached": says(BREACHED),
+    "landing": reports(LANDING),
+    "on the ground": reports(ON_GROUND),
+    "fence breached": reports(BREACHED),
     "disarmed": becomes("armed", False),
     "mode changed": becomes("mode", FBWA),
 }
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
-@pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
-def test_whose_it_is_has_it_at_once_and_keeps_it(claim: Callable[[Seat], None], autopilot: int) -> None:
+@pytest.mark.parametrize("override", OVERRIDES.values(), ids=OVERRIDES)
+def test_an_override_ends_our_control_at_once_and_for_good(
+    override: Callable[[Seat], None], autopilot: int
+) -> None:
     seat = Seat(autopilot)
-    seat.says = [CENTRED]
+    seat.extra_facts = [CENTRED]
     seat.until(*FLYING)
-    claim(seat)
+    override(seat)
     seat.fly(0.2)  # heard with the next heartbeat
     assert seat.state is State.HANDS_OFF
     assert seat.fly(4.5) == []
 
 
 @pytest.mark.parametrize("state", [State.ENGAGING, State.RELEASING])
-def test_sticks_count_on_the_way_in_and_out_too(state: State) -> None:
+def test_sticks_also_count_while_taking_over_and_giving_back(state: State) -> None:
     seat = Seat(PX4)
-    seat.says = [CENTRED]
+    seat.extra_facts = [CENTRED]
     seat.until(State.ENGAGING)
     if state is State.RELEASING:
         seat.until(*FLYING)
@@ -66,21 +68,21 @@ def test_sticks_count_on_the_way_in_and_out_too(state: State) -> None:
         seat.set_role(1)
         seat.fly(0.1)
     assert seat.state is state
-    seat.says = [ROLLED]
+    seat.extra_facts = [ROLLED]
     seat.fly(0.1)
     assert seat.state is State.HANDS_OFF
 
 
-def test_sticks_are_compared_with_where_they_are_at_each_take_over() -> None:
+def test_sticks_are_compared_with_their_position_at_each_take_over() -> None:
     seat = Seat()
-    seat.says = [ROLLED]
+    seat.extra_facts = [ROLLED]
     seat.fly(0.5)
-    seat.says = [CENTRED]
+    seat.extra_facts = [CENTRED]
     seat.fly(0.5)
     seat.until(*FLYING)
     seat.set_role(1)
     seat.until(State.STANDBY)
-    seat.says = [ROLLED]  # trimmed otherwise, in between
+    seat.extra_facts = [ROLLED]  # trimmed differently in between
     seat.fly(1.0)
     seat.set_role(2)
     seat.until(*FLYING)
@@ -90,27 +92,27 @@ def test_sticks_are_compared_with_where_they_are_at_each_take_over() -> None:
 
 HINDRANCES = {
     "failsafe": becomes("status", 6),
-    "fence": says(BREACHED),
-    "on the ground": says(ON_GROUND),
-    "taking off": says(TAKING_OFF),
-    "landing": says(LANDING),
+    "fence": reports(BREACHED),
+    "on the ground": reports(ON_GROUND),
+    "taking off": reports(TAKING_OFF),
+    "landing": reports(LANDING),
     "low": becomes("height_m", 29.0),
     "disarmed": becomes("armed", False),
     "another mode": becomes("mode", FBWA),
     "no fixed wing": becomes("vehicle_type", 2),
     "no position": becomes("positions", False),
-    "another avoider": says(
+    "another avoider": reports(
         Parameter(AUTOPILOT, "AVD_ENABLE", 1.0), Parameter(AUTOPILOT, "AVD_F_ACTION", 2.0)
     ),
-    "told to advise": lambda seat: seat.set_role(1),
+    "role advise": lambda seat: seat.set_role(1),
 }
 
 
 @pytest.mark.parametrize("hindrance", HINDRANCES.values(), ids=HINDRANCES)
-def test_what_is_no_aircraft_to_take_over_is_sent_nothing(hindrance: Callable[[Seat], None]) -> None:
+def test_an_aircraft_that_may_not_be_taken_over_is_sent_nothing(hindrance: Callable[[Seat], None]) -> None:
     seat = Seat()
     hindrance(seat)
-    seat.says.append(MissionProgress(AUTOPILOT, 3))
+    seat.extra_facts.append(MissionProgress(AUTOPILOT, 3))
     assert seat.fly(6.0) == []
     assert seat.state is State.STANDBY
 
@@ -120,7 +122,7 @@ def test_an_aircraft_without_hindrance_is_taken_over() -> None:
     seat.until(*FLYING, limit_s=6.0)
 
 
-def test_a_position_that_grows_old_begins_nothing() -> None:
+def test_an_old_position_prevents_a_take_over() -> None:
     seat = Seat()
     seat.intruder = False
     seat.fly(2.0)
@@ -132,7 +134,7 @@ def test_a_position_that_grows_old_begins_nothing() -> None:
     assert seat.sent == []
 
 
-def test_a_mode_that_was_heard_too_long_ago_begins_nothing() -> None:
+def test_an_old_heartbeat_prevents_a_take_over() -> None:
     seat = Seat(PX4)
     seat.intruder = False
     seat.fly(2.0)
@@ -144,7 +146,7 @@ def test_a_mode_that_was_heard_too_long_ago_begins_nothing() -> None:
     assert seat.sent == []
 
 
-def test_a_settled_aircraft_is_taken_up_again_after_the_time_that_is_configured() -> None:
+def test_a_settled_aircraft_is_monitored_again_after_the_configured_time() -> None:
     seat = Seat()
     seat.until(*FLYING)
     seat.mode = FBWA
@@ -156,7 +158,7 @@ def test_a_settled_aircraft_is_taken_up_again_after_the_time_that_is_configured(
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
-def test_hands_off_comes_before_anything_is_decided(autopilot: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hands_off_comes_before_any_decision(autopilot: int, monkeypatch: pytest.MonkeyPatch) -> None:
     seat = Seat(autopilot)
     seat.until(State.OUTER, State.INNER)
 

@@ -30,7 +30,7 @@ T0 = 1_700_000_000.0
 
 
 def new_engine(autopilot_system_id: int | str = 1, **changes: object) -> Engine:
-    """An engine that knows its autopilot's system, and so need not wait for others."""
+    """An engine with a configured autopilot system, which adopts it without waiting for others."""
     params = EngineParams(autopilot_system_id=autopilot_system_id, **changes)  # type: ignore[arg-type]
     return Engine(EngineConfig(engine=params))
 
@@ -76,7 +76,7 @@ def of(sent: list[Message], kind: str) -> list[Message]:
 def fly(
     engine: Engine, seconds: float, *, meet_s: float = 40.0, mode: int = 10, armed: bool = True
 ) -> list[Message]:
-    """Fly north in the mission with one intruder ahead; nobody answers commands."""
+    """Fly north in the mission with one intruder ahead; commands are not answered."""
     sent = []
     for tick in range(round(seconds * 10)):
         now_s = T0 + tick / 10
@@ -103,15 +103,15 @@ def test_own_heartbeat_has_the_autopilots_system_and_our_component() -> None:
     assert {beat.sender for beat in beats} == {Sender(23, 196)}
 
 
-def test_heartbeat_tells_whether_all_is_well() -> None:
+def test_our_heartbeat_is_critical_without_an_autopilot_or_a_position() -> None:
     engine = new_engine()
-    (lonely,) = of(run(engine, [], T0), "HEARTBEAT")
-    assert lonely.system_status == mavlink.MAV_STATE_CRITICAL
+    (alone,) = of(run(engine, [], T0), "HEARTBEAT")
+    assert alone.system_status == mavlink.MAV_STATE_CRITICAL
     sent = run(engine, [heartbeat(), position(T0 + 1)], T0 + 1)
     assert of(sent, "HEARTBEAT")[0].system_status == mavlink.MAV_STATE_ACTIVE
 
 
-def test_the_one_autopilot_heard_is_adopted_after_a_moment() -> None:
+def test_the_only_autopilot_is_adopted_after_a_moment() -> None:
     engine = new_engine("auto")
     run(engine, [heartbeat(GCS, autopilot=8), heartbeat()], T0)
     assert engine.aircraft.adapter is None
@@ -119,7 +119,7 @@ def test_the_one_autopilot_heard_is_adopted_after_a_moment() -> None:
     assert engine.aircraft.sender == AUTOPILOT
 
 
-def test_of_two_autopilots_none_is_chosen_and_the_operator_is_told_once() -> None:
+def test_neither_of_two_autopilots_is_adopted_and_the_operator_is_warned_once() -> None:
     engine = new_engine("auto")
     sent = []
     for second in range(60):
@@ -129,7 +129,7 @@ def test_of_two_autopilots_none_is_chosen_and_the_operator_is_told_once() -> Non
     assert "".join(texts) == "Avoidance: several autopilots, set autopilot_system_id"
 
 
-def test_a_second_autopilot_that_comes_later_is_told_and_ignored() -> None:
+def test_a_later_second_autopilot_is_announced_and_ignored() -> None:
     engine = new_engine("auto")
     sent = run(engine, [heartbeat()], T0) + run(engine, [heartbeat()], T0 + 1.6)
     sent += run(engine, [heartbeat(OTHER, mode=15)], T0 + 2.0)
@@ -148,7 +148,7 @@ def test_a_configured_autopilot_is_waited_for() -> None:
     assert Engine(EngineConfig(autopilot="px4")).receive(heartbeat(), T0) is False
 
 
-def test_a_copter_is_advised_and_not_flown() -> None:
+def test_a_copter_is_not_taken_over_but_gets_advice() -> None:
     engine = new_engine()
     copter = Heartbeat(AUTOPILOT, 2, 3, True, 10, 4)
     sent = []
@@ -160,15 +160,15 @@ def test_a_copter_is_advised_and_not_flown() -> None:
     assert [m for m in of(sent, "COMMAND_LONG") if m.command == 176] == []
 
 
-def test_rates_and_own_address_are_asked_for() -> None:
+def test_rates_and_own_icao_address_are_requested() -> None:
     sent = run(new_engine(), [heartbeat()], T0)
-    asked = {int(m.param1): m.param2 for m in of(sent, "COMMAND_LONG") if m.command == 511}
-    assert asked[33] == pytest.approx(100_000)
-    assert asked[246] == pytest.approx(200_000)
+    requested = {int(m.param1): m.param2 for m in of(sent, "COMMAND_LONG") if m.command == 511}
+    assert requested[33] == pytest.approx(100_000)
+    assert requested[246] == pytest.approx(200_000)
     assert of(sent, "PARAM_REQUEST_READ")[0].param_id.startswith("ADSB_ICAO_ID")
 
 
-def test_engages_on_a_conflict_by_asking_for_guided() -> None:
+def test_a_conflict_makes_the_engine_request_guided() -> None:
     engine = new_engine()
     sent = fly(engine, 3.0)
     modes = [m for m in of(sent, "COMMAND_LONG") if m.command == 176]
@@ -176,10 +176,10 @@ def test_engages_on_a_conflict_by_asking_for_guided() -> None:
     assert (modes[0].param1, modes[0].param2) == (1, 15)
     assert engine.supervisor.state is State.ENGAGING
     assert of(sent, "STATUSTEXT")[0].text.startswith("Traffic")
-    assert not of(sent, "SET_POSITION_TARGET_GLOBAL_INT"), "nothing is flown before the mode is ours"
+    assert not of(sent, "SET_POSITION_TARGET_GLOBAL_INT"), "no setpoints before the mode is confirmed"
 
 
-def test_flies_once_the_mode_is_confirmed_and_tells_the_threat() -> None:
+def test_once_the_mode_is_confirmed_commands_and_collisions_are_sent() -> None:
     engine = new_engine()
     fly(engine, 3.0)
     sent = run(engine, [heartbeat(mode=15), position(T0 + 3.1)], T0 + 3.1)
@@ -195,7 +195,7 @@ def test_flies_once_the_mode_is_confirmed_and_tells_the_threat() -> None:
 @pytest.mark.parametrize(
     ("mode", "armed", "height_m"), [(10, False, 300.0), (5, True, 300.0), (10, True, 20.0)]
 )
-def test_takes_nothing_over_disarmed_in_another_mode_or_low(mode: int, armed: bool, height_m: float) -> None:
+def test_no_take_over_when_disarmed_in_another_mode_or_low(mode: int, armed: bool, height_m: float) -> None:
     engine = new_engine()
     sent = []
     for tick in range(100):
@@ -211,7 +211,7 @@ def test_takes_nothing_over_disarmed_in_another_mode_or_low(mode: int, armed: bo
 
 
 @pytest.mark.parametrize(("role", "computed"), [("advise", True), ("off", False)])
-def test_told_to_advise_nothing_is_commanded(role: str, computed: bool) -> None:
+def test_in_the_roles_advise_and_off_nothing_is_commanded(role: str, computed: bool) -> None:
     engine = Engine(
         EngineConfig(engine=EngineParams(autopilot_system_id=1), supervisor=SupervisorParams(role=role))  # type: ignore[arg-type]
     )
@@ -234,7 +234,7 @@ def test_own_transponder_is_no_traffic() -> None:
 
 
 def test_barometric_heights_are_compared_by_pressure() -> None:
-    """The altimeter setting is 100 m off: both we and they read 100 m low, and meet all the same."""
+    """The altimeter setting is 100 m off: both aircraft read 100 m low, and are at the same height."""
     heights = []
     for fact in (None, PressureAltitude(AUTOPILOT, 784.0)):
         engine = new_engine()
@@ -249,7 +249,7 @@ def test_barometric_heights_are_compared_by_pressure() -> None:
     assert heights == [pytest.approx(784.0), pytest.approx(884.0)]
 
 
-def test_without_position_nothing_is_decided_and_old_threats_are_not_repeated() -> None:
+def test_without_a_position_there_is_no_decision_and_old_threats_are_not_repeated() -> None:
     engine = new_engine()
     fly(engine, 3.0)
     late = [m for tick in range(600) for m in run(engine, [heartbeat()], T0 + 3.0 + tick / 10)]
@@ -258,7 +258,7 @@ def test_without_position_nothing_is_decided_and_old_threats_are_not_repeated() 
     assert engine.snapshot(T0 + 63.0).ownship is None
 
 
-def test_facts_of_others_and_of_ourselves_change_nothing() -> None:
+def test_facts_from_other_systems_and_from_ourselves_change_nothing() -> None:
     engine = new_engine()
     run(engine, [heartbeat(), position(T0)], T0)
     before = engine.snapshot(T0).ownship
@@ -274,7 +274,7 @@ def test_facts_of_others_and_of_ourselves_change_nothing() -> None:
     assert after.position_m == before.position_m
 
 
-def test_the_frame_moves_along_and_decisions_with_it() -> None:
+def test_the_local_frame_follows_the_aircraft() -> None:
     engine = new_engine()
     for kilometre in range(0, 60, 2):
         now_s = T0 + kilometre * 1000.0 / 22.0
@@ -284,7 +284,7 @@ def test_the_frame_moves_along_and_decisions_with_it() -> None:
     assert math.hypot(*own.position_m[:2]) <= 5_000.0
 
 
-def test_one_record_for_each_tick_once_the_position_is_known() -> None:
+def test_each_tick_with_a_known_position_gives_one_record() -> None:
     engine = new_engine()
     assert not any(isinstance(effect, Record) for effect in engine.tick(T0))
     engine.receive(heartbeat(), T0)
@@ -296,7 +296,7 @@ def test_one_record_for_each_tick_once_the_position_is_known() -> None:
     assert line["own"]["altitude_m"] == 884.0
 
 
-def test_what_is_written_is_that_of_its_own_tick_however_late_it_is_asked_for() -> None:
+def test_effects_formatted_later_show_the_state_of_their_own_tick() -> None:
     engine = new_engine()
     engine.receive(heartbeat(), T0)
     engine.receive(position(T0), T0)
@@ -310,13 +310,13 @@ def test_what_is_written_is_that_of_its_own_tick_however_late_it_is_asked_for() 
     assert record.line == line
     assert keep.text == text
     assert text is not None
-    held = PersistedState.from_text(text)
-    assert held is not None
-    assert (held.time_s, held.role) == (T0 + 0.1, Role.ADVISE)
+    saved = PersistedState.from_text(text)
+    assert saved is not None
+    assert (saved.time_s, saved.role) == (T0 + 0.1, Role.ADVISE)
 
 
 @pytest.mark.parametrize("bad", [(math.nan, 22.0, 884.0), (0.0, math.inf, 884.0), (0.0, 22.0, math.nan)])
-def test_guidance_that_nobody_could_fly_is_never_sent(bad: tuple[float, float, float]) -> None:
+def test_guidance_that_is_not_finite_is_never_sent(bad: tuple[float, float, float]) -> None:
     class Broken(Avoider):
         def decide(self, *_: object) -> Decision:
             return Decision(Layer.OUTER, Guidance(*bad))
@@ -326,7 +326,7 @@ def test_guidance_that_nobody_could_fly_is_never_sent(bad: tuple[float, float, f
         fly(engine, 20.0)
 
 
-def test_stepper_ticks_on_tenths_and_before_the_facts_that_come_later() -> None:
+def test_stepper_ticks_on_tenths_of_a_second_before_later_facts() -> None:
     ticks: list[int] = []
     stepper = Stepper(new_engine(), lambda time_us, _: ticks.append(time_us))
     stepper.receive(heartbeat(), 1_050_000)
@@ -338,14 +338,14 @@ def test_stepper_ticks_on_tenths_and_before_the_facts_that_come_later() -> None:
     assert ticks.count(1_300_000) == 1
 
 
-def test_stepper_leaves_out_what_a_stall_made_useless() -> None:
+def test_stepper_skips_ticks_after_a_long_stall() -> None:
     ticks: list[int] = []
     stepper = Stepper(new_engine(), lambda time_us, _: ticks.append(time_us), longest_catch_up_us=5_000_000)
     stepper.advance(1_000_000)
     stepper.advance(4_000_000)
     assert len(ticks) == 31
     stepper.advance(60_000_000)
-    assert len(ticks) == 31, "what arrived meanwhile comes before the next tick"
+    assert len(ticks) == 31, "facts that arrived meanwhile come before the next tick"
     assert stepper.skipped_ticks == 560
     stepper.advance(60_100_000)
     assert ticks[-1] == 60_100_000

@@ -1,4 +1,4 @@
-"""The engine with what it knows of its aircraft: limits, mission, wind and terrain."""
+"""The engine uses the limits, mission, wind and terrain that the autopilot reports."""
 
 import math
 from dataclasses import replace
@@ -35,8 +35,8 @@ from tests.unit.engine.test_engine import (
 US = Sender(1, 196)
 
 
-def test_the_envelope_follows_the_parameters_also_while_flying() -> None:
-    """Nothing is asked for that the aircraft would refuse, whatever changes in flight."""
+def test_the_envelope_follows_the_parameters_even_while_flying() -> None:
+    """No value that the aircraft would refuse is commanded, even after a change in flight."""
     engine = new_engine()
     fly(engine, 3.0)
     now_s = T0 + 3.1
@@ -52,7 +52,7 @@ def test_the_envelope_follows_the_parameters_also_while_flying() -> None:
     assert guidance.airspeed_mps <= 20.0
 
 
-def test_turns_are_commanded_with_the_bank_that_is_predicted() -> None:
+def test_turns_are_commanded_with_the_bank_limit_of_the_prediction() -> None:
     banks = []
     for limit_deg in (25.0, 40.0):
         engine = new_engine()
@@ -64,7 +64,7 @@ def test_turns_are_commanded_with_the_bank_that_is_predicted() -> None:
     assert banks == [pytest.approx(25.0), pytest.approx(40.0)]
 
 
-def test_the_floor_is_above_the_terrain_where_that_is_known() -> None:
+def test_the_floor_is_above_known_terrain() -> None:
     """A hill 250 m high under the aircraft, which flies 300 m above home."""
     floors = []
     for hill_m in (0.0, 250.0):
@@ -112,7 +112,7 @@ def test_the_goal_is_the_item_being_flown() -> None:
     assert goal.position_m[0] > 10_000.0
 
 
-def test_where_the_autopilot_flies_elsewhere_its_target_counts_and_the_mission_is_read_again() -> None:
+def test_a_target_off_the_mission_counts_and_the_mission_is_read_again() -> None:
     engine = new_engine()
     with_mission(engine, [16, 22, 16, 16], 3)
     sent = []
@@ -126,18 +126,18 @@ def test_where_the_autopilot_flies_elsewhere_its_target_counts_and_the_mission_i
     assert goal.position_m is not None
     assert goal.position_m[1] > 8_000.0
     lists = [m for m in of(sent, "MISSION_REQUEST_LIST") if m.mission_type == 0]
-    assert 1 <= len(lists) <= 2, "asked for again, as nobody answers here"
+    assert 1 <= len(lists) <= 2, "requested again, as there is no answer here"
 
 
 @pytest.mark.parametrize(("current", "engages"), [(1, False), (2, True), (3, False), (4, False), (5, False)])
-def test_neither_while_taking_off_nor_on_the_approach(current: int, engages: bool) -> None:
+def test_no_take_over_while_taking_off_or_on_the_approach(current: int, engages: bool) -> None:
     engine = new_engine()
     with_mission(engine, [16, 22, 16, 189, 31, 21], current)
     sent = fly(engine, 4.0)
     assert bool([m for m in of(sent, "COMMAND_LONG") if m.command == 176]) == engages
 
 
-def test_a_reboot_has_everything_asked_anew() -> None:
+def test_after_a_reboot_everything_is_requested_again() -> None:
     engine = new_engine()
     with_mission(engine, [16, 22, 16], 2)
     sent = []
@@ -148,7 +148,7 @@ def test_a_reboot_has_everything_asked_anew() -> None:
     assert "ROLL_LIMIT_DEG" in {m.param_id for m in of(sent, "PARAM_REQUEST_READ")}
 
 
-def test_reported_wind_enters_the_prediction() -> None:
+def test_reported_wind_is_part_of_ownship() -> None:
     engine = new_engine()
     run(engine, [heartbeat(), AirData(AUTOPILOT, 22.0), position(T0), Wind(AUTOPILOT, 3.0, -4.0)], T0)
     own = engine.snapshot(T0).ownship

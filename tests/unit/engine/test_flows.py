@@ -1,4 +1,4 @@
-"""A pilot's mode change takes effect before anything is decided, as `tests.tools.flows` counts."""
+"""Calls and files of three flows, counted by `tests.tools.flows`."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from sim.scenario import Autopilot
 from tests.tools.flows import Flow, in_room, measure, modules
 
 AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
-# A traffic report crossed 61 files before the rooms were rearranged.
+# The number before the rooms were rearranged.
 MOST_FILES_OF_A_REPORT = 61
 
 
@@ -15,11 +15,11 @@ def flows(request: pytest.FixtureRequest) -> dict[str, Flow]:
     return measure(request.param)
 
 
-def test_a_mode_change_of_the_pilot_runs_nothing_of_the_avoidance(flows: dict[str, Flow]) -> None:
+def test_a_pilots_mode_change_runs_no_function_of_the_avoidance(flows: dict[str, Flow]) -> None:
     assert in_room(flows["pilot"].calls, "avoidance") == []
 
 
-def test_a_mode_change_of_the_pilot_needs_about_ten_functions_of_control(flows: dict[str, Flow]) -> None:
+def test_a_pilots_mode_change_takes_at_most_twelve_functions_of_control(flows: dict[str, Flow]) -> None:
     functions = {name for _, name in in_room(flows["pilot"].before, "control") if "<locals>" not in name}
     assert len(functions) <= 12
 

@@ -1,4 +1,4 @@
-"""The table of settings: every row within its range, and nothing that a configuration file would refuse."""
+"""The table of settings: every value in range is also valid in a configuration file."""
 
 import math
 from dataclasses import replace
@@ -15,17 +15,17 @@ from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, GcsParam, values_c
 from companion.gcs.settings import Settings
 
 DEFAULT = EngineConfig()
-# What has to be set first, for the far end of a range to agree with the other settings.
+# Settings to change first, so that the end of a range agrees with the other settings.
 MAKES_ROOM: dict[str, dict[str, float]] = {
     "CA_INNER_DIST": {"CA_OUTER_DIST": 20_000.0},
     "CA_OUTER_DIST": {"CA_INNER_DIST": 50.0},
     "CA_OUTER_TIME": {"CA_INNER_TIME": 5.0},
 }
-every = pytest.mark.parametrize("tunable", GCS_PARAMETERS, ids=lambda tunable: tunable.name)
+every = pytest.mark.parametrize("parameter", GCS_PARAMETERS, ids=lambda parameter: parameter.name)
 
 
 def loads(config: EngineConfig) -> bool:
-    """Whether the loader of configuration files would take it."""
+    """Whether the loader of configuration files accepts it."""
     adapter: TypeAdapter[Any] = TypeAdapter(EngineConfig)
     try:
         adapter.validate_json(adapter.dump_json(config), strict=True)
@@ -34,47 +34,47 @@ def loads(config: EngineConfig) -> bool:
     return True
 
 
-def test_what_the_loader_refuses_is_told_from_what_it_takes() -> None:
+def test_the_loader_of_this_test_refuses_invalid_values() -> None:
     assert loads(DEFAULT)
     assert not loads(replace(DEFAULT, avoidance=AvoidanceParams(outer_time_s=90.0)))
 
 
 @every
-def test_a_name_fits_the_wire_and_tells_whose_it_is(tunable: GcsParam) -> None:
-    assert tunable.name.startswith("CA_")
-    assert len(tunable.name) <= 16
-    assert tunable.name.isascii()
-    assert len(tunable.words) <= 40
+def test_a_name_has_our_prefix_and_fits_the_wire(parameter: GcsParam) -> None:
+    assert parameter.name.startswith("CA_")
+    assert len(parameter.name) <= 16
+    assert parameter.name.isascii()
+    assert len(parameter.words) <= 40
 
 
-def test_no_name_and_no_field_is_there_twice() -> None:
-    assert len(BY_NAME) == len(GCS_PARAMETERS) == len({tunable.field for tunable in GCS_PARAMETERS})
+def test_names_and_fields_are_unique() -> None:
+    assert len(BY_NAME) == len(GCS_PARAMETERS) == len({parameter.field for parameter in GCS_PARAMETERS})
 
 
 @every
-def test_what_is_flown_by_default_can_be_set(tunable: GcsParam) -> None:
-    value = tunable.value(DEFAULT)
-    assert tunable.lowest <= value <= tunable.highest
-    assert tunable.put(DEFAULT, value, DEFAULT) == DEFAULT
+def test_the_default_can_be_set(parameter: GcsParam) -> None:
+    value = parameter.value(DEFAULT)
+    assert parameter.lowest <= value <= parameter.highest
+    assert parameter.put(DEFAULT, value, DEFAULT) == DEFAULT
 
 
 @every
 @pytest.mark.parametrize("bound", ["lowest", "highest"])
-def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(tunable: GcsParam, bound: str) -> None:
-    before, refused = with_values(DEFAULT, MAKES_ROOM.get(tunable.name, {}))
+def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(parameter: GcsParam, bound: str) -> None:
+    before, refused = with_values(DEFAULT, MAKES_ROOM.get(parameter.name, {}))
     assert not refused
-    value = getattr(tunable, bound)
-    config = tunable.put(before, value, DEFAULT)
-    assert tunable.value(config) == value
+    value = getattr(parameter, bound)
+    config = parameter.put(before, value, DEFAULT)
+    assert parameter.value(config) == value
     assert loads(config)
-    assert values_changed(config, before).keys() <= {tunable.name}
+    assert values_changed(config, before).keys() <= {parameter.name}
 
 
 @every
-def test_beyond_its_bounds_it_is_refused(tunable: GcsParam) -> None:
+def test_a_value_beyond_its_bounds_is_refused(parameter: GcsParam) -> None:
     for value in (
-        tunable.lowest - max(1e-3, abs(tunable.lowest) * 1e-5),
-        tunable.highest + max(1e-3, tunable.highest * 1e-5),
+        parameter.lowest - max(1e-3, abs(parameter.lowest) * 1e-5),
+        parameter.highest + max(1e-3, parameter.highest * 1e-5),
         -3.4e38,
         3.4e38,
         1e300,
@@ -83,7 +83,7 @@ def test_beyond_its_bounds_it_is_refused(tunable: GcsParam) -> None:
         None,
     ):
         with pytest.raises(ValueError, match=r"\w"):
-            tunable.put(DEFAULT, value, DEFAULT)
+            parameter.put(DEFAULT, value, DEFAULT)
 
 
 @pytest.mark.parametrize("name", ["CA_ROLE", "CA_UNITS", "CA_CONTROLS"])
@@ -104,7 +104,7 @@ def test_the_course_is_always_among_the_controls() -> None:
     ("name", "value"),
     [("CA_INNER_DIST", 2000.0), ("CA_OUTER_DIST", 299.0), ("CA_INNER_TIME", 60.5), ("CA_OUTER_TIME", 15.0)],
 )
-def test_what_contradicts_another_setting_is_refused(name: str, value: float) -> None:
+def test_a_value_that_contradicts_another_setting_is_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=r"\w"):
         BY_NAME[name].put(DEFAULT, value, DEFAULT)
 
@@ -120,7 +120,7 @@ def test_the_ceiling_stays_above_the_floor() -> None:
     assert ceiling.put(config, 0.0, DEFAULT) == DEFAULT
 
 
-def test_what_a_file_may_say_more_than_the_wire_can_be_set_back() -> None:
+def test_a_configured_value_outside_the_range_of_the_wire_can_be_restored() -> None:
     configured = EngineConfig(supervisor=SupervisorParams(min_height_m=1.0 / 3.0))
     floor = BY_NAME["CA_HEIGHT_MIN"]
     tuned = floor.put(configured, 50.0, configured)
@@ -131,14 +131,14 @@ def test_what_a_file_may_say_more_than_the_wire_can_be_set_back() -> None:
     assert values_changed(again, configured) == {}
 
 
-def test_a_number_is_what_was_meant_not_what_32_bits_make_of_it() -> None:
+def test_a_32_bit_value_is_rounded_to_its_shortest_decimal() -> None:
     sent = 0.20000000298023224  # 0.2 as it comes from the wire
     assert BY_NAME["CA_MARGIN_H"].put(DEFAULT, sent, DEFAULT).avoidance.horizontal_margin == 0.2
     assert BY_NAME["CA_BEGIN_FAR"].put(DEFAULT, sent, DEFAULT).avoidance.begin_far == 0.2
     assert BY_NAME["CA_WC_HORIZ"].put(DEFAULT, 609.5999755859375, DEFAULT) == DEFAULT
 
 
-def test_values_that_agree_only_together_are_all_taken_in_any_order() -> None:
+def test_values_that_are_valid_only_together_are_accepted_in_any_order() -> None:
     values = {"CA_INNER_DIST": 4000.0, "CA_OUTER_DIST": 5000.0, "CA_INNER_TIME": 9.0, "CA_OUTER_TIME": 10.0}
     for names in (list(values), list(reversed(values))):
         config, refused = with_values(DEFAULT, {name: values[name] for name in names})
@@ -146,7 +146,7 @@ def test_values_that_agree_only_together_are_all_taken_in_any_order() -> None:
         assert values_changed(config, DEFAULT) == values
 
 
-def test_of_what_was_saved_the_usable_is_used_and_the_rest_named() -> None:
+def test_usable_saved_values_are_used_and_the_others_are_named() -> None:
     saved = {
         "CA_OUTER_TIME": 45, "CA_DOMAIN": 500, "CA_OLD": 1.0, "CA_ROLE": "off", "CA_UNITS": True,
         "CA_SETTLE": 10**400, "CA_INNER_DIST": 2000.0,
@@ -163,7 +163,7 @@ def test_of_what_was_saved_the_usable_is_used_and_the_rest_named() -> None:
     ]
 
 
-def test_settings_hold_what_differs_from_the_configuration() -> None:
+def test_changed_settings_are_those_that_differ_from_the_configuration() -> None:
     configured = EngineConfig(engine=EngineParams(max_height_m=400.0))
     settings = Settings(configured, {"CA_HEIGHT_MAX": 0.0, "CA_OUTER_TIME": 60.0})
     assert settings.engine.max_height_m is None

@@ -1,4 +1,4 @@
-"""The operator's word: settings as parameters, off, advise or fly, and the mission back, by command."""
+"""Requests of the operator: settings as parameters; the role and resuming the mission by command."""
 
 import pytest
 
@@ -24,7 +24,7 @@ def command(role: float | None, *, target: Sender = OURS, base: float | None = 1
 
 
 @pytest.mark.parametrize("role", list(Role))
-def test_the_command_is_obeyed_and_acknowledged_to_whoever_sent_it(operator: GcsRequests, role: Role) -> None:
+def test_the_role_command_is_obeyed_and_acknowledged_to_its_sender(operator: GcsRequests, role: Role) -> None:
     (answer,) = operator.receive(command(float(role)))
     assert operator.role is role
     assert (answer.command, answer.result) == (SET_MODE, mavlink.MAV_RESULT_ACCEPTED)
@@ -34,7 +34,7 @@ def test_the_command_is_obeyed_and_acknowledged_to_whoever_sent_it(operator: Gcs
 @pytest.mark.parametrize(
     "request_", [command(3.0), command(0.5), command(None), command(1.0, base=0.0), command(1.0, base=None)]
 )
-def test_what_means_nothing_is_denied(operator: GcsRequests, request_: CommandRequest) -> None:
+def test_a_command_without_a_valid_role_is_denied(operator: GcsRequests, request_: CommandRequest) -> None:
     (answer,) = operator.receive(request_)
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert operator.role is Role.FLY
@@ -83,42 +83,46 @@ def name_of(message: Message) -> str:
         (ParameterRequest(GCS, Sender(2, 196), ROLE, None), False),
     ],
 )
-def test_reading_one(operator: GcsRequests, request_: Fact, answered: bool) -> None:
+def test_only_a_read_addressed_to_us_is_answered(
+    operator: GcsRequests, request_: Fact, answered: bool
+) -> None:
     assert len(operator.receive(request_)) == answered
     assert operator.listed(0.0) == []
 
 
 @pytest.mark.parametrize("target", [OURS, ALL, Sender(0, 0), Sender(0, 196)])
-def test_the_list_comes_whole_and_in_order_and_not_all_at_once(operator: GcsRequests, target: Sender) -> None:
+def test_the_list_is_complete_in_order_and_spread_over_ticks(operator: GcsRequests, target: Sender) -> None:
     assert operator.receive(ParameterRequest(GCS, target, None, None)) == []
     ticks = []
     for tick in range(10):
         ticks.append(operator.listed(tick / 10))
-        assert operator.listed(tick / 10 + 0.03) == [], "nor in a tick that something else prompted"
+        assert operator.listed(tick / 10 + 0.03) == [], "not in an extra tick in between"
     assert max(map(len, ticks)) == 10
-    said = [message for messages in ticks for message in messages]
-    assert [(name_of(m), m.param_index) for m in said] == [(t.name, i) for i, t in enumerate(GCS_PARAMETERS)]
-    assert {message.param_count for message in said} == {len(GCS_PARAMETERS)}
-    assert {message.param_type for message in said} == {mavlink.MAV_PARAM_TYPE_REAL32}
+    listed = [message for messages in ticks for message in messages]
+    assert [(name_of(m), m.param_index) for m in listed] == [
+        (t.name, i) for i, t in enumerate(GCS_PARAMETERS)
+    ]
+    assert {message.param_count for message in listed} == {len(GCS_PARAMETERS)}
+    assert {message.param_type for message in listed} == {mavlink.MAV_PARAM_TYPE_REAL32}
 
 
-def test_asked_again_meanwhile_the_list_begins_again(operator: GcsRequests) -> None:
+def test_a_second_request_starts_the_list_again(operator: GcsRequests) -> None:
     everything = ParameterRequest(GCS, OURS, None, None)
     operator.receive(everything)
     operator.listed(0.0)
     operator.receive(everything)
-    said = [m.param_index for tick in range(1, 9) for m in operator.listed(tick / 10)]
-    assert said == list(range(len(GCS_PARAMETERS)))
+    listed = [m.param_index for tick in range(1, 9) for m in operator.listed(tick / 10)]
+    assert listed == list(range(len(GCS_PARAMETERS)))
 
 
 @pytest.mark.parametrize("target", [AUTOPILOT, Sender(2, 0), Sender(1, 197)])
-def test_the_list_of_others_is_theirs(operator: GcsRequests, target: Sender) -> None:
+def test_a_list_request_to_another_address_is_ignored(operator: GcsRequests, target: Sender) -> None:
     operator.receive(ParameterRequest(GCS, target, None, None))
     assert operator.listed(0.0) == []
 
 
 @pytest.mark.parametrize("value", [9.9, 80.1, None, -1.0, 3.4e38, 15.0])
-def test_a_value_that_is_refused_is_answered_with_the_old_one_and_words(
+def test_a_refused_value_is_answered_with_the_old_one_and_a_reason(
     operator: GcsRequests, value: float | None
 ) -> None:
     operator.settings.put(GCS_PARAMETERS[0], 2.0)
@@ -130,7 +134,7 @@ def test_a_value_that_is_refused_is_answered_with_the_old_one_and_words(
     assert operator.settings.changed == {}
 
 
-def test_a_value_that_is_accepted_is_answered_with_the_new_one(operator: GcsRequests) -> None:
+def test_an_accepted_value_is_answered_with_the_new_one(operator: GcsRequests) -> None:
     for _ in range(2):
         (answer,) = operator.receive(ParameterSet(GCS, OURS, "CA_OUTER_TIME", 45.0))
         assert answer.param_value == 45.0
@@ -139,7 +143,7 @@ def test_a_value_that_is_accepted_is_answered_with_the_new_one(operator: GcsRequ
     assert operator.changes == ["CA_OUTER_TIME 45 s, was 60"]
 
 
-def test_a_role_set_as_a_parameter_lasts_and_one_that_is_commanded_does_not(operator: GcsRequests) -> None:
+def test_a_role_set_as_a_parameter_is_saved_and_a_commanded_role_is_not(operator: GcsRequests) -> None:
     operator.receive(command(1.0))
     assert operator.settings.changed == {}
     (answer,) = operator.receive(ParameterRequest(GCS, OURS, ROLE, None))
@@ -154,14 +158,14 @@ def resume(continues: float | None = 1.0) -> CommandRequest:
 
 
 @pytest.mark.parametrize("continues", [0.0, 2.0, None])
-def test_there_is_no_pause(operator: GcsRequests, continues: float | None) -> None:
+def test_a_pause_is_denied(operator: GcsRequests, continues: float | None) -> None:
     operator._may_resume = lambda: True
     (answer,) = operator.receive(resume(continues))
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert not operator.take_resume()
 
 
-def test_the_mission_is_resumed_where_it_is_we_who_fly(operator: GcsRequests) -> None:
+def test_resuming_the_mission_is_accepted_only_while_we_fly(operator: GcsRequests) -> None:
     (answer,) = operator.receive(resume())
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert not operator.take_resume()
@@ -174,7 +178,7 @@ def test_the_mission_is_resumed_where_it_is_we_who_fly(operator: GcsRequests) ->
     assert not operator.take_resume()
 
 
-def test_who_only_looks_is_not_made_to_fly(operator: GcsRequests) -> None:
+def test_a_role_above_the_highest_allowed_is_refused(operator: GcsRequests) -> None:
     operator.role = operator.at_most = Role.ADVISE
     (answer,) = operator.receive(command(2.0))
     assert answer.result == mavlink.MAV_RESULT_DENIED

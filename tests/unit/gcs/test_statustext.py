@@ -1,4 +1,4 @@
-"""The words: where somebody is and what is done, in metres or in feet, as a fact or as advice."""
+"""Texts about traffic and guidance, in metric and aviation units, as a fact and as advice."""
 
 import math
 
@@ -45,19 +45,19 @@ def texts(notice: AnyNotice, situation: TrafficSituation, units: TextUnits = "me
         ("metric", False, "Traffic ABC123 2 o'clock 1.8 km 61 m below: turn right 040"),
     ],
 )
-def test_a_conflict_in_the_words_of_pilots(units: TextUnits, flying: bool, words: str) -> None:
+def test_a_conflict_is_described_as_pilots_do(units: TextUnits, flying: bool, words: str) -> None:
     situation = TrafficSituation(flown(40.0), OWN, [track(None)])
     chunks = texts(ConflictNotice(flying), situation, units)
     assert "".join(chunks) == words
     assert all(len(chunk) <= 50 for chunk in chunks)
 
 
-def test_the_callsign_is_used_where_there_is_one() -> None:
+def test_the_callsign_is_used_if_it_is_known() -> None:
     said = texts(ConflictNotice(flying=True), TrafficSituation(flown(), OWN, [track("SWR1")]))
     assert said == ["Traffic SWR1 2 o'clock 1.8 km 61 m below: holding"]
 
 
-def test_the_same_topic_is_said_again_only_after_half_a_minute() -> None:
+def test_a_topic_is_repeated_only_after_half_a_minute() -> None:
     statustext = StatusText()
     first, later = Notice(4, "1.8 km", topic="A"), Notice(4, "1.7 km", topic="A")
     assert len(statustext.say(first, 0.0)) == 2
@@ -68,13 +68,13 @@ def test_the_same_topic_is_said_again_only_after_half_a_minute() -> None:
     assert len(statustext.say(later, 30.0)) == 2
 
 
-def test_a_state_of_affairs_is_said_once() -> None:
+def test_a_notice_marked_once_is_never_repeated() -> None:
     statustext = StatusText()
     assert statustext.say(Notice(4, "no receiver", once=True), 0.0)
     assert not statustext.say(Notice(4, "no receiver", once=True), 3600.0)
 
 
-def test_what_is_for_the_log_is_not_sent() -> None:
+def test_a_notice_for_the_log_is_not_sent() -> None:
     assert StatusText().say(Notice(6, "Mission: 4 items", log_only=True), 0.0) == [Say(6, "Mission: 4 items")]
 
 
@@ -93,7 +93,9 @@ def test_what_is_for_the_log_is_not_sent() -> None:
         (Decision(Layer.CLEAR), "mission", "mission", "mission"),
     ],
 )  # fmt: skip
-def test_what_is_done(decision: Decision, doing: str, advice: str, aviation: str) -> None:
+def test_guidance_is_described_as_a_fact_and_as_advice(
+    decision: Decision, doing: str, advice: str, aviation: str
+) -> None:
     assert describe_guidance(decision, OWN, "metric", doing=True) == doing
     assert describe_guidance(decision, OWN, "metric", doing=False) == advice
     assert describe_guidance(decision, OWN, "aviation", doing=True) == aviation
@@ -102,10 +104,10 @@ def test_what_is_done(decision: Decision, doing: str, advice: str, aviation: str
 @pytest.mark.parametrize(
     ("threats", "layer", "words"),
     [
-        ([threat()], Layer.OUTER, "Told to resume MISSION: ABC123 not avoided"),
-        ([threat(), threat("B"), threat("C")], Layer.OUTER, "Told to resume MISSION: ABC123 + 2 not avoided"),
-        ([threat()], Layer.INNER, "Told to resume MISSION: ABC123 near, not avoided"),
-        ([], Layer.OUTER, "Told to resume MISSION"),
+        ([threat()], Layer.OUTER, "Resuming MISSION: ABC123 not avoided"),
+        ([threat(), threat("B"), threat("C")], Layer.OUTER, "Resuming MISSION: ABC123 + 2 not avoided"),
+        ([threat()], Layer.INNER, "Resuming MISSION: ABC123 near, not avoided"),
+        ([], Layer.OUTER, "Resuming MISSION"),
     ],
 )
 def test_a_resumed_mission_names_the_threats_that_are_not_avoided(

@@ -143,7 +143,7 @@ def test_an_adapter_is_registered(kind: type[Adapter]) -> None:
 
 
 @pytest.mark.parametrize("kind", adapters(), ids=lambda kind: kind.__name__)
-def test_an_adapter_has_what_has_no_default(kind: type[Adapter]) -> None:
+def test_an_adapter_defines_everything_without_a_default(kind: type[Adapter]) -> None:
     for field in get_type_hints(Adapter):
         assert hasattr(kind, field) or field in vars(kind(AUTOPILOT)), f"{kind.__name__} has no {field}"
     guided = kind.mode_name(kind(AUTOPILOT).guided_mode)

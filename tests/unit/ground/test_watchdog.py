@@ -42,7 +42,7 @@ def test_start_and_stop_are_reported(manager: tuple[socket.socket, str]) -> None
     watchdog.alive(1, 0.0)
     watchdog.alive(1000, 100.0)
     watchdog.stopping()
-    assert heard(listening) == ["READY=1", "STOPPING=1"], "no watchdog was asked for"
+    assert heard(listening) == ["READY=1", "STOPPING=1"], "no watchdog is configured"
 
 
 def test_alive_is_sent_twice_a_period_and_only_after_new_ticks(manager: tuple[socket.socket, str]) -> None:

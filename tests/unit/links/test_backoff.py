@@ -1,4 +1,4 @@
-"""When a failed link is opened again, and which failures are logged; time is an argument."""
+"""Backoff: when a failed link is opened again, and which failures are logged."""
 
 import logging
 

@@ -43,23 +43,23 @@ async def test_one_warning_when_it_fails_and_one_line_when_it_works_again(
     monkeypatch.setattr(reconnect, "STEADY_S", 0.0)  # of the timer; the clock below counts as working
     now_s = 0.0
 
-    def ten_seconds_a_call() -> float:
+    def ten_seconds_later() -> float:
         nonlocal now_s
         now_s += 10.0
         return now_s
 
     link = Troubled(3, LinkDownError("troubled: no such device"))
-    reconnect_link = Reconnect(link, ten_seconds_a_call)
+    reconnect_link = Reconnect(link, ten_seconds_later)
     running = asyncio.create_task(reconnect_link.run(Inbox()))
     await until(lambda: reconnect_link.state is LinkState.UP)
     link.close()
     await running
     logged = [(one.levelname, one.message) for one in caplog.records]
-    again = "troubled: no such device; trying again until it works"
+    failing = "troubled: no such device; trying again until it works"
     assert logged == [
-        ("WARNING", again),
-        ("DEBUG", again),
-        ("DEBUG", again),
+        ("WARNING", failing),
+        ("DEBUG", failing),
+        ("DEBUG", failing),
         ("INFO", "troubled: works again"),
     ]
     assert link.tries == 4

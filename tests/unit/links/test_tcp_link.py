@@ -140,7 +140,7 @@ async def test_a_refused_connection_is_named_and_may_be_tried_again() -> None:
 
 
 async def test_a_connection_to_ourselves_counts_as_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a listener, the kernel may choose the very port for our own end."""
+    """Without a listener, the kernel may choose this same port for our own end."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -187,7 +187,7 @@ async def test_a_port_in_use_is_a_permanent_error() -> None:
     first.close()
 
 
-async def test_a_peer_that_does_not_read_delays_no_other_and_fills_no_buffer() -> None:
+async def test_a_peer_that_does_not_read_delays_no_other_peer_and_fills_no_buffer() -> None:
     server = await listening()
     unread = socket.create_connection(("127.0.0.1", server.local_port))
     client, heard = out(server.local_port), Inbox()

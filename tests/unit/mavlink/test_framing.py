@@ -79,7 +79,7 @@ def test_a_stream_may_arrive_in_any_pieces() -> None:
     assert splitter.counters.bad_bytes == 4
 
 
-def test_the_rest_kept_between_two_pieces_is_bounded() -> None:
+def test_the_bytes_kept_between_two_pieces_are_bounded() -> None:
     splitter = FrameSplitter()
     for _ in range(100):
         splitter.feed(b"\xfd\xff\x00\x00" * 1000)
@@ -136,7 +136,7 @@ def test_an_unknown_message_at_the_end_of_a_stream_waits_for_the_next_bytes() ->
     assert splitter.counters == StreamCounters(frames=1, unknown=1)
 
 
-def test_bytes_like_an_unknown_message_hide_no_good_frame() -> None:
+def test_bytes_that_look_like_an_unknown_message_hide_no_good_frame() -> None:
     false_unknown = unknown_frame(heartbeat(), crc_extra=77)[:-2] + b"\x00\x00" + heartbeat(1)
     found = FrameSplitter().feed_datagram(false_unknown)
     assert raws(found) == [heartbeat(), heartbeat(1)]

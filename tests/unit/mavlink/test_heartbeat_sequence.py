@@ -1,4 +1,4 @@
-"""Which heartbeats are outdated when they arrive."""
+"""Heartbeats that are outdated when they arrive, and those that are not."""
 
 import pytest
 
@@ -24,7 +24,7 @@ def heartbeats_in(sent: list[Frame]) -> list[Frame]:
 
 
 @pytest.mark.parametrize("between", [0, 7, 45, 100, 127, 128, 200, 255, 400])
-def test_in_order_no_heartbeat_is_outdated(between: int) -> None:
+def test_no_heartbeat_that_arrives_in_order_is_outdated(between: int) -> None:
     sequence = HeartbeatSequence()
     assert not any(sequence.is_outdated(frame, 0.0) for frame in stream(20, between))
 
@@ -56,7 +56,7 @@ def test_a_repeated_heartbeat_is_outdated() -> None:
     assert sequence.is_outdated(frame, 0.0)
 
 
-def test_lost_frames_make_no_heartbeat_outdated() -> None:
+def test_no_heartbeat_is_outdated_because_of_lost_frames() -> None:
     sequence, sent = HeartbeatSequence(), stream(40, 9)
     assert not any(sequence.is_outdated(frame, 0.0) for frame in sent[::30])
 
@@ -80,7 +80,7 @@ def test_each_sender_has_its_own_sequence() -> None:
 
 @pytest.mark.parametrize("lost", [100, 128, 150, 200, 255, 300, 400])
 def test_after_a_silence_the_first_heartbeat_is_accepted(lost: int) -> None:
-    """The number has wrapped meanwhile, or nearly, and would look older than it is."""
+    """The number has wrapped in the meantime, or nearly, and would look older than it is."""
     sequence, sent = (
         HeartbeatSequence(),
         frames([HEARTBEAT] + [OTHER] * (lost - 1) + [OTHER] * 10 + [HEARTBEAT]),

@@ -1,4 +1,4 @@
-"""Telemetry logs: written records are read back, and damage costs no good record."""
+"""Telemetry logs: written records are read back, and damage hides no good record."""
 
 import errno
 import os
@@ -40,7 +40,7 @@ def test_written_records_are_read_back(path: Path) -> None:
     expected = [(START_US + n, raw) for n, raw in enumerate(frames(300))]
     for time_us, raw in expected:
         writer.write(time_us, raw)
-    reader = read_tlog(path)  # not yet closed: every record is already with the operating system
+    reader = read_tlog(path)  # not closed yet: the operating system already has every record
     assert [(time_us, frame.raw) for time_us, frame in reader] == expected
     assert (reader.messages, reader.bad_bytes, reader.unknown) == (300, 0, 0)
     writer.close()
@@ -70,7 +70,7 @@ def test_an_existing_log_is_never_overwritten(path: Path) -> None:
     assert path.read_bytes() == b"precious"
 
 
-def test_a_record_torn_by_a_full_disk_is_removed_and_the_log_goes_on(
+def test_a_record_cut_off_by_a_full_disk_is_removed_and_the_log_continues(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writer = TlogWriter(path)
@@ -144,7 +144,7 @@ def test_text_at_the_start_zeros_in_the_middle_and_time_running_backwards(path: 
     assert reader.bad_bytes == len(text) + len(zeros)
 
 
-def test_a_frame_of_another_dialect_costs_no_other_frame(path: Path) -> None:
+def test_a_frame_of_another_dialect_hides_no_other_frame(path: Path) -> None:
     a, b, c = frames(3)
     foreign = b[:-2] + bytes((b[-2] ^ 0x55, b[-1]))
     found, reader = read(path, record(1, a) + record(2, foreign) + record(3, c))
@@ -200,7 +200,7 @@ def test_the_result_does_not_depend_on_the_chunk_size(
     assert reader.counters is not counters
 
 
-def test_only_the_wanted_messages_are_handed_over_but_all_are_counted(path: Path) -> None:
+def test_only_the_wanted_messages_are_returned_but_all_are_counted(path: Path) -> None:
     encoder = Encoder()
     beat = encoder.encode(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3), 1, 1)
     path.write_bytes(b"".join(record(n, raw) for n, raw in enumerate([*frames(50), beat, *frames(50)])))

@@ -520,7 +520,7 @@ def test_a_message_that_was_not_received_is_translated_too() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_parameter_set_to_no_finite_number_is_still_a_request(value: float) -> None:
+def test_a_parameter_set_to_a_number_that_is_not_finite_is_still_a_request(value: float) -> None:
     fact = fact_of(mavlink.MAVLink_param_set_message(1, 196, b"CA_OUTER_TIME", value, 9))
     assert fact == ParameterSet(SENDER, Sender(1, 196), "CA_OUTER_TIME", None)
 

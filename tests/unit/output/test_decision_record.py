@@ -1,4 +1,4 @@
-"""The line that is kept of a decision: what a map and a report need, and the same JSON as the library's."""
+"""The recorded line of a decision: its fields, and the same JSON as the standard library writes."""
 
 import json
 import math
@@ -41,7 +41,7 @@ def track(**changes: Any) -> Track:
     return Track(**values | changes)
 
 
-def test_where_it_was_and_who_flew() -> None:
+def test_a_line_has_position_state_and_mode() -> None:
     record = line()
     assert record["own"]["lat_deg"] == pytest.approx(HERE.lat_deg, abs=1e-7)
     assert record["own"]["lon_deg"] == pytest.approx(HERE.lon_deg, abs=1e-7)
@@ -52,7 +52,7 @@ def test_where_it_was_and_who_flew() -> None:
     assert line(frame=None)["own"]["lat_deg"] is None
 
 
-def test_every_track_relative_to_own() -> None:
+def test_every_track_is_relative_to_ownship() -> None:
     record = line(track(), track(track_id="mast", icao=None, callsign=None, kind=TrafficKind.OBSTACLE))
     assert record["tracks"] == 2
     first, second = record["traffic"]
@@ -73,12 +73,12 @@ def test_every_track_relative_to_own() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_what_is_no_json_is_refused(bad: float) -> None:
+def test_numbers_that_are_not_finite_are_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="not finite"):
         line(track(position_m=(bad, 0.0, 0.0)))
 
 
-def test_every_threat() -> None:
+def test_every_threat_is_in_the_line() -> None:
     threats = [
         Threat('T"1', 1, 1234.56, -30.0, -math.pi / 2, 60.0, 12.34, 99.9, -3.0, Layer.OUTER),
         Threat("T2", None, 1.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, Layer.INNER),

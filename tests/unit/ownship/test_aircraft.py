@@ -1,4 +1,4 @@
-"""Answers that take more than one part of what is known."""
+"""Answers of the aircraft that need more than one of its parts."""
 
 import pytest
 
@@ -65,7 +65,9 @@ def test_modes_have_names_and_one_is_guided() -> None:
         (mavlink.MAV_LANDED_STATE_LANDING, 200.0, False),
     ],
 )
-def test_it_flies_high_enough_in_the_air(landed_state: int | None, height_m: float, flying: bool) -> None:
+def test_flying_means_in_the_air_and_high_enough(
+    landed_state: int | None, height_m: float, flying: bool
+) -> None:
     ours = aircraft(position(height_m), LandedState(AUTOPILOT, landed_state))
     assert ours.flying(30.0) is flying
     assert ours.landing() is (landed_state == mavlink.MAV_LANDED_STATE_LANDING)

@@ -330,7 +330,7 @@ def test_heights_and_circle_of_the_fence_parameters_are_kept_within_the_margin()
     assert (unlimited.fence_min_height_m, unlimited.fence_max_height_m) == (None, None)
 
 
-def test_inclusion_zones_of_which_one_is_enough() -> None:
+def test_one_of_several_inclusion_zones_is_enough() -> None:
     two = [*ZONES[:4], Item(5003, (47.5, 8.0), params=(900.0, 0.0, 0.0, 0.0))]
     assert local_fence(fence_talk(items=two, FENCE_OPTIONS=2.0)).any_inclusion
     assert not local_fence(fence_talk(items=two, FENCE_OPTIONS=1.0)).any_inclusion

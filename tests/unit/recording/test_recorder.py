@@ -173,7 +173,7 @@ def test_a_new_part_begins_when_a_file_is_full_and_nothing_is_lost(tmp_path: Pat
     assert recorder.problem is None
 
 
-def test_the_old_part_goes_on_if_a_new_one_cannot_begin(
+def test_the_old_part_continues_if_a_new_one_cannot_begin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = Recorder(tmp_path, STARTED_S, max_file_bytes=100)
@@ -216,7 +216,7 @@ def test_the_oldest_recordings_are_deleted_first(tmp_path: Path) -> None:
     assert left == sorted([*others, *(path.name for path in ours)])
 
 
-async def test_a_run_deletes_the_oldest_and_repairs_but_spares_a_running_recorder(
+async def test_a_run_deletes_the_oldest_and_repairs_but_leaves_a_running_recorder_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recorder_module, "_SYNC_PERIOD_S", 0.01)

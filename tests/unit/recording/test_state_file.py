@@ -1,4 +1,4 @@
-"""State files: what one run leaves to the next."""
+"""State files: text that one run leaves to the next, whole even after a kill."""
 
 import json
 import os

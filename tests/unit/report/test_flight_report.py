@@ -3,7 +3,6 @@
 import contextlib
 import json
 import math
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -75,8 +74,8 @@ GUIDANCE = {"course_deg": 45.0, "airspeed_mps": 22.0, "altitude_m": 560.0}
 def avoided() -> Iterator[dict[str, Any]]:
     """A flight north at 20 m/s, one record a second. A00001 comes head-on at 30 m/s, and is abeam at 60 s.
 
-    From 20 to 80 s the companion flies, from 40 s on 400 m to the east and 60 m up. A00002 stays 10 km away.
-    A00003 passes at 130 s, 100 m abeam and 20 m below, without any action.
+    The companion flies from 20 to 80 s, 400 m to the east and 60 m higher from 40 s on. A00002 stays 10 km
+    away. A00003 passes at 130 s, 100 m abeam and 20 m below, and is not avoided.
     """
     for second in range(200):
         flying = 20 <= second < 80
@@ -141,7 +140,7 @@ def test_advice_that_was_not_flown_has_no_action() -> None:
     assert (first.acted_s, first.advised_s, first.aside_m) == (None, pytest.approx(40.0), None)
 
 
-def test_an_aircraft_that_returns_later_is_another_encounter() -> None:
+def test_an_aircraft_that_returns_later_makes_another_encounter() -> None:
     def records() -> Iterator[dict[str, Any]]:
         for second in range(300):
             here = second < 100 or second >= 200
@@ -240,36 +239,11 @@ def test_the_link_counts_losses_and_gaps() -> None:
     assert [one.text for one in link.texts] == ["Fence breached"]
 
 
-def test_a_page_is_complete_works_offline_and_is_reproducible() -> None:
-    flight = flight_of(avoided())
-    flight.notes.append("<b>cut off</b>")
-    text = page_of(Log(flight))
-    assert "N1 (A00001)" in text
-    assert "404 m" in text
-    assert "&lt;b&gt;cut off" in text
-    assert "<script" not in text
-    assert not re.findall(r"(?:src|href)='?\"?https?:", text)
-    again = flight_of(avoided())
-    again.notes.append("<b>cut off</b>")
-    assert page_of(Log(again)) == text
-
-
 @pytest.mark.parametrize("records", [[record(0)], [record(0), record(0)], [record(0)] * 3 + [record(1, 1e6)]])
 def test_a_page_of_very_short_flights(records: list[dict[str, Any]]) -> None:
     for one in records:
         one["traffic"] = [track("A1", 0.0, 0.0)]
     assert "<h2>Encounters" in page_of(Log(flight_of(records)))
-
-
-def test_more_aircraft_than_can_be_drawn_are_in_the_table() -> None:
-    names = [f"A{number:05X}" for number in range(40)]
-    records = [
-        record(second, 20.0 * second, traffic=[track(name, 0.0, 100.0 + second) for name in names])
-        for second in range(20)
-    ]
-    text = page_of(Log(flight_of(records)))
-    assert all(f"({name})</td>" in text for name in names)
-    assert text.count("<h3>") == 12
 
 
 def test_clock() -> None:

@@ -1,4 +1,4 @@
-"""The point mass against physics and measurements on ArduPlane."""
+"""The point mass against physics and against measurements on ArduPlane."""
 
 import math
 

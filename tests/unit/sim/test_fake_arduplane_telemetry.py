@@ -195,7 +195,7 @@ def test_unknown_commands_are_unsupported() -> None:
 # --- time ---
 
 
-def test_the_rhythm_of_stepping_changes_nothing() -> None:
+def test_the_rhythm_of_stepping_has_no_effect() -> None:
     often, seldom = airborne(rate_hz=2.0), airborne(rate_hz=2.0)
     for step in range(1, 15_001):
         often.received += often.vehicle.step(START_S + step * 0.01)

@@ -186,7 +186,7 @@ def test_the_mission_resumes_at_the_same_item_straight() -> None:
     assert abs(aside_m) < 25.0
 
 
-def test_well_below_the_item_it_climbs_in_a_loiter_first() -> None:
+def test_it_climbs_in_a_loiter_first_if_it_is_far_below_the_item() -> None:
     bench = airborne(mission=[MISSION[0], waypoint(4000.0, 0.0, 160.0)])
     bench.request_mode(Px4Mode.HOLD)
     bench.fly(5.0)
@@ -315,7 +315,7 @@ def test_only_its_own_addresses_are_handled_and_the_sender_is_answered() -> None
     assert (answer.target_system, answer.target_component) == GCS
 
 
-def test_the_rhythm_of_stepping_changes_nothing() -> None:
+def test_the_rhythm_of_stepping_has_no_effect() -> None:
     often, seldom = airborne(quiet=False), airborne(quiet=False)
     for step in range(1, 3001):
         often.received += often.vehicle.step(1_800_000_000.0 + step * 0.01)

@@ -77,7 +77,7 @@ def test_a_silent_second_ends_offboard_and_a_new_stream_re_enters_it(action: int
     assert not bench.vehicle.truth.uncontrolled
 
 
-def test_after_a_commanded_mode_a_stream_does_not_re_enter() -> None:
+def test_a_stream_does_not_re_enter_after_a_commanded_mode() -> None:
     bench = engaged()
     bench.release()
     bench.stream(3.0, VELOCITY)
@@ -260,7 +260,7 @@ def test_leaving_far_from_the_commanded_height_invalidates_the_setpoint(off_m: f
 
 
 @pytest.mark.parametrize("off_m", [0.0, 4.0])
-def test_leaving_at_the_commanded_height_does_not(off_m: float) -> None:
+def test_leaving_at_the_commanded_height_keeps_the_setpoint_valid(off_m: float) -> None:
     bench = engaged()
     bench.stream(0.5, height_m=100.0 + off_m)
     bench.request_mode(Px4Mode.MISSION)

@@ -157,7 +157,7 @@ def test_a_reboot_in_flight_resets_streams_and_boot_time_only(autopilot: str) ->
     assert truth.position_m[0] > before.position_m[0] + 50.0
 
 
-def test_a_reboot_ends_what_a_companion_commanded() -> None:
+def test_a_reboot_ends_the_commands_of_a_companion() -> None:
     plane = arduplane_bench.airborne()
     plane.guided()
     plane.by_int(43002, 0, 90.0, 5.0)

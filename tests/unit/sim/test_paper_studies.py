@@ -50,7 +50,7 @@ def test_the_interval_of_a_mean_shrinks_with_the_root_of_the_number() -> None:
     assert mean_with_interval([4.0]) == (4.0, 4.0, 4.0)
 
 
-def test_the_largest_safety_value_wins_among_those_that_arrive() -> None:
+def test_the_largest_safety_value_among_those_that_arrive_is_best() -> None:
     points = [
         point(5.0, (0.90, 0.86, 0.93), 5.0),
         point(60.0, (0.97, 0.94, 0.99), 5.2),
@@ -74,7 +74,7 @@ def test_a_missed_target_is_reported_with_its_reason() -> None:
     assert text.count("reached") == 4
 
 
-def test_without_missed_targets_none_is_reported() -> None:
+def test_no_missed_target_is_reported_if_all_are_reached() -> None:
     better = replace(FLOWN, safety_value=7.0, heading_effort=0.001)
     text = table(experiments(two_layer=better), {})
     assert "short" not in text.split("## Two layers against one")[1]

@@ -57,7 +57,7 @@ def test_a_held_clock_stops_reports_it_and_never_jumps() -> None:
     assert clock.now_s() == clock.now_s() == START_S + 5.0
     assert (clock.overruns, clock.slipped_s) == (1, 9.0)
     clock.hold_at(START_S + 20.0)
-    assert clock.now_s() == START_S + 5.0  # goes on from where it stood
+    assert clock.now_s() == START_S + 5.0  # continues from the time at which it stopped
     real.seconds += 0.2
     assert clock.now_s() == START_S + 7.0
     clock.hold_at(START_S + 1.0)  # back is not possible

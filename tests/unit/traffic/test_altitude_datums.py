@@ -107,7 +107,7 @@ def test_the_accuracy_stated_by_the_sender_is_added() -> None:
         (ownship_at(500.0, pressure_m=567.0, separation_m=48.0), 533.0),  # both: barometers
     ],
 )
-def test_of_two_references_the_more_certain_one_is_used(own: OwnshipAltitudes, expected_m: float) -> None:
+def test_the_more_certain_of_two_references_is_used(own: OwnshipAltitudes, expected_m: float) -> None:
     both = [altitude(GEOMETRIC, 580.0), altitude(BAROMETRIC, 600.0)]
     for altitudes in (both, both[::-1]):
         found = to_sea_level(altitudes, own.offsets(1.0), 1.0)

@@ -1,4 +1,4 @@
-"""One aircraft from several sources is one track; two aircraft stay two; our own echo is none."""
+"""One aircraft from several sources is one track, two aircraft stay two, and our own echo is no track."""
 
 import math
 from dataclasses import replace
@@ -116,7 +116,7 @@ def test_two_targets_of_one_source_are_never_merged() -> None:
     assert ids(tracker, 30.0) == ["4B1234", "4B1235"]
 
 
-def test_in_a_formation_each_aircraft_is_merged_with_itself() -> None:
+def test_reports_of_a_formation_are_merged_by_aircraft() -> None:
     tracker = Tracker()
     for second in range(20):
         for off_m, address, name in (

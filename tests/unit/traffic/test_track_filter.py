@@ -74,8 +74,8 @@ def test_noise_is_smoothed_and_velocities_are_better_than_reported() -> None:
     rms = noisy_run(velocity_sigma_mps=1.5, climb_sigma_mps=0.8)
     assert rms["velocity"] < 0.85 * rms["raw velocity"]
     assert rms["climb"] < 0.75 * rms["raw climb"]
-    assert rms["position"] < 9.0  # of 21 reported
-    assert rms["height"] < 4.0  # of 8 reported
+    assert rms["position"] < 9.0  # 21 as reported
+    assert rms["height"] < 4.0  # 8 as reported
 
 
 def test_noisy_positions_hardly_change_a_velocity_that_is_reported_exactly() -> None:

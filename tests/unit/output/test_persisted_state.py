@@ -1,4 +1,4 @@
-"""What survives a crash of the companion."""
+"""The state that survives a crash of Companion."""
 
 import pytest
 from hypothesis import given
@@ -8,7 +8,7 @@ from companion.geodesy import GeoPoint
 from companion.model import PriorFlightState, Role
 from companion.output.persisted_state import LONGEST_S, PersistedState
 
-HELD = PersistedState(
+SAVED = PersistedState(
     1e9,
     1,
     PriorFlightState(10, 3, GeoPoint(1.0, 2.0, 3.0), 0.5, 600.0, 22.0),
@@ -19,10 +19,10 @@ HELD = PersistedState(
 
 
 @pytest.mark.parametrize(
-    "held", [HELD, PersistedState(1e9, 1, PriorFlightState(10)), PersistedState(1e9, 1, None, Role.OFF)]
+    "saved", [SAVED, PersistedState(1e9, 1, PriorFlightState(10)), PersistedState(1e9, 1, None, Role.OFF)]
 )
-def test_what_is_kept_is_found_again(held: PersistedState) -> None:
-    assert PersistedState.from_text(held.to_text()) == held
+def test_a_saved_state_is_read_back_unchanged(saved: PersistedState) -> None:
+    assert PersistedState.from_text(saved.to_text()) == saved
 
 
 @given(
@@ -33,17 +33,17 @@ def test_what_is_kept_is_found_again(held: PersistedState) -> None:
             "[]",
             "null",
             '{"before":{}}',
-            HELD.to_text()[:-9],
-            HELD.to_text().replace('"system_id":1', '"system_id":Infinity'),
+            SAVED.to_text()[:-9],
+            SAVED.to_text().replace('"system_id":1', '"system_id":Infinity'),
         ]
     )
 )
-def test_a_damaged_record_is_none(text: str) -> None:
+def test_a_damaged_text_gives_no_state(text: str) -> None:
     assert PersistedState.from_text(text) is None
 
 
 @pytest.mark.parametrize(
     ("later_s", "fresh"), [(0.0, True), (5.0, True), (LONGEST_S + 1.0, False), (-5.0, False)]
 )
-def test_only_a_fresh_record_says_who_has_the_aircraft(later_s: float, fresh: bool) -> None:
-    assert HELD.is_fresh(HELD.time_s + later_s) is fresh
+def test_only_a_recent_state_is_fresh(later_s: float, fresh: bool) -> None:
+    assert SAVED.is_fresh(SAVED.time_s + later_s) is fresh

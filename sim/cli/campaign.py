@@ -1,0 +1,112 @@
+"""`companion-sim campaign` and `encounter`: fly many encounters, or one of them again."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.cli.common import note_if_slow, writable
+from companion.errors import require
+from sim.campaign.plan import Part, Plan
+from sim.cli.common import ReportOption
+
+EncountersOption = Annotated[
+    int, typer.Option("--encounters", min=1, max=10_000_000, help="Number of encounters.")
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="Random seed: the same seed gives the same campaign.")]
+AvoiderOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--avoider", metavar="NAME", help="companion (default), none, ardupilot, ardupilot-610, mvp, orca."
+    ),
+]
+ModelOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--model", metavar="FILE", help="MIT Lincoln Laboratory model (.txt), or encounters (.csv, .daa)."
+    ),
+]
+SurveillanceOption = Annotated[
+    list[str] | None,
+    typer.Option("--surveillance", metavar="PRESET", help="perfect (default), adsb-out or poor."),
+]
+IntrudersOption = Annotated[int, typer.Option(min=1, max=4, help="Intruders per encounter of a model.")]
+LockOption = Annotated[
+    bool, typer.Option("--lock-height", help="Ceiling just above the mission's height, floor just below.")
+]
+
+
+def campaign(
+    encounters: EncountersOption = 1000,
+    seed: SeedOption = 0,
+    avoider: AvoiderOption = None,
+    model: ModelOption = None,
+    surveillance: SurveillanceOption = None,
+    intruders: IntrudersOption = 1,
+    lock_height: LockOption = False,
+    part: Annotated[
+        Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
+    ] = Part.ALL,
+    results: Annotated[
+        Path,
+        typer.Option(metavar="FILE.ndjson", help="Results; an interrupted campaign continues."),
+    ] = Path("campaign.ndjson"),
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="Processes; default: one per core.")
+    ] = None,
+    scheduler: Annotated[
+        str,
+        typer.Option(metavar="local|ADDRESS", help="A dask scheduler, as tcp://192.168.1.7:8786."),
+    ] = "local",
+    page: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write a page with the worst encounters drawn.")
+    ] = None,
+    report: ReportOption = None,
+) -> None:
+    """Fly thousands of encounters through the product's engine, and report the remaining risk."""
+    if page is not None:
+        require("matplotlib", "companion-sim campaign --page", "sim")
+    from sim.campaign import command
+
+    for path in (page, report):
+        if path is not None:
+            writable(path)
+    plan = Plan(
+        encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
+        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part,
+    )  # fmt: skip
+    note_if_slow()
+    console = Console(highlight=False)
+    figures = command.run(plan, results, console, workers=workers, scheduler=scheduler)
+    command.print_figures(console, figures)
+    if report is not None:
+        command.write_report(report, figures)
+    if page is not None:
+        page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
+
+
+def encounter(
+    number: Annotated[
+        int, typer.Argument(metavar="NUMBER", min=0, help="Its number in the results of the campaign.")
+    ],
+    seed: SeedOption = 0,
+    avoider: Annotated[str, typer.Option(metavar="NAME", help="As in the campaign.")] = "companion",
+    model: ModelOption = None,
+    surveillance: Annotated[str, typer.Option(metavar="PRESET", help="As in the campaign.")] = "perfect",
+    intruders: IntrudersOption = 1,
+    lock_height: LockOption = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
+    ] = None,
+) -> None:
+    """Fly one encounter of a campaign again, and list its decisions."""
+    from sim.campaign import command
+
+    if out is not None:
+        require("matplotlib", "companion-sim encounter --out", "sim")
+        writable(out)
+    models = tuple(map(str, model or ()))
+    plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height)
+    note_if_slow()
+    command.show_encounter(plan, number, Console(highlight=False), out)

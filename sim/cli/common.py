@@ -1,0 +1,24 @@
+"""Options that several commands share."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sim.scenario import scenario_names
+
+
+class Autopilot(StrEnum):
+    """The autopilot that the fake vehicle imitates."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+
+
+ScenarioOption = Annotated[
+    str, typer.Option(metavar="NAME|FILE", help=f"One of {', '.join(scenario_names())}, or a YAML file.")
+]
+AutopilotOption = Annotated[Autopilot, typer.Option(help="The autopilot that the vehicle imitates.")]
+SpeedupOption = Annotated[float, typer.Option(min=0.1, max=100.0, help="Simulated time against real time.")]
+ReportOption = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")]

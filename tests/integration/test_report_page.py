@@ -1,0 +1,32 @@
+"""The page of a flight, drawn as a whole."""
+
+import re
+
+from companion.report.page import page_of
+from companion.report.reading import Log
+from tests.unit.report.test_flight_report import avoided, flight_of, record, track
+
+
+def test_a_page_is_complete_works_offline_and_is_reproducible() -> None:
+    flight = flight_of(avoided())
+    flight.notes.append("<b>cut off</b>")
+    text = page_of(Log(flight))
+    assert "N1 (A00001)" in text
+    assert "404 m" in text
+    assert "&lt;b&gt;cut off" in text
+    assert "<script" not in text
+    assert not re.findall(r"(?:src|href)='?\"?https?:", text)
+    again = flight_of(avoided())
+    again.notes.append("<b>cut off</b>")
+    assert page_of(Log(again)) == text
+
+
+def test_more_aircraft_than_can_be_drawn_are_in_the_table() -> None:
+    names = [f"A{number:05X}" for number in range(40)]
+    records = [
+        record(second, 20.0 * second, traffic=[track(name, 0.0, 100.0 + second) for name in names])
+        for second in range(20)
+    ]
+    text = page_of(Log(flight_of(records)))
+    assert all(f"({name})</td>" in text for name in names)
+    assert text.count("<h3>") == 12
