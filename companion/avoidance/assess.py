@@ -6,12 +6,18 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.cone import (
+    Array,
+    Mask,
+    RelativeMotion,
+    TransitionDomain,
+    any_of,
+    position_at,
+    relative_motion,
+)
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import Array, Mask, RelativeMotion, any_of, position_at, relative_motion
+from companion.avoidance.intruders import Separation, Tracks, separation
 from companion.avoidance.params import AvoidanceParams
-from companion.avoidance.separation import Separation, separation
-from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import Commands, OwnFlight, OwnState, fly_ahead
 from companion.compiled import kernels
 from companion.model import Goal, Guidance, Layer, Threat, Track, TrafficKind, Vec2, Vec3

@@ -11,17 +11,16 @@ from companion.avoidance.assess import (
     reason,
     threats_of,
 )
-from companion.avoidance.cone import TransitionDomain
+from companion.avoidance.cone import TransitionDomain, any_of
 from companion.avoidance.constraints import Constraints, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
 from companion.avoidance.envelope import Control
 from companion.avoidance.fence import Fence
-from companion.avoidance.geometry import any_of
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
 from companion.avoidance.inner import InnerLayer
+from companion.avoidance.intruders import Tracks
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
-from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import OwnFlight, require_finite
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
 

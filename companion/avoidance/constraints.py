@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.avoidance.cone import Array, Mask, wrap_pi
 from companion.avoidance.envelope import Control, Envelope
 from companion.avoidance.fence import Fence
-from companion.avoidance.geometry import Array, Mask, wrap_pi
 from companion.avoidance.trajectory import HORIZON_S, Commands, OwnState, fly_ahead, turn_around_s
 from companion.model import Guidance
 

@@ -11,14 +11,21 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.avoidance.assess import TrafficAssessment
+from companion.avoidance.cone import Array, Mask, any_of
 from companion.avoidance.constraints import Constraints, Refusals
 from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.fence import Breach, Fence
-from companion.avoidance.geometry import Array, Mask, any_of
-from companion.avoidance.maneuvers import NO_MANEUVERS, ManeuverParams, enumerate_maneuvers
+from companion.avoidance.intruders import (
+    NO_MANEUVERS,
+    ManeuverParams,
+    Tracks,
+    enumerate_maneuvers,
+    heights_to_pass,
+    losses,
+    outcomes,
+    separation,
+)
 from companion.avoidance.params import AvoidanceParams, CostWeights
-from companion.avoidance.separation import heights_to_pass, losses, outcomes, separation
-from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import (
     HORIZON_S,
     Commands,

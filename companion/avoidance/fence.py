@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from companion.avoidance.geometry import Array
+from companion.avoidance.cone import Array
 from companion.avoidance.trajectory import Paths, times_until
 from companion.model import Vec2
 

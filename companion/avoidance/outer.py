@@ -14,25 +14,57 @@ reach, the distance of the goal in the outer layer's radius.
 
 import math
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance.assess import TrafficAssessment
+from companion.avoidance.cone import Array
 from companion.avoidance.cost import CostContext
-from companion.avoidance.geometry import Array
-from companion.avoidance.potential import FieldParams, attraction, repulsion, repulsion_magnitude
-from companion.avoidance.strategies import Height, Speed, height_m, speed_mps
+from companion.avoidance.inner import Height, Speed, height_m, speed_mps
+from companion.avoidance.params import FieldParams
 from companion.avoidance.trajectory import Commands
 from companion.compiled import kernels
-from companion.model import Guidance
+from companion.model import Guidance, Vec2
 from companion.units import wrap_pi
 
+_Place = TypeVar("_Place", float, Array)
+
+# The force at the surface is infinite. Closer than this (in the caller's unit of length) it stops growing.
+_CONTACT = 1e-3
 # Repulsion for an attraction of 1: deflections of 10 to 86 degrees where all threats push straight across.
 _GAINS = [math.tan(math.radians(angle_deg)) for angle_deg in (10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 86.0)]
 _GAIN_STEPS = [*_GAINS, *(-gain for gain in _GAINS)]  # to the right, to the left
 _LEAST_PUSH = 1e-3
+
+
+def attraction(position: _Place, goal: _Place, gain: float) -> _Place:
+    """Eq. 5: F_att = xi_att * (X_g - X), shape of the position; for numbers, along a line.
+
+    It is the gradient of half the squared distance; eq. 4 is printed without the square.
+    """
+    return gain * (goal - position)
+
+
+def repulsion_magnitude(surface_distance: Array, reach: float, gain: float) -> Array:
+    """Length of eq. 7, the gradient of eq. 6: xi_rep (1/rho - 1/rho_o) / rho^2 within rho_o, else 0; (N,).
+
+    Finite at contact. `surface_distance` is rho = d - R_b, the distance to the surface of the obstacle;
+    `reach` is rho_o. Both share one unit of length, on which the force depends: the outer layer uses rho_o
+    itself.
+    """
+    magnitude: Array = kernels.repulsion_magnitudes(surface_distance, reach, gain, _CONTACT)
+    return magnitude
+
+
+def repulsion(rel_position: Array, magnitude: Array) -> Vec2:
+    """Eq. 7: the sum of the forces away from obstacles, north and east.
+
+    grad rho is the unit vector from each obstacle to us. `rel_position` is obstacle minus own, (N, 2+), in
+    any unit; `magnitude` comes from `repulsion_magnitude`. At its exact centre an obstacle exerts no force.
+    """
+    return kernels.repulsion(rel_position, magnitude)
 
 
 class RepellingTracks(NamedTuple):

@@ -9,8 +9,17 @@ from annotated_types import Ge, Gt, Le
 
 from companion.avoidance.envelope import ALL_CONTROLS, Control, Envelope
 from companion.avoidance.group.formation import FormationParams
-from companion.avoidance.maneuvers import ManeuverParams
-from companion.avoidance.potential import FieldParams
+from companion.avoidance.intruders import ManeuverParams
+
+
+@dataclass(frozen=True)
+class FieldParams:
+    """Gains of the potential field (paper, eq. 5-8); the unit of length is the reach rho_o."""
+
+    attraction_gain: Annotated[float, Gt(0)] = 1.0
+    repulsion_gain: Annotated[float, Gt(0)] = 1.0
+    # Larger turns are left to the inner layer.
+    largest_deflection_rad: Annotated[float, Gt(0), Le(math.pi)] = math.radians(100.0)
 
 
 @dataclass(frozen=True)

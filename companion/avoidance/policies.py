@@ -11,14 +11,20 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from companion.avoidance.assess import EmergencyDetection, OuterDetection
-from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
+from companion.avoidance.cone import (
+    Array,
+    Mask,
+    RelativeMotion,
+    TransitionDomain,
+    approach_angle_rad,
+    half_angle_rad,
+)
 from companion.avoidance.cost import Conflict, CostContext, EvaluatedRows, evaluate_rows
 from companion.avoidance.envelope import Control
-from companion.avoidance.geometry import Array, Mask, RelativeMotion
 from companion.avoidance.inner import InnerLayer
+from companion.avoidance.intruders import Tracks
 from companion.avoidance.outer import field_commands, repelling_tracks, resultant_command
 from companion.avoidance.params import AvoidanceParams, Layers, OuterMethod
-from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import OwnState
 from companion.model import Goal, Layer
 

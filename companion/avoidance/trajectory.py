@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.avoidance.cone import Array, position_at
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import Array, position_at
 from companion.compiled import kernels
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
 from companion.units import wrap_two_pi

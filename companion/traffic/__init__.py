@@ -2,8 +2,7 @@
 
 from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.params import TrafficParams
-from companion.traffic.picture import TrafficPicture
+from companion.traffic.picture import Tracker, TrafficPicture
 from companion.traffic.target import DropReason
-from companion.traffic.tracker import Tracker
 
 __all__ = ["DropReason", "HeightParams", "Tracker", "TrafficParams", "TrafficPicture"]

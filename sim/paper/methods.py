@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from companion.avoidance import AvoidanceParams, Envelope
 from companion.avoidance.envelope import Control
 from companion.avoidance.group.formation import FormationParams
-from companion.avoidance.maneuvers import NO_MANEUVERS
-from companion.avoidance.params import Layers, OuterMethod
-from companion.avoidance.potential import FieldParams
+from companion.avoidance.intruders import NO_MANEUVERS
+from companion.avoidance.params import FieldParams, Layers, OuterMethod
 from sim.paper.scene import Scene, Uav
 
 # Cost weight of the inner sphere. On random fields 10000 to 10059, weights of 10, 20 and 30 gave a clearance

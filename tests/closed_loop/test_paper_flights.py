@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
-from companion.avoidance.geometry import position_at
+from companion.avoidance.cone import position_at
 from companion.avoidance.group.formation import JointResponse, MemberState, group_around, joint_response
 from companion.model import Decision, Goal, Layer, Ownship, Track
 from companion.units import STANDARD_GRAVITY_MPS2

@@ -7,9 +7,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from companion.avoidance.geometry import Array
-from companion.avoidance.outer import RepellingTracks, resultant_rad
-from companion.avoidance.potential import FieldParams, attraction, repulsion, repulsion_magnitude
+from companion.avoidance.cone import Array
+from companion.avoidance.outer import (
+    RepellingTracks,
+    attraction,
+    repulsion,
+    repulsion_magnitude,
+    resultant_rad,
+)
+from companion.avoidance.params import FieldParams
 from tests.support.avoidance_cases import (
     places,
 )

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 
 from companion.avoidance import AvoidanceParams, Avoider
+from companion.avoidance.cone import Mask
 from companion.avoidance.cost import Conflict, EvaluatedRows
-from companion.avoidance.geometry import Mask
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.policies import LayerPolicy, OuterPolicy
 from companion.model import Layer, Ownship, Vec3

@@ -8,13 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.avoidance.cone import approach_angle_rad
+from companion.avoidance.cone import Array, approach_angle_rad, relative_motion
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import Array, relative_motion
-from companion.avoidance.maneuvers import IntruderManeuvers
+from companion.avoidance.intruders import (
+    IntruderManeuvers,
+    Tracks,
+    heights_to_pass,
+    losses,
+    outcomes,
+    separation,
+)
 from companion.avoidance.params import CostWeights
-from companion.avoidance.separation import heights_to_pass, losses, outcomes, separation
-from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,

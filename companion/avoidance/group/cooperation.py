@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from companion.avoidance.cone import Mask, position_at
 from companion.avoidance.constraints import Constraints
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.geometry import Mask, position_at
 from companion.avoidance.group.formation import (
     FormationParams,
     JointResponse,
@@ -17,8 +17,7 @@ from companion.avoidance.group.formation import (
     is_valid,
     joint_response,
 )
-from companion.avoidance.separation import separation
-from companion.avoidance.tracks import Tracks
+from companion.avoidance.intruders import Tracks, separation
 from companion.avoidance.trajectory import Commands, OwnFlight, OwnState, fly_ahead
 from companion.model import Goal, Guidance, Member, Ownship, Track
 

@@ -7,8 +7,8 @@ from companion.avoidance.assess import assess_traffic, protected_tracks
 from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.constraints import Constraints, Refusals
 from companion.avoidance.cost import CostContext, conflict_context, evaluate_rows
+from companion.avoidance.intruders import Tracks
 from companion.avoidance.policies import policy_of
-from companion.avoidance.tracks import Tracks
 from companion.avoidance.trajectory import Commands, OwnFlight
 from companion.model import Goal, Guidance, Ownship, Track
 

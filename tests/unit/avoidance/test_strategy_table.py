@@ -7,7 +7,7 @@ import pytest
 
 from companion.avoidance.cost import CostContext
 from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
-from companion.avoidance.strategies import TABLE, Course, Height, Speed, StrategyTable
+from companion.avoidance.inner import TABLE, Course, Height, Speed, StrategyTable
 from companion.model import Guidance
 from tests.support.avoidance_cases import ENVELOPE, MISSION, make_context
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from companion.avoidance.envelope import Envelope
-from companion.avoidance.separation import separation
-from companion.avoidance.tracks import Tracks
+from companion.avoidance.intruders import Tracks, separation
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,

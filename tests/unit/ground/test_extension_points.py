@@ -17,7 +17,7 @@ import pytest
 from companion import autopilots
 from companion.autopilots import MODES_OF, NAMES, NEVER_TAKEN, Adapter, choose
 from companion.avoidance.envelope import Control
-from companion.avoidance.strategies import TABLE, Course, Height, Speed
+from companion.avoidance.inner import TABLE, Course, Height, Speed
 from companion.config import Config
 from companion.control.state_machine import SupervisorParams
 from companion.gcs.parameters import BY_NAME
@@ -169,9 +169,7 @@ def test_an_autopilot_is_known_in_every_place(name: str) -> None:
 )
 def test_a_choice_of_the_strategy_table_is_used_by_a_row(member: Course | Height | Speed) -> None:
     used = {choice for row in TABLE for choice in (row.ground.course, row.ground.speed, row.height)}
-    assert member in used, (
-        f"companion/avoidance/strategies.py: no row uses {type(member).__name__}.{member.name}"
-    )
+    assert member in used, f"companion/avoidance/inner.py: no row uses {type(member).__name__}.{member.name}"
 
 
 def test_the_rows_use_every_control_and_each_can_be_switched_off() -> None:

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from companion.avoidance.cost import evaluate_rows
-from companion.avoidance.maneuvers import NO_MANEUVERS, ManeuverParams, enumerate_maneuvers
-from companion.avoidance.separation import separation
-from companion.avoidance.strategies import TABLE, StrategyTable
-from companion.avoidance.tracks import Tracks
+from companion.avoidance.inner import TABLE, StrategyTable
+from companion.avoidance.intruders import (
+    NO_MANEUVERS,
+    ManeuverParams,
+    Tracks,
+    enumerate_maneuvers,
+    separation,
+)
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Guidance
 from tests.support.avoidance_cases import make_context, one_track, random_tracks

@@ -5,9 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from companion.avoidance.cone import TransitionDomain, approach_angle_rad, half_angle_rad
-from companion.avoidance.geometry import RelativeMotion, any_of, relative_motion
-from companion.avoidance.potential import attraction, repulsion_magnitude
+from companion.avoidance.cone import (
+    RelativeMotion,
+    TransitionDomain,
+    any_of,
+    approach_angle_rad,
+    half_angle_rad,
+    relative_motion,
+)
+from companion.avoidance.outer import attraction, repulsion_magnitude
 
 
 def rows(*vectors: tuple[float, ...]) -> np.ndarray:
