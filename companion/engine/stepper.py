@@ -11,9 +11,11 @@ from companion.mavlink.facts import Fact
 from companion.output.effects import Effect
 
 TICK_US = 100_000
-# After the machine was suspended, older ticks are skipped: their decisions would be useless. A replay finds
-# the same gap in the log, because our own heartbeats are missing.
-LONGEST_CATCH_UP_US = 5_000_000
+# A stall of ours that is longer than this is a gap. Its ticks are never made, and nothing acts on the aircraft
+# before a heartbeat from after the gap (see `Engine.note_gap`).
+LONGEST_STALL_US = 500_000
+# A log has no record of our stalls. Its longer gaps are of a machine that was suspended.
+LONGEST_GAP_IN_LOG_US = 5_000_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
 
@@ -22,15 +24,15 @@ class Stepper:
     """Drives an engine along a clock of whole microseconds that never runs backwards.
 
     `perform(time_us, effects)` carries out the effects. Ticks that are overdue by more than
-    `longest_catch_up_us`, after the machine was suspended, are skipped. `ticks` counts those made.
+    `longest_stall_us` are skipped, and the engine notes the gap. `ticks` counts those made.
     """
 
-    def __init__(self, engine: Engine, perform: Perform, *, longest_catch_up_us: int | None = None) -> None:
+    def __init__(self, engine: Engine, perform: Perform, *, longest_stall_us: int | None = None) -> None:
         self.engine = engine
         self.ticks = 0
         self.skipped_ticks = 0
         self._perform = perform
-        self._longest_catch_up_us = longest_catch_up_us
+        self._longest_stall_us = longest_stall_us
         self._next_tick_us: int | None = None
 
     def next_tick_us(self, now_us: int) -> int:
@@ -42,11 +44,13 @@ class Stepper:
     def advance(self, now_us: int) -> None:
         """Make all ticks that are due."""
         due_us = self.next_tick_us(now_us)
-        if self._longest_catch_up_us is not None and now_us - due_us > self._longest_catch_up_us:
+        if self._longest_stall_us is not None and now_us - due_us > self._longest_stall_us:
             # The latest tick is skipped too: facts that arrived meanwhile come first.
+            last_us = due_us - TICK_US
             resumed_us = (now_us // TICK_US + 1) * TICK_US
             self.skipped_ticks += (resumed_us - due_us) // TICK_US
-            due_us = resumed_us
+            due_us = self._next_tick_us = resumed_us
+            self._perform(now_us, self.engine.note_gap((now_us - last_us) / 1e6, now_us / 1e6))
         while due_us <= now_us:
             self._next_tick_us = due_us + TICK_US
             self._perform(due_us, self.engine.tick(due_us / 1e6))
@@ -54,8 +58,11 @@ class Stepper:
             due_us = self._next_tick_us
         self._next_tick_us = due_us
 
-    def receive(self, fact: Fact, now_us: int) -> None:
-        """Make the ticks that are due, take a fact in, and tick at once when the fact cannot wait."""
+    def receive(self, fact: Fact, now_us: int, true_s: float | None = None) -> None:
+        """Make the ticks that are due, take a fact in, and tick at once when the fact cannot wait.
+
+        `true_s` is when the fact was true; by default, now.
+        """
         self.advance(now_us)
-        if self.engine.receive(fact, now_us / 1e6):
+        if self.engine.receive(fact, now_us / 1e6, true_s):
             self._perform(now_us, self.engine.tick(now_us / 1e6))

@@ -243,6 +243,29 @@ class SystemTime:
 
 
 @dataclass(frozen=True, slots=True)
+class TimeSync:
+    """TIMESYNC: an answer to the request with this stamp [ns]; `answer_ns` is the time of the sender."""
+
+    sender: Sender
+    answer_ns: int
+    stamp_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class OtherVehicle:
+    """Another vehicle has the address of the sender: its clock or its position is not that of ours."""
+
+    sender: Sender
+
+
+@dataclass(frozen=True, slots=True)
+class OtherCompanion:
+    """Another companion has our address: a message came from it that we did not send."""
+
+    sender: Sender
+
+
+@dataclass(frozen=True, slots=True)
 class AutopilotVersion:
     """AUTOPILOT_VERSION: the firmware version (as text and numbers), and the capability bits."""
 
@@ -321,6 +344,9 @@ Fact = (
     | RcChannels
     | AttitudeTarget
     | SystemTime
+    | TimeSync
+    | OtherVehicle
+    | OtherCompanion
     | AutopilotVersion
     | CommandRequest
     | ParameterRequest

@@ -17,6 +17,7 @@ from companion.mavlink.facts import (
     RcChannels,
     Sender,
     SystemTime,
+    TimeSync,
     Wind,
 )
 from companion.mavlink.translate.wire import Translation, angle_rad, is_altitude, position_deg
@@ -133,6 +134,10 @@ def _system_time(message: Message, sender: Sender, _received_s: float) -> Fact:
     return SystemTime(sender, unix_s if unix_s > _YEAR_2015_S else None)
 
 
+def _time_sync(message: Message, sender: Sender, _received_s: float) -> Fact:
+    return TimeSync(sender, message.tc1, message.ts1)
+
+
 def _autopilot_version(message: Message, sender: Sender, _received_s: float) -> Fact:
     number = message.flight_sw_version
     release = _RELEASES.get(number & 0xFF, "")
@@ -143,6 +148,7 @@ def _autopilot_version(message: Message, sender: Sender, _received_s: float) -> 
 
 TRANSLATIONS: dict[int, Translation] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: _time_sync,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _own_position,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: _navigation_target,

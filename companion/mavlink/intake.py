@@ -1,0 +1,63 @@
+"""From frames to the facts of the present: what arrives late, or from another vehicle, goes no further."""
+
+from typing import NamedTuple
+
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import Fact, OtherVehicle, Sender, TimeSync, Traffic
+from companion.mavlink.framing import Frame
+from companion.mavlink.translate import WANTED, frame_to_fact
+from companion.mavlink.vehicle_clock import Origin, VehicleClocks
+
+_STAMP_DIGITS = 1000
+
+
+class Received(NamedTuple):
+    """A fact, and when it was true on our clock [s]."""
+
+    fact: Fact
+    true_s: float
+
+
+class Intake:
+    """One for all links, as each vehicle has one clock; `judge` is called for every frame, in their order.
+
+    `unusable` counts messages of a wanted kind without valid content, `past` those that came too late, and
+    `of_others` those of another vehicle with the address of one that is known.
+    """
+
+    def __init__(self, component_id: int) -> None:
+        """`component_id` is ours: it marks the TIMESYNC requests that are answered."""
+        self._component_id = component_id
+        self.unusable = 0
+        self.past = 0
+        self.of_others = 0
+        self._clocks = VehicleClocks()
+
+    def judge(self, frame: Frame, received_s: float) -> Received | None:
+        """The fact in a frame that was received at `received_s` on our clock; `None` if it is of no use."""
+        if frame.message_id not in WANTED:
+            return None
+        true_s, origin = self._clocks.judge(frame, received_s)
+        if origin is Origin.OTHER:
+            self.of_others += 1
+            return Received(OtherVehicle(Sender(frame.system_id, frame.component_id)), received_s)
+        fact = frame_to_fact(frame, true_s)
+        if fact is None:
+            self.unusable += 1
+        elif isinstance(fact, TimeSync):
+            self._synchronize(fact, frame, received_s)
+        # Reports of traffic carry their age and are judged by it.
+        elif origin is Origin.PRESENT or isinstance(fact, Traffic):
+            return Received(fact, true_s)
+        else:
+            self.past += 1
+        return None
+
+    def _synchronize(self, fact: TimeSync, frame: Frame, received_s: float) -> None:
+        if fact.answer_ns != 0 and fact.stamp_ns % _STAMP_DIGITS == self._component_id:
+            self._clocks.answered(frame, fact.stamp_ns // _STAMP_DIGITS / 1e6, received_s)
+
+
+def time_sync_request(component_id: int, now_s: float) -> Message:
+    """A TIMESYNC request; the last three digits of its stamp, our component, mark the answer as ours."""
+    return mavlink.MAVLink_timesync_message(0, round(now_s * 1e6) * _STAMP_DIGITS + component_id)
