@@ -73,7 +73,8 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     aircraft = engine.aircraft
     adapter = aircraft.adapter
     if adapter is None:
-        several = f"several: systems {sorted(aircraft.others)}" if aircraft.others else "none heard"
+        others = sorted(aircraft.others(now_s))
+        several = f"several: systems {others}" if others else "none heard"
         yield Finding("autopilot", several, good=False)
         yield from _conditions(engine)
         return
@@ -81,8 +82,8 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     version = aircraft.version or "of unknown version"
     text = f"{adapter.name} {version}, system {adapter.target.system_id}, {kind}"
     yield Finding("autopilot", text, aircraft.fixed_wing)
-    if aircraft.others:
-        yield Finding("other autopilots", ", ".join(f"system {number}" for number in sorted(aircraft.others)))
+    if others := sorted(aircraft.others(now_s)):
+        yield Finding("other autopilots", ", ".join(f"system {number}" for number in others))
     armed = "armed" if aircraft.armed else "disarmed"
     yield Finding("mode", f"{aircraft.mode}, {armed}{', failsafe' if aircraft.failsafe else ''}")
     position, age_s = "none", now_s - aircraft.position_s

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from companion.engine import LONGEST_CATCH_UP_US, Effect, Engine, Record, Say, Stepper
+from companion.engine import LONGEST_GAP_IN_LOG_US, Effect, Engine, Record, Say, Stepper
+from companion.mavlink.intake import Intake
 from companion.mavlink.tlog import read_tlog
-from companion.mavlink.translate import WANTED, frame_to_fact
+from companion.mavlink.translate import WANTED
 from companion.model import Layer
 
 # A larger step of the time stamps, either way, means a damaged log or another flight: the clock goes on from
@@ -113,7 +114,8 @@ def replay(
 
     logs = [read_tlog(each, only=WANTED) for each in (path, *later_parts)]
     clock = LogClock()
-    stepper = Stepper(engine, perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
+    stepper = Stepper(engine, perform, longest_stall_us=LONGEST_GAP_IN_LOG_US)
+    intake = Intake(engine.sender.component_id)
     now_us = 0
     for count, (stamp_us, frame) in enumerate(chain.from_iterable(logs)):
         now_us = clock.at(stamp_us)
@@ -122,11 +124,10 @@ def replay(
         if count % 256 == 0:
             on_progress(sum(log.read_bytes for log in logs))
         stepper.advance(now_us)
-        fact = frame_to_fact(frame, now_us / 1e6)
-        if fact is None:
-            result.unusable += 1
-        else:
-            stepper.receive(fact, now_us)
+        received = intake.judge(frame, now_us / 1e6)
+        if received is not None:
+            stepper.receive(received.fact, now_us, received.true_s)
+    result.unusable = intake.unusable
     result.messages = sum(log.messages for log in logs)
     result.bad_bytes = sum(log.bad_bytes for log in logs)
     result.unknown = sum(log.unknown for log in logs)

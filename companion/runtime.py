@@ -17,7 +17,7 @@ from companion.clock import Clock, SteadyClock
 from companion.control.emergency import EmergencyRelease
 from companion.control.state_machine import State
 from companion.engine import (
-    LONGEST_CATCH_UP_US,
+    LONGEST_STALL_US,
     TICK_US,
     Effect,
     Engine,
@@ -31,9 +31,10 @@ from companion.engine import (
 from companion.errors import CompanionError, ungrouped
 from companion.links import Link, Reconnect, open_all
 from companion.mavlink.dialect import Encoder, mavlink
+from companion.mavlink.facts import OtherCompanion
 from companion.mavlink.framing import Frame, FrameSplitter
-from companion.mavlink.heartbeat_sequence import HeartbeatSequence
-from companion.mavlink.translate import WANTED, frame_to_fact
+from companion.mavlink.intake import Intake, Received
+from companion.mavlink.own_frames import OwnFrames
 from companion.model import Role
 from companion.output.persisted_state import PersistedState
 from companion.recording.recorder import Recorder
@@ -78,9 +79,8 @@ class Runtime:
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
-        self.unusable = 0  # messages of a wanted kind without valid content
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
-        self._stepper = Stepper(engine, self._perform, longest_catch_up_us=LONGEST_CATCH_UP_US)
+        self._stepper = Stepper(engine, self._perform, longest_stall_us=LONGEST_STALL_US)
         self._watchdog = watchdog or Watchdog({})
         self._state_file = state_file
         self._display = display
@@ -92,10 +92,10 @@ class Runtime:
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self._sequences: dict[str, HeartbeatSequence] = {}  # by link, as each link has its own sequence
-        # Frames that the engine has not processed yet, and whether they are outdated. When the engine fails,
-        # the emergency release processes them.
-        self._unheard: deque[tuple[Frame, bool]] = deque()
+        self.intake = Intake(engine.sender.component_id)
+        self._own_frames = OwnFrames()
+        # Frames that the engine has not processed yet. When it fails, the emergency release processes them.
+        self._unheard: deque[Frame] = deque()
         self._release: EmergencyRelease | None = None
         self._kept: PersistedState | None = None  # the newest state for the next run
         self._arrived_s: float | None = None
@@ -193,7 +193,7 @@ class Runtime:
             self._times,
             self.links,
             skipped_ticks=self._stepper.skipped_ticks,
-            unusable=self.unusable,
+            unusable=self.intake.unusable,
             setpoints_sent=self.setpoints_sent,
             recording_problem=self._recording_problem,
         )
@@ -219,7 +219,7 @@ class Runtime:
         )
         raw = self._encoder.encode(message, us.system_id, _BROWSER)
         frames = FrameSplitter().feed_datagram(raw)
-        self._hear(frames, HeartbeatSequence())
+        self._hear(frames)
 
     def _request_stop(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
@@ -275,24 +275,21 @@ class Runtime:
     def _listen(self, release: EmergencyRelease) -> None:
         """Pass the unprocessed frames to the emergency release, as the engine has failed."""
         while self._unheard:
-            self._guarded(partial(self._let_hear, release, *self._unheard.popleft()))
+            self._guarded(partial(self._let_hear, release, self._unheard.popleft()))
 
-    def _let_hear(self, release: EmergencyRelease, frame: Frame, outdated: bool) -> None:
+    def _let_hear(self, release: EmergencyRelease, frame: Frame) -> None:
         now_us = self.clock.now_us()
         if self.recorder is not None:
             self._guarded(partial(self.recorder.received, now_us, frame.raw))
-        if not outdated and frame.message_id in WANTED:
-            fact = frame_to_fact(frame, now_us / 1e6)
-            if fact is not None:
-                release.observe(fact, now_us / 1e6)
+        received = self.intake.judge(frame, now_us / 1e6)
+        if received is not None:
+            release.observe(received.fact, received.true_s)
 
-    def _on_frames(self, frames: list[Frame], link: Link) -> None:
-        self._hear(frames, self._sequences.setdefault(link.address, HeartbeatSequence()))
+    def _on_frames(self, frames: list[Frame], _link: Link) -> None:
+        self._hear(frames)
 
-    def _hear(self, frames: list[Frame], sequence: HeartbeatSequence) -> None:
-        now_s = self.clock.now_us() / 1e6
-        # A heartbeat that was overtaken shows an old mode, as if someone had changed it.
-        self._unheard.extend((frame, sequence.is_outdated(frame, now_s)) for frame in frames)
+    def _hear(self, frames: list[Frame]) -> None:
+        self._unheard.extend(frames)
         if self._failure is None:
             self._guarded(self._take_in)
         elif self._release is not None:
@@ -305,17 +302,21 @@ class Runtime:
         while self._unheard:
             # The ticks that are due come before this frame, in the record too.
             self._advance(now_us)
-            frame, outdated = self._unheard[0]
+            frame = self._unheard[0]
             if self.recorder is not None:
                 self.recorder.received(now_us, frame.raw)
-            wanted = not outdated and frame.message_id in WANTED
-            fact = frame_to_fact(frame, now_us / 1e6) if wanted else None
+            received = self._received(frame, now_us / 1e6)
             self._unheard.popleft()  # from here on the engine has it
-            if fact is not None:
-                self._stepper.receive(fact, now_us)
-            elif wanted:
-                self.unusable += 1
+            if received is not None:
+                self._stepper.receive(received.fact, now_us, received.true_s)
         self._arrived_s = None
+
+    def _received(self, frame: Frame, now_s: float) -> Received | None:
+        """The fact in a frame. Our own frames may come back; any other from our address is a companion's."""
+        us = self.engine.sender
+        if (frame.system_id, frame.component_id) == us and self._own_frames.is_foreign(frame.raw, now_s):
+            return Received(OtherCompanion(us), now_s)
+        return self.intake.judge(frame, now_s)
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
         for effect in effects:
@@ -343,6 +344,7 @@ class Runtime:
 
     def _send(self, time_us: int, effect: Transmit) -> None:
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
+        self._own_frames.sent(raw, time_us / 1e6)
         for link in self.links:
             link.send(raw)
         if self.recorder is not None:
@@ -391,7 +393,7 @@ class Runtime:
         refused = self.engine.tracker.dropped.total()
         _log.info(
             "%d unusable messages, %d from others, %d traffic reports refused",
-            self.unusable,
+            self.intake.unusable,
             self.engine.foreign,
             refused,
         )

@@ -54,6 +54,8 @@ class Adapter(ABC):
     # Modes that circle or hold a course: the aircraft must be at the circle or on the course to enter them.
     loiter_modes: ClassVar[frozenset[str]] = frozenset()
     course_hold_modes: ClassVar[frozenset[str]] = frozenset()
+    # Whether the target that it reports stays where the guided mode was entered while our guidance is flown.
+    keeps_guided_target: ClassVar[bool] = False
     # The parameters with the aircraft's limits, its fence and the size of its mission.
     parameters: ClassVar[ParameterTable]
 

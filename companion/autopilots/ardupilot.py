@@ -145,6 +145,7 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: 1.0,
     }
     mission_mode: ClassVar[str] = "AUTO"
+    keeps_guided_target: ClassVar[bool] = True
     loiter_modes: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
     course_hold_modes: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
     parameters: ClassVar[ParameterTable] = PARAMETERS

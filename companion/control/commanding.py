@@ -9,6 +9,9 @@ from companion.mavlink.dialect import Message
 from companion.model import Guidance
 from companion.ownship.aircraft import Aircraft
 
+# Heartbeats come at least once a second; two may be lost.
+_HEARTBEAT_RECENT_S = 3.2
+
 
 class Commanding:
     """Turns guidance into the adapter's messages, when they may be sent."""
@@ -23,6 +26,12 @@ class Commanding:
         """Whether guidance may be sent: we fly, and the heartbeat shows the guided mode."""
         return self._handover.supervisor.flying and self._aircraft.guided
 
+    def in_contact(self, now_s: float) -> bool:
+        """Whether it is known now who has the aircraft; without contact nothing acts on it."""
+        aircraft = self._aircraft
+        recent = now_s - aircraft.heartbeat_s <= _HEARTBEAT_RECENT_S
+        return recent and aircraft.resynchronized and aircraft.in_contact(now_s)
+
     def messages(
         self, guidance: Guidance | None, now_s: float, *, max_bank_rad: float, urgent: bool
     ) -> list[Message]:
@@ -36,14 +45,11 @@ class Commanding:
         level = aircraft.guidance_command(aircraft.present_guidance(), max_bank_rad=max_bank_rad)
         if level is None:
             return []
-        # After a loss of contact, PX4 would enter OFFBOARD again by itself with the first setpoint.
-        releasing = state in (State.RELEASING, State.STOPPING)
-        contact = aircraft.in_contact(now_s) or not (releasing or adapter.leaves_guided_by_itself)
-        if not (contact and aircraft.heard(now_s)):
+        if not self.in_contact(now_s) or now_s < self._handover.supervisor.data.yields_until_s:
             return []
         if state in ENTERING:
             return adapter.entering(level, now_s)
-        if releasing and aircraft.guided:
+        if state in (State.RELEASING, State.STOPPING) and aircraft.guided:
             return adapter.leaving(level, now_s)
         guidance = guidance or self._handover.guidance()
         if not self.may_fly or guidance is None:

@@ -2,14 +2,19 @@
 
 from collections.abc import Iterator
 
-from companion.control.mode_request import ModeRequest
-from companion.control.state_machine import FLYING, HELD, State, Supervisor
+from companion.control.claims import CLAIMS, Claim, Consequence
+from companion.control.mode_request import EVIDENCE_S, ModeRequest
+from companion.control.state_machine import FLYING, HELD, Event, State, Supervisor
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Fact, Heartbeat
 from companion.ownship.aircraft import Aircraft
 
-# A heartbeat older than this does not show who has the aircraft.
-_FRESH_S = 1.5
+# The mode is followed here without the engine; the other claims delay the release for as long as they hold.
+_CLAIMS = tuple(
+    claim
+    for claim in CLAIMS
+    if claim.consequence is Consequence.HANDS_OFF and claim.event is not Event.MODE_CHANGED
+)
 
 
 class EmergencyRelease:
@@ -21,6 +26,7 @@ class EmergencyRelease:
     def __init__(self, aircraft: Aircraft, supervisor: Supervisor, now_s: float) -> None:
         self._aircraft = aircraft
         self._adapter = aircraft.adapter
+        self._data = supervisor.data
         self._prior = supervisor.data.prior
         self._mode, self._heartbeat_s = aircraft.custom_mode, aircraft.heartbeat_s
         self._was_guided = supervisor.state in FLYING
@@ -53,14 +59,24 @@ class EmergencyRelease:
         adapter, request = self._adapter, self._request
         if adapter is None:
             return
-        fresh = 0.0 <= now_s - self._heartbeat_s <= _FRESH_S
-        if request is not None and fresh and adapter.is_guided(self._mode):
+        fresh = 0.0 <= now_s - self._heartbeat_s <= EVIDENCE_S
+        claimed = any(self._holds(claim, now_s) for claim in _CLAIMS)
+        if request is not None and fresh and not claimed and adapter.is_guided(self._mode):
             if request.due(self._mode, self._heartbeat_s, now_s):
                 yield from adapter.restore_mode(self._prior)
             level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
             if level is not None:
                 yield from adapter.leaving(level, now_s)
         yield from adapter.tick(now_s)
+
+    def _holds(self, claim: Claim, now_s: float) -> bool:
+        """Whether a claim holds; one that cannot be judged any more, as that may be what failed, does not."""
+        if claim.event in self._data.overlooked:
+            return False
+        try:
+            return claim.holds(self._aircraft, self._data, now_s)
+        except Exception:  # noqa: BLE001 - after a bug, in the last seconds of the service
+            return False
 
     def _note_mode(self) -> None:
         """End the request when the guided mode has been left, or someone chose another mode than ours."""

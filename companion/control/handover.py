@@ -1,14 +1,17 @@
 """Settles on each tick who has the aircraft: facts and decisions drive the state machine.
 
 The heartbeat shows who has the aircraft (see `ModeRequest`). After a mode that we did not request, and after
-any other of the `OVERRIDES`, the aircraft is not ours: nothing more is decided or sent.
+any other of the `OVERRIDES`, the aircraft is not ours: nothing more is decided or sent. After a gap of ours
+nothing is sent before a heartbeat from after the gap.
 """
 
+import math
 from typing import NamedTuple
 
 from companion.control import suppressed_threats
+from companion.control.alarms import conditions
+from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
-from companion.control.pilot_overrides import PilotOverrides
 from companion.control.readiness import Readiness
 from companion.control.release import Release
 from companion.control.requesting import ModeRequester
@@ -18,6 +21,7 @@ from companion.control.state_machine import (
     HELD,
     OVERRIDES,
     WATCHING,
+    YIELDED_TO,
     Event,
     State,
     Supervisor,
@@ -29,7 +33,7 @@ from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult
 from companion.model import Decision, Guidance, Layer, PriorFlightState, Role
-from companion.output.notice import ConflictNotice, Notice, ResumeNotice
+from companion.output.notice import Condition, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 
@@ -57,18 +61,18 @@ class Handover:
         role = Role[params.role.upper()]
         self._context = ControlContext(aircraft, self.supervisor, params, role, Decision(Layer.CLEAR))
         self._readiness = readiness
-        self._overrides = PilotOverrides(aircraft)
+        self._claims = Claims(aircraft)
         self._unattended = UnattendedGuided(self._context)
         self._requester = ModeRequester(self._context)
         self._release = Release(self._context, self._requester)
-        self._take_over = TakeOver(self._context, self._overrides, self._requester, self._release)
+        self._take_over = TakeOver(self._context, self._claims, self._requester, self._release)
 
     # --- interface
 
     @property
     def holds(self) -> bool:
         """Whether the aircraft is ours, or is being taken over or given back."""
-        return self.supervisor.flying or self.supervisor.state in ASKING
+        return self.supervisor.state in HELD or self.supervisor.state in ASKING
 
     @property
     def suppresses(self) -> bool:
@@ -116,12 +120,31 @@ class Handover:
 
     def request_stop(self, now_s: float) -> Outgoing:
         """Give the aircraft back because the service ends; STOPPED is reached when that is confirmed."""
-        supervisor = self.supervisor
-        held = supervisor.flying or supervisor.state in ENTERING
-        if not supervisor.handle(Event.STOP) or not held:
+        supervisor, data = self.supervisor, self.supervisor.data
+        watching = supervisor.state in WATCHING
+        held = supervisor.state in HELD and supervisor.state is not State.RELEASING
+        prior = self._unattended.prior_if_left(now_s) if watching else None
+        if not supervisor.handle(Event.STOP if prior is None else Event.STOP_UNATTENDED):
+            return []
+        if prior is not None:
+            data.prior = prior
+            self._claims.begin(data, OVERRIDES - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED})
+        if not (held or prior is not None):
             return []
         text = f"Avoidance ends, back to {self._context.prior_mode}"
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_WARNING, text)]
+
+    def note_gap(self, now_s: float) -> None:
+        """Note that we did nothing until now: commands under way are dropped, what is known is of before."""
+        aircraft = self._context.aircraft
+        aircraft.contact.note_gap(now_s)
+        if aircraft.adapter is not None and self.supervisor.state not in WATCHING:
+            aircraft.adapter.drop_commands()
+        self.supervisor.handle(Event.GAP)
+
+    def conditions(self, now_s: float) -> list[Condition]:
+        """What the pilot must know for as long as it lasts."""
+        return conditions(self._context, self._unattended, now_s)
 
     # --- each tick, first: who has the aircraft
 
@@ -130,33 +153,51 @@ class Handover:
 
         Call this first on every tick: it depends only on what the autopilot reports.
         """
-        supervisor = self.supervisor
+        supervisor, aircraft = self.supervisor, self._context.aircraft
         if supervisor.state not in HELD and supervisor.state is not State.STOPPING:
             return None
-        present = self._overrides.current(supervisor.data)
+        if not aircraft.resynchronized:
+            return None
+        present = self._claims.current(supervisor.data, now_s)
         override = next((event for event in present if supervisor.heeds(event)), None)
+        if supervisor.state is State.STOPPING and override is None:
+            self._yield_to(YIELDED_TO.intersection(present), now_s)
         if override is None:
             return None
+        if override is Event.COMPANION:
+            return self._make_way(now_s)
         if override is Event.MODE_CHANGED and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
-            return None if self._context.aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
+            return None if aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
         return self._hands_off(override, now_s)
+
+    def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
+        """Delay the release: for `abandoned_s` after a claim, and while the pilot moves the sticks."""
+        data, delay_s = self.supervisor.data, self._context.params.abandoned_s
+        if claims & {Event.STICKS, Event.AMBIGUOUS} or (claims and data.yields_until_s == -math.inf):
+            data.yields_until_s = now_s + delay_s
+
+    def _make_way(self, now_s: float) -> Outgoing:
+        """Give the aircraft back, because another companion avoids too."""
+        self.supervisor.handle(Event.COMPANION)
+        text = f"Avoidance: another companion, back to {self._context.prior_mode}"
+        return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_WARNING, text)]
 
     def _hands_off(self, override: Event, now_s: float) -> Outgoing:
         """Let go of the aircraft: drop all commands, and send nothing from now on."""
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
         context.adapter.drop_commands()
-        changed = override is Event.MODE_CHANGED
+        changed = override in (Event.MODE_CHANGED, Event.TARGET)
         if data.guided_since_s is not None and not (changed and self._may_be_overtaken(now_s)):
             data.forget_request()
+        if override is Event.TARGET:
+            data.guided_since_s = None  # it flies to someone's target
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.
             data.last_unguided_mode = context.aircraft.custom_mode
-        if changed:
-            data.guided_since_s = None  # another target in the guided mode is also someone's choice
         text = f"Avoidance: hands off, {override}, {context.aircraft.mode}"
         return [Notice(mavlink.MAV_SEVERITY_WARNING, text)]
 
@@ -197,6 +238,8 @@ class Handover:
             return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         if orders.resume:
             return self._resume(now_s)
+        if supervisor.state is State.RESYNCHRONISING:
+            return self._resynchronize(now_s)
         if supervisor.state in ENTERING:
             return self._take_over.go_on(now_s)
         if supervisor.flying:
@@ -207,7 +250,7 @@ class Handover:
         """Whether it left the guided mode in a silence that ended too recently to know its state."""
         if not (self._context.aircraft.contact_just_regained(now_s) and self._left_guided_by_itself(now_s)):
             return False
-        return Event.MODE_CHANGED in self._overrides.current(self.supervisor.data)
+        return Event.MODE_CHANGED in self._claims.current(self.supervisor.data, now_s)
 
     def _resume(self, now_s: float) -> Outgoing:
         """Give the aircraft back now, whatever the traffic, as the operator decided."""
@@ -217,6 +260,29 @@ class Handover:
             return []
         return [*self._release.begin(now_s), ResumeNotice(context.prior_mode)]
 
+    def _resynchronize(self, now_s: float) -> Outgoing:
+        """Go on after a gap, once a heartbeat shows what the aircraft does now."""
+        context, supervisor, aircraft = self._context, self.supervisor, self._context.aircraft
+        if not aircraft.heard(now_s):
+            return self._lose("autopilot lost", now_s)
+        if not aircraft.resynchronized:
+            return []
+        if not aircraft.guided:
+            return self._take_over.give_up(now_s)  # asked for before the gap, and not entered
+        if context.adapter.entry_s == 0.0:
+            return self._take_over.settle(now_s)
+        # The autopilot may have left the guided mode by now, and would enter it again by our first setpoint.
+        if context.clear:
+            supervisor.handle(Event.CLEAR)
+            return self._release.begin(now_s)
+        supervisor.handle(context.conflict)
+        return self._take_over.enter_again(now_s)
+
+    def _lose(self, lost: str, now_s: float) -> Outgoing:
+        """Give the aircraft back, because own position or autopilot is lost."""
+        self.supervisor.handle(Event.LOST)
+        return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {lost}")]
+
     def _fly(self, now_s: float) -> Outgoing:
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
         aircraft, adapter = context.aircraft, context.adapter
@@ -225,11 +291,7 @@ class Handover:
         if not aircraft.heard(now_s):
             lost = "autopilot lost"  # then it is unknown who has the aircraft
         if lost is not None:
-            supervisor.handle(Event.LOST)
-            return [
-                *self._release.begin(now_s),
-                Notice(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {lost}"),
-            ]
+            return self._lose(lost, now_s)
         refusals = adapter.refusals()
         self.rejections += len(refusals)
         refused = [Notice(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {text}") for text in refusals]
@@ -259,7 +321,9 @@ class Handover:
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
 
     def _give_back(self, now_s: float) -> Outgoing:
-        if self._release.confirm(now_s):
+        if not self._context.aircraft.resynchronized or self._release.confirm(now_s):
+            return []
+        if now_s < self.supervisor.data.yields_until_s:
             return []
         if self._release.stuck:
             self.supervisor.handle(self._context.conflict)
@@ -270,7 +334,9 @@ class Handover:
 
     def _watch(self, now_s: float) -> Outgoing:
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
-        self._unattended.note_mode()
+        if not context.aircraft.resynchronized:
+            return []
+        self._unattended.note_mode(now_s)
         self._note_choices()
         if self._is_invalid_outside(now_s) and supervisor.handle(Event.INVALID_OUTSIDE):
             return self._take_over.re_enter(now_s)
@@ -306,7 +372,6 @@ class Handover:
         aircraft, data = self._context.aircraft, self.supervisor.data
         in_prior_mode = aircraft.custom_mode == data.prior.mode
         if not aircraft.guided:
-            data.guided_since_s = None
             data.left_in_prior_mode &= in_prior_mode
         if aircraft.adapter is not None and not in_prior_mode:
             aircraft.adapter.commands.forget()
@@ -339,7 +404,7 @@ class Handover:
         return self._give_back_found(event, now_s)
 
     def _give_back_found(self, event: Event, now_s: float) -> Outgoing:
-        self._overrides.begin(
+        self._claims.begin(
             self.supervisor.data, OVERRIDES - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
         )
         text = f"Avoidance: {event}, giving back to {self._context.prior_mode}"

@@ -1,16 +1,17 @@
 """A change of mode, requested until the heartbeat shows it, and never against the heartbeat.
 
 An acknowledgement does not name the mode, and may arrive late or not at all. Only the heartbeat shows who has
-the aircraft. A request is repeated only after a heartbeat that is newer than the last try and
-still shows the mode we started from. Repeated blindly, it could take the aircraft from a pilot who changed
-the mode meanwhile.
+the aircraft. A request is sent only after a heartbeat that is fresh, newer than the last try, and still
+shows the mode we started from. Sent blindly, it could take the aircraft from a pilot who changed the mode
+meanwhile.
 """
 
 import math
 from enum import Enum
 
 _RESEND_S = 1.0
-_EVIDENCE_S = 1.5
+# A mode is requested only on a heartbeat no older than this.
+EVIDENCE_S = 1.5
 # An accepted request shows in the heartbeat soon, on a slow link within this time.
 _ACCEPTED_S = 3.0
 _FIRST_REFUSAL_S, _LONGEST_REFUSAL_S = 1.0, 5.0
@@ -29,8 +30,7 @@ class ModeRequest:
     """One request, from `start` to `wanted` (custom modes), made at `now_s`.
 
     It is first sent after `delay_s`. With `settle_s`, the wanted mode counts only when it is seen that long
-    after the request was made, as an older request may still be under way. `blind_tries` counts tries without
-    a fresh heartbeat: none for taking the aircraft over, few for giving it back.
+    after the request was made, as an older request may still be under way.
     """
 
     def __init__(
@@ -41,7 +41,6 @@ class ModeRequest:
         *,
         delay_s: float = 0.0,
         settle_s: float = 0.0,
-        blind_tries: int = 0,
     ) -> None:
         self.start = start
         self.wanted = wanted
@@ -53,7 +52,6 @@ class ModeRequest:
         self._settle_s = settle_s
         self.sent_s = -math.inf
         self._not_before_s = self.asked_s
-        self._blind_tries = blind_tries
 
     def progress(self, mode: int, heartbeat_s: float) -> Progress:
         """The progress according to the newest heartbeat, received at `heartbeat_s`."""
@@ -66,13 +64,9 @@ class ModeRequest:
 
     def due(self, mode: int, heartbeat_s: float, now_s: float) -> bool:
         """Whether to send now; the request counts as sent then."""
-        if now_s < self._not_before_s:
+        fresh = heartbeat_s > self.sent_s and now_s - heartbeat_s <= EVIDENCE_S
+        if now_s < self._not_before_s or mode != self.start or not fresh:
             return False
-        evidence = mode == self.start and heartbeat_s > self.sent_s and now_s - heartbeat_s <= _EVIDENCE_S
-        if not evidence:
-            if self._blind_tries <= 0 or mode not in (self.start, self.wanted):
-                return False
-            self._blind_tries -= 1
         self.tries += 1
         self.sent_s = now_s
         self._not_before_s = now_s + _RESEND_S
@@ -81,7 +75,6 @@ class ModeRequest:
     def accepted(self, now_s: float) -> None:
         """Acknowledged: back off, so that a later change by the pilot is not overridden."""
         self._not_before_s = max(self._not_before_s, now_s + _ACCEPTED_S)
-        self._blind_tries = 0
 
     def postponed(self, now_s: float) -> None:
         """Temporarily rejected: request again soon."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
+from companion.control.claims import hindrances
 from companion.control.state_machine import SupervisorParams
 from companion.model import Role
 from companion.ownship.aircraft import Aircraft
@@ -37,26 +38,25 @@ class Readiness:
     def _of_the_aircraft(self, now_s: float) -> Iterator[str]:
         aircraft, params = self._aircraft, self.params
         other = self._other_avoider()
-        if not aircraft.fixed_wing:
-            yield "not a fixed wing"
         if not aircraft.heard(now_s):
             yield "the autopilot is not heard"
+        elif not aircraft.resynchronized:
+            yield "its state is not known since we stalled"
+        yield from hindrances(aircraft, now_s)
         if now_s - aircraft.position_s > self._position_fresh_s:
             yield "its position is old"
         if other is not None and params.beside_other_avoider == "advise":
             yield f"another avoider acts: {other}"
         if aircraft.mode not in params.take_over_from:
             yield f"its mode is {aircraft.mode}, not {' or '.join(params.take_over_from)}"
-        if not aircraft.armed:
-            yield "it is disarmed"
-        elif not aircraft.flying(params.min_height_m):
+        if aircraft.armed and not aircraft.flying(params.min_height_m) and not aircraft.landing():
             yield self._why_not_flying()
         if not aircraft.landed_state_known(now_s):
             yield "it has not reported yet whether it is landing"
-        if aircraft.failsafe:
-            yield "it is in a failsafe"
-        if aircraft.fence_breached:
-            yield "it has breached its fence"
+        if aircraft.mission_awaited(now_s):
+            yield "its mission is not read yet"
+        elif aircraft.may_be_landing():
+            yield "it may be landing, its mission is not known"
 
     def _why_not_flying(self) -> str:
         position, lowest_m = self._aircraft.position, self.params.min_height_m

@@ -10,8 +10,6 @@ from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from companion.output.notice import Notice
 
-# Requests without heartbeats, when it is unknown who has the aircraft; more when the service ends.
-_BLIND_RELEASES, _BLIND_RELEASES_AT_END = 1, 3
 _SETTLE_S = 1.0
 # If the former mode is the guided one, the heartbeat shows no change: time to send the target again.
 _RETARGET_S = 2.5
@@ -40,15 +38,12 @@ class Release:
             settle_s = _RETARGET_S
         left = adapter.setpoint_loss_mode()
         start = adapter.guided_mode if aircraft.custom_mode != left else aircraft.custom_mode
-        ending = context.supervisor.state is State.STOPPING
-        blind_tries = _BLIND_RELEASES_AT_END if ending else _BLIND_RELEASES
         data.request = ModeRequest(
             start,
             data.prior.mode,
             now_s,
             delay_s=adapter.exit_s if aircraft.guided else 0.0,
             settle_s=settle_s,
-            blind_tries=blind_tries if asked else 0,
         )
         return self._requester.send(now_s)
 

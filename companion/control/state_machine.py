@@ -30,6 +30,7 @@ class State(StrEnum):
     RETURNING = "returning"  # flying back to where the former mode belongs: a circle, a course
     RE_ENTERING = "re-entering"  # the guided mode is requested again, for the controller to recover in it
     RECOVERING = "recovering"  # flying until the autopilot's controller has recovered
+    RESYNCHRONISING = "resynchronising"  # after a stall of ours: nothing is sent until its state is known
     RELEASING = "releasing"  # the former mode is requested
     HANDS_OFF = "hands off"  # someone else took the aircraft from us: it is theirs until settled
     SUPPRESSED = "suppressed"  # the pilot resumed the mission while we flew: this conflict is not avoided
@@ -55,12 +56,15 @@ class Event(StrEnum):
     INVALID_GUIDED = "setpoint invalid"  # in our guided mode, the controller has no valid setpoint
     INVALID_OUTSIDE = "setpoint invalid outside"  # the same, but no longer in the guided mode
     RECOVERED = "recovered"
+    GAP = "gap"  # we did nothing for a while: what is known is of before
+    SETTLED = "settled"  # the first heartbeat from after the gap: it still flies as it was commanded
     LOST = "lost"  # own position, or the autopilot
     ADVISE = "advise"  # the operator's role is now advise or off
     RESUME = "resume"  # the operator resumes the mission, whatever the traffic
     GIVEN_BACK = "given back"  # the heartbeat shows the mode in which it is given back
     RECLAIMED = "reclaimed"  # the same, after it had been abandoned
     STOP = "stop"  # the service ends
+    STOP_UNATTENDED = "stop unattended"  # the same, and the aircraft may be left in the guided mode by us
     # Someone else has the aircraft:
     MODE_CHANGED = "mode changed"  # not by us: the pilot, the autopilot's own avoidance
     SENT_BACK = "sent back"  # the same, to a mode that may be taken over from
@@ -69,17 +73,34 @@ class Event(StrEnum):
     LANDING = "landing"
     FAILSAFE = "failsafe"
     FENCE = "fence breached"
+    NO_WING = "not in wing flight"
+    TARGET = "another target"  # given to the guided mode by someone else
+    AMBIGUOUS = "two vehicles"  # with the address of ours
+    COMPANION = "another companion"  # avoids too: two that steer would work against each other
 
 
 FLYING = frozenset({State.OUTER, State.INNER, State.RETURNING, State.RECOVERING})
 WATCHING = frozenset({State.STANDBY, State.WAITING, State.MONITOR, State.HANDS_OFF, State.SUPPRESSED})
 ENTERING = frozenset({State.ENGAGING, State.RE_ENTERING})
-HELD = FLYING | ENTERING | {State.RELEASING}
+HELD = FLYING | ENTERING | {State.RESYNCHRONISING, State.RELEASING}
 # States in which a change of mode is under way.
 ASKING = ENTERING | {State.RELEASING, State.STOPPING}
+# After these the aircraft is someone else's at once.
 OVERRIDES = frozenset(
-    {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED, Event.LANDING, Event.FAILSAFE, Event.FENCE}
+    {
+        Event.MODE_CHANGED,
+        Event.STICKS,
+        Event.DISARMED,
+        Event.LANDING,
+        Event.FAILSAFE,
+        Event.FENCE,
+        Event.NO_WING,
+        Event.TARGET,
+        Event.AMBIGUOUS,
+    }
 )
+# The service may end only after the aircraft is given back: these delay the release and do not end it.
+YIELDED_TO = frozenset({Event.STICKS, Event.FAILSAFE, Event.FENCE, Event.NO_WING, Event.AMBIGUOUS})
 
 
 def _from(states: frozenset[State], event: Event, after: State) -> dict[tuple[State, Event], State]:
@@ -89,18 +110,31 @@ def _from(states: frozenset[State], event: Event, after: State) -> dict[tuple[St
 TRANSITIONS: dict[tuple[State, Event], State] = {
     **{(state, event): State.HANDS_OFF for state in HELD for event in OVERRIDES},
     **_from(HELD, Event.SENT_BACK, State.SUPPRESSED),
-    # When the service ends, the release goes on despite sticks, failsafes and fence: it is the last chance.
+    # When the service ends, the claims of `YIELDED_TO` delay the release: it is the last chance.
     (State.STOPPING, Event.MODE_CHANGED): State.STOPPED,
+    (State.STOPPING, Event.TARGET): State.STOPPED,
     (State.STOPPING, Event.DISARMED): State.STOPPED,
     (State.STOPPING, Event.LANDING): State.STOPPED,
     # It left the guided mode by itself while the link was lost.
     **_from(FLYING | {State.RELEASING}, Event.FOUND, State.RELEASING),
     **_from(FLYING | {State.RELEASING}, Event.INVALID_OUTSIDE, State.RE_ENTERING),
     **_from(FLYING, Event.INVALID_GUIDED, State.RECOVERING),
-    **_from(FLYING, Event.LOST, State.RELEASING),
+    # Nothing is performed for the time of a gap, and nothing is sent before its outcome is known.
+    **_from(FLYING | ENTERING, Event.GAP, State.RESYNCHRONISING),
+    (State.RESYNCHRONISING, Event.SETTLED): State.OUTER,
+    (State.RESYNCHRONISING, Event.REFUSED): State.WAITING,
+    (State.RESYNCHRONISING, Event.FOUND): State.RELEASING,
+    (State.RESYNCHRONISING, Event.INVALID_OUTSIDE): State.RE_ENTERING,
+    (State.RESYNCHRONISING, Event.OUTER_CONFLICT): State.ENGAGING,
+    (State.RESYNCHRONISING, Event.INNER_CONFLICT): State.ENGAGING,
+    (State.RESYNCHRONISING, Event.CLEAR): State.RELEASING,
+    (State.RESYNCHRONISING, Event.RESUME): State.RELEASING,
+    **_from(FLYING | {State.RESYNCHRONISING}, Event.LOST, State.RELEASING),
     **_from(HELD - {State.RELEASING}, Event.ADVISE, State.RELEASING),
+    **_from(HELD - {State.RELEASING}, Event.COMPANION, State.RELEASING),
     **_from(HELD, Event.STOP, State.STOPPING),
     **_from(WATCHING, Event.STOP, State.STOPPED),
+    **_from(WATCHING, Event.STOP_UNATTENDED, State.STOPPING),
     **_from(WATCHING - {State.MONITOR}, Event.READY, State.MONITOR),
     **_from(WATCHING - {State.MONITOR}, Event.LATE, State.RELEASING),
     **_from(frozenset({State.STANDBY, State.WAITING}), Event.FOUND, State.RELEASING),
@@ -135,7 +169,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     (State.RELEASING, Event.INNER_CONFLICT): State.ENGAGING,
     (State.RELEASING, Event.GIVEN_BACK): State.MONITOR,
     (State.RELEASING, Event.RECLAIMED): State.WAITING,
-    (State.HANDS_OFF, Event.ABANDONED): State.RELEASING,
+    **_from(WATCHING, Event.ABANDONED, State.RELEASING),
     (State.STOPPING, Event.GIVEN_BACK): State.STOPPED,
     (State.STOPPING, Event.RECLAIMED): State.STOPPED,
 }
@@ -172,6 +206,13 @@ class StateData:
     ready_since_s: float | None = None
     # Since when it has been in the guided mode and flown by no one.
     unattended_since_s: float | None = None
+    # Since when a heartbeat has shown another mode after that, and whether the guided mode came back.
+    left_guided_s: float | None = None
+    guided_again: bool = False
+    # A claim delays the release until then, when the service ends.
+    yields_until_s: float = -math.inf
+    # Since when we fly it, without a break.
+    flown_since_s: float | None = None
     # The state left by a former run, and since when the aircraft has been heard in this one.
     left_behind: PersistedState | None = None
     left_behind_since_s: float | None = None
@@ -195,8 +236,9 @@ class StateData:
 _ALWAYS = frozenset(
     {"prior", "left_in_prior_mode", "requested_s", "last_unguided_mode", "given_up", "suppressed_s"}
 )
-_OURS = _ALWAYS | {"rejoin", "guided_since_s", "overlooked"}
-_IDLE = _ALWAYS | {"given_back_s", "left_behind", "left_behind_since_s"}
+_OURS = _ALWAYS | {"rejoin", "guided_since_s", "overlooked", "flown_since_s"}
+_WATCH = _ALWAYS | {"guided_since_s", "unattended_since_s", "left_guided_s", "guided_again"}
+_IDLE = _WATCH | {"given_back_s", "left_behind", "left_behind_since_s"}
 DATA: dict[State, frozenset[str]] = {
     State.STANDBY: _IDLE,
     State.WAITING: _IDLE | {"wait_until_s"},
@@ -207,10 +249,11 @@ DATA: dict[State, frozenset[str]] = {
     State.RETURNING: _OURS,
     State.RE_ENTERING: _OURS | {"request"},
     State.RECOVERING: _OURS | {"invalid_s"},
+    State.RESYNCHRONISING: _OURS | {"request"},
     State.RELEASING: _OURS | {"request", "reclaiming", "wait_until_s"},
-    State.HANDS_OFF: _ALWAYS | {"guided_since_s", "ready_since_s", "unattended_since_s"},
-    State.SUPPRESSED: _ALWAYS | {"ready_since_s"},
-    State.STOPPING: _OURS | {"request", "reclaiming"},
+    State.HANDS_OFF: _WATCH | {"ready_since_s"},
+    State.SUPPRESSED: _WATCH | {"ready_since_s"},
+    State.STOPPING: _OURS | {"request", "reclaiming", "yields_until_s"},
     State.STOPPED: _ALWAYS,
 }
 

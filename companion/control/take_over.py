@@ -1,8 +1,8 @@
 """Taking the aircraft over: the guided mode is requested until the heartbeat shows it."""
 
+from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
 from companion.control.mode_request import ModeRequest
-from companion.control.pilot_overrides import PilotOverrides
 from companion.control.rejoin import Rejoin
 from companion.control.release import Release
 from companion.control.requesting import ModeRequester
@@ -19,10 +19,10 @@ class TakeOver:
     """Enters the guided mode, for a conflict or for the controller to recover."""
 
     def __init__(
-        self, context: ControlContext, overrides: PilotOverrides, requester: ModeRequester, release: Release
+        self, context: ControlContext, claims: Claims, requester: ModeRequester, release: Release
     ) -> None:
         self._context = context
-        self._overrides = overrides
+        self._claims = claims
         self._requester = requester
         self._release = release
         self.engagements = 0  # take-overs since the start
@@ -33,7 +33,8 @@ class TakeOver:
         adapter = context.adapter
         context.supervisor.handle(context.conflict)
         data.prior = context.aircraft.prior_flight_state(now_s)
-        self._overrides.begin(data)
+        data.guided_since_s = data.flown_since_s = None
+        self._claims.begin(data)
         data.rejoin = Rejoin.to(data.prior, adapter)
         data.request = ModeRequest(data.prior.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
         adapter.drop_commands()
@@ -44,18 +45,40 @@ class TakeOver:
         context, data = self._context, self._context.data
         adapter = context.adapter
         data.guided_since_s = None
-        self._overrides.begin(data, OVERRIDES)
+        self._claims.begin(data, OVERRIDES)
         data.request = ModeRequest(
             context.aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
         )
         text = "Avoidance: attitude setpoint lost, recovering"
         return [*self._requester.send(now_s), Notice(mavlink.MAV_SEVERITY_CRITICAL, text)]
 
+    def enter_again(self, now_s: float) -> Outgoing:
+        """Enter the guided mode again after a gap of ours, with the setpoints that it is entered with."""
+        context, data, adapter = self._context, self._context.data, self._context.adapter
+        data.request = ModeRequest(
+            context.aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+        )
+        return self._requester.send(now_s)
+
+    def settle(self, now_s: float) -> Outgoing:
+        """Go on flying after a gap of ours, as the aircraft is still in the guided mode."""
+        self._context.data.request = None
+        return self._note_taken(Event.SETTLED, now_s)
+
+    def give_up(self, now_s: float) -> Outgoing:
+        """Wait, because the mode that was requested before a gap of ours is not entered."""
+        context, data = self._context, self._context.data
+        context.supervisor.handle(Event.REFUSED)
+        data.wait_until_s = now_s + context.params.retry_s
+        return []
+
     def go_on(self, now_s: float) -> Outgoing:
         """Request the guided mode until the heartbeat shows it, the conflict ends or the request fails."""
         context, data, request = self._context, self._context.data, self._requester.request
-        if context.aircraft.guided:
-            return self._taken(now_s)
+        # After a gap it may have been in the guided mode already, before our setpoints.
+        entered = request.start != request.wanted or context.aircraft.heartbeat_s >= request.asked_s
+        if context.aircraft.guided and entered:
+            return self._note_taken(Event.TAKEN, now_s)
         if context.clear and context.supervisor.handle(Event.CLEAR):
             return self._release.begin(now_s)
         if not (request.refusals or now_s - request.asked_s >= _LONGEST_ENGAGING_S):
@@ -70,11 +93,14 @@ class TakeOver:
         outcome = "refused" if request.refusals or request.postponements else "did not answer"
         return [Notice(mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: autopilot {outcome}")]
 
-    def _taken(self, now_s: float) -> Outgoing:
+    def _note_taken(self, event: Event, now_s: float) -> Outgoing:
         context, data = self._context, self._context.data
-        context.supervisor.handle(Event.TAKEN)
-        data.guided_since_s, data.left_in_prior_mode = now_s, True
-        self.engagements += 1
+        context.supervisor.handle(event)
+        if data.guided_since_s is None:
+            self.engagements += 1
+            data.guided_since_s, data.left_in_prior_mode = now_s, True
+        if data.flown_since_s is None:
+            data.flown_since_s = now_s
         if context.supervisor.state is State.RECOVERING:
             data.invalid_s = now_s
         else:

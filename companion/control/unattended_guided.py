@@ -1,7 +1,7 @@
 """An aircraft in the guided mode that no one flies: entered late, left by a crash, or abandoned."""
 
 from companion.control.context import ControlContext
-from companion.control.state_machine import Event, State
+from companion.control.state_machine import Event
 from companion.model import PriorFlightState
 from companion.output.persisted_state import PersistedState
 
@@ -9,6 +9,12 @@ from companion.output.persisted_state import PersistedState
 _LATE_S = 6.0
 # After this time it is known whether the attitude setpoint is valid.
 _FOUND_AFTER_S = 1.0
+# Another mode that is shown for no longer than this, between two heartbeats with the guided one, was not
+# chosen by anyone: no pilot is that fast.
+_FLICKER_S = 1.5
+# An aircraft that enters the guided mode again has a new target, further than this from the former one; a
+# target much further away was given to it by someone.
+_SAME_TARGET_M, _OTHER_TARGET_M = 20.0, 100.0
 
 # The event, and the flight to go back to; `None`: the one in `StateData.prior`.
 Found = tuple[Event, PriorFlightState | None]
@@ -20,11 +26,55 @@ class UnattendedGuided:
     def __init__(self, context: ControlContext) -> None:
         self._context = context
 
-    def note_mode(self) -> None:
-        """Remember the newest mode that is not the guided one, while the aircraft is not ours."""
-        aircraft = self._context.aircraft
+    def note_mode(self, now_s: float) -> None:
+        """Follow the modes while the aircraft is not ours: is it in the guided mode by our doing?"""
+        aircraft, data = self._context.aircraft, self._context.data
         if not aircraft.guided:
-            self._context.data.last_unguided_mode = aircraft.custom_mode
+            data.last_unguided_mode = aircraft.custom_mode
+            if data.left_guided_s is None:
+                data.left_guided_s = aircraft.heartbeat_s
+            fell_out = data.guided_again and aircraft.custom_mode == self._loss_mode
+            data.guided_again = fell_out
+            return
+        if data.left_guided_s is None:
+            return
+        # The guided mode came back: it is someone's choice, unless it had not been left at all.
+        flickered = aircraft.heartbeat_s - data.left_guided_s <= _FLICKER_S
+        moved_m = aircraft.from_guided_target_m(now_s)
+        same_target = moved_m is not None and moved_m <= _SAME_TARGET_M
+        if data.guided_since_s is not None and (flickered or same_target):
+            data.guided_again = True
+        else:
+            data.guided_since_s = None
+        data.left_guided_s = None
+
+    @property
+    def _loss_mode(self) -> int | None:
+        adapter = self._context.aircraft.adapter
+        return None if adapter is None else adapter.setpoint_loss_mode()
+
+    def is_left(self, now_s: float) -> bool:
+        """Whether the aircraft is in the guided mode, or in the one that follows, by our doing."""
+        aircraft, data = self._context.aircraft, self._context.data
+        if aircraft.adapter is None:
+            return False
+        moved_m = aircraft.from_guided_target_m(now_s)
+        redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
+        if not aircraft.armed or data.guided_since_s is None or redirected:
+            return False
+        if self._loss_mode not in (None, self._context.adapter.guided_mode):
+            # It leaves the guided mode by itself; while it stays there, someone else sends setpoints.
+            return data.guided_again and aircraft.custom_mode == self._loss_mode
+        return aircraft.guided
+
+    def prior_if_left(self, now_s: float) -> PriorFlightState | None:
+        """The flight to go back to, if the aircraft is left in the guided mode or may enter it late."""
+        data = self._context.data
+        if self._context.aircraft.adapter is None:
+            return None
+        if now_s - data.requested_s < _LATE_S:
+            return PriorFlightState(data.last_unguided_mode)
+        return data.prior if self.is_left(now_s) else None
 
     def found(self, now_s: float) -> Found | None:
         """The event found now, if any, and the flight to go back to."""
@@ -32,15 +82,13 @@ class UnattendedGuided:
         aircraft = context.aircraft
         if data.left_behind is not None:
             return self._left_behind(data.left_behind, now_s)
-        if not aircraft.guided or not aircraft.armed:
+        if aircraft.guided and aircraft.armed and now_s - data.requested_s < _LATE_S:
+            return Event.LATE, PriorFlightState(data.last_unguided_mode)
+        if not self.is_left(now_s):
             data.unattended_since_s = None
             return None
-        if now_s - data.requested_s < _LATE_S:
-            return Event.LATE, PriorFlightState(data.last_unguided_mode)
-        if context.supervisor.state is not State.HANDS_OFF or data.guided_since_s is None:
-            return None
         # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
-        attended = aircraft.sticks.moved or aircraft.landing()
+        attended = aircraft.sticks.moved or aircraft.landing() or aircraft.is_ambiguous(now_s)
         if attended or data.unattended_since_s is None:
             data.unattended_since_s = now_s
         abandoned = now_s - data.unattended_since_s >= context.params.abandoned_s

@@ -1,13 +1,14 @@
 """The engine of flight, replay, simulation and tests: facts in, effects out."""
 
 from companion.engine.engine import Engine
-from companion.engine.stepper import LONGEST_CATCH_UP_US, TICK_US, Stepper
+from companion.engine.stepper import LONGEST_GAP_IN_LOG_US, LONGEST_STALL_US, TICK_US, Stepper
 from companion.engine_config import EngineConfig, EngineParams
 from companion.output.effects import Effect, Keep, Record, Save, Say, Transmit
 from companion.ownship.performance_limits import AircraftLimits
 
 __all__ = [
-    "LONGEST_CATCH_UP_US",
+    "LONGEST_GAP_IN_LOG_US",
+    "LONGEST_STALL_US",
     "TICK_US",
     "AircraftLimits",
     "Effect",

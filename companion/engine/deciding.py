@@ -81,9 +81,9 @@ class Deciding:
         self.decision = Decision(Layer.CLEAR, because=because)
 
     def _may_decide(self) -> bool:
-        """Whether we fly the aircraft, or it is in the air above the lowest height."""
+        """Whether we fly the aircraft, or it is in the air: below the lowest height for advice only."""
         min_height_m = self.config.supervisor.min_height_m
-        return self._handover.supervisor.flying or self._aircraft.flying(min_height_m)
+        return self._handover.supervisor.flying or self._aircraft.in_the_air(min_height_m)
 
     def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
         """The goal of the mission; while the aircraft is ours, the goal at the take-over."""

@@ -35,6 +35,7 @@ from companion.mavlink.facts import (
     CommandResult,
     Fact,
     Heartbeat,
+    OtherCompanion,
     OwnPosition,
     Parameter,
     ParameterRequest,
@@ -232,12 +233,24 @@ class Engine:
         """The object that gives the aircraft back after the engine has failed."""
         return EmergencyRelease(self.aircraft, self.supervisor, now_s)
 
+    def note_gap(self, lasted_s: float, now_s: float) -> list[Effect]:
+        """Note that we did nothing for `lasted_s` until now: nothing is performed for that time."""
+        self._handover.note_gap(now_s)
+        text = f"Avoidance: stalled for {lasted_s:.1f} s"
+        return self._emit([Notice(mavlink.MAV_SEVERITY_WARNING, text)], now_s)
+
     # --- sense
 
-    def receive(self, fact: Fact, now_s: float) -> bool:
-        """Take a fact in; true when it should be acted upon at once, by a tick at the same time."""
+    def receive(self, fact: Fact, now_s: float, true_s: float | None = None) -> bool:
+        """Take a fact in; true when it should be acted upon at once, by a tick at the same time.
+
+        `true_s` is when it was true on our clock, as far as that is known; by default, now.
+        """
+        at_s = now_s if true_s is None else min(true_s, now_s)
         sender = fact.sender
         if sender.component_id == self._applied.engine.component_id and sender == self.sender:
+            if isinstance(fact, OtherCompanion):
+                self.aircraft.observe_companion(sender.component_id, now_s)
             return False
         if isinstance(fact, _OPERATOR_FACTS):
             self._answers += self.operator.receive(fact)
@@ -247,15 +260,20 @@ class Engine:
             if fact.sender == self.aircraft.sender:
                 self._rates.observe(fact, now_s)
             return self._receive_traffic(fact, now_s)
+        return self._receive_telemetry(fact, now_s, at_s)
+
+    def _receive_telemetry(self, fact: Fact, now_s: float, at_s: float) -> bool:
+        """Take in what a vehicle or a component reports about itself; it was true at `at_s`."""
         mode_before = self.aircraft.custom_mode
-        back = not self.aircraft.heard(now_s)
+        back = not self.aircraft.heard(at_s)
         if type(fact) in RELEVANT_FACTS and self.aircraft.adapter is not None:
             self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
-        if not self.aircraft.observe(fact, now_s):
+        if not self.aircraft.observe(fact, at_s):
             self.foreign += 1
+            self._look_for_companion(fact, now_s)
             return self._is_of_another_system(fact) and self._receive_traffic(fact, now_s)
         self._rates.observe(fact, now_s)
-        self._picture.observe_ownship(fact, now_s)
+        self._picture.observe_ownship(fact, at_s)
         match fact:
             case Heartbeat():
                 if back:
@@ -273,6 +291,14 @@ class Engine:
             case _:
                 pass
         return False
+
+    def _look_for_companion(self, fact: Fact, now_s: float) -> None:
+        """Note another component of our system that announces itself as a companion like us."""
+        if not isinstance(fact, Heartbeat) or fact.sender.system_id != self.sender.system_id:
+            return
+        avoids = fact.sender.component_id == mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
+        if fact.is_companion or (avoids and fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID):
+            self.aircraft.observe_companion(fact.sender.component_id, now_s)
 
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
@@ -353,16 +379,18 @@ class Engine:
                 if self._left.system_id == adapter.target.system_id:
                     adapter.restore_parameters(self._left.borrowed)
                 self._left = None
-            if self._commanding.may_fly or not flying:
+            if (self._commanding.may_fly or not flying) and self._commanding.in_contact(now_s):
                 outgoing += adapter.tick(now_s)
             if self.aircraft.heard(now_s):
                 outgoing += self._rates.tick(adapter, now_s)
                 requests, notices = self.queries.tick(adapter, now_s)
                 outgoing += [*requests, *notices]
-                self.aircraft.mission = self.queries.mission
+                self.aircraft.note_mission(self.queries.mission, now_s)
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
+        if adapter is not None:
+            outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s)
         healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
         return self._emit(outgoing, now_s) + self._keep(now_s)
@@ -370,7 +398,8 @@ class Engine:
     def _present_conditions(self, now_s: float) -> list[Condition]:
         """The conditions that hold now, of every room that reports any."""
         threatened = bool(self.decision.threats)
-        return self._notices.conditions(self._readiness, now_s, threatened=threatened)
+        alarms = self._handover.conditions(now_s)
+        return [*alarms, *self._notices.conditions(self._readiness, now_s, threatened=threatened)]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

@@ -1,12 +1,14 @@
-"""Messages at regular intervals: our own HEARTBEAT, and COLLISION for the threats."""
+"""Messages at regular intervals: our own HEARTBEAT, TIMESYNC, and COLLISION for the threats."""
 
 import math
 
 from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.intake import time_sync_request
 from companion.model import Decision, Layer, Role, Threat
 
 _HEARTBEAT_INTERVAL_S = 1.0
 _COLLISION_INTERVAL_S = 1.0
+_TIME_SYNC_INTERVAL_S = 2.0
 _MAX_COLLISIONS = 4
 
 
@@ -16,6 +18,7 @@ class Broadcasts:
     def __init__(self) -> None:
         self._heartbeat_s = -math.inf
         self._collisions_s = -math.inf
+        self._time_sync_s = -math.inf
 
     def heartbeat(self, role: Role, now_s: float, *, healthy: bool) -> list[Message]:
         """Our own HEARTBEAT, once a second; its custom mode is our role."""
@@ -32,6 +35,13 @@ class Broadcasts:
                 3,
             )
         ]
+
+    def time_sync(self, component_id: int, now_s: float) -> list[Message]:
+        """TIMESYNC, every two seconds: its answer shows the delay of the link."""
+        if 0.0 <= now_s - self._time_sync_s < _TIME_SYNC_INTERVAL_S - 1e-3:
+            return []
+        self._time_sync_s = now_s
+        return [time_sync_request(component_id, now_s)]
 
     def collisions(self, decision: Decision, now_s: float, *, flying: bool) -> list[Message]:
         """COLLISION for at most four of the most urgent threats, once a second."""

@@ -23,7 +23,10 @@ class Sender(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """HEARTBEAT. `autopilot`, `vehicle_type` and `system_status` are the MAVLink enumerations."""
+    """HEARTBEAT. `autopilot`, `vehicle_type` and `system_status` are the MAVLink enumerations.
+
+    `is_companion`: it looks like ours, an onboard controller whose custom mode is its role.
+    """
 
     sender: Sender
     vehicle_type: int
@@ -31,6 +34,7 @@ class Heartbeat:
     armed: bool
     custom_mode: int
     system_status: int
+    is_companion: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -205,9 +205,7 @@ def boot_time_s(frame: Frame) -> float | None:
     return boot_ms / 1000.0 if boot_ms else None
 
 
-def _path_of(
-    sender: _Sender, sequence: int, clock: _Clock | None, received_s: float
-) -> tuple[_Path, int]:
+def _path_of(sender: _Sender, sequence: int, clock: _Clock | None, received_s: float) -> tuple[_Path, int]:
     """The path that the frame came by, whose numbers are the nearest, and the frame's number on it.
 
     `clock` is that of a frame with a time. A path whose newest number is before the frame's is preferred to
@@ -267,7 +265,11 @@ def _compare(sender: _Sender, clock: _Clock, boot_s: float, place: bytes) -> Non
     """Look whether another clock brought this position before; if it was the present one, that is a copy."""
     clocks = sender.others if clock is sender.present else [sender.present, *sender.others]
     original = next(
-        (one for one in clocks if one is not None and one is not clock and one.positions.get(boot_s) == place),
+        (
+            one
+            for one in clocks
+            if one is not None and one is not clock and one.positions.get(boot_s) == place
+        ),
         None,
     )
     if original is None:

@@ -1,5 +1,7 @@
 """Our aircraft: its autopilot, and the newest of everything that it has reported."""
 
+import math
+
 from companion.autopilots import Adapter
 from companion.autopilots.adapter import GuidanceCommand
 from companion.geodesy import GeoPoint, LocalFrame
@@ -12,6 +14,7 @@ from companion.mavlink.facts import (
     LandedState,
     MissionProgress,
     NavigationTarget,
+    OtherVehicle,
     OwnPosition,
     RcChannels,
     Sender,
@@ -24,9 +27,15 @@ from companion.ownship.autopilot_state import Contact, FlightState, Identity, St
 from companion.ownship.kinematics import Kinematics, Terrain
 from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
+from companion.ownship.position_gate import Place, PositionGate
 
 # The heartbeat with the mode comes once a second; after a silence it may be this late.
 _MODE_KNOWN_S = 2.5
+# Reading the mission takes some seconds, more on a slow link. Then it is flown without.
+_MISSION_AWAITED_S = 60.0
+# Lower than this in a descent, a mission that is not known may be about to land.
+_MAY_LAND_BELOW_M = 200.0
+_DESCENT_MPS = 0.5
 # EXTENDED_SYS_STATE is requested at adoption and comes once a second; not every firmware sends it.
 _LANDED_STATE_AWAITED_S = 4.0
 
@@ -53,12 +62,20 @@ class Aircraft:
         self.terrain = Terrain()
         self.sticks = Sticks(stick_us)
         self.ours = False  # our setpoints are flown, or may be
+        self._mission_known_s = -math.inf
+        self.moved_s = -math.inf  # the last time that its position jumped
+        self._gate = PositionGate()
 
     def observe(self, fact: Fact, now_s: float) -> bool:
         """Store a fact; returns whether it came from our autopilot."""
         if isinstance(fact, Heartbeat):
             return self._observe_heartbeat(fact, now_s)
         if fact.sender != self.sender:
+            return False
+        if isinstance(fact, OtherVehicle):
+            self.identity.observe_impostor(now_s)
+            return False
+        if isinstance(fact, OwnPosition) and not self._is_here(fact, now_s):
             return False
         self.contact.observe(now_s)
         match fact:
@@ -77,7 +94,7 @@ class Aircraft:
             case MissionProgress():
                 self.navigation.observe_progress(fact, now_s)
             case NavigationTarget():
-                self.navigation.observe_target(fact, now_s, ours=self.ours)
+                self.navigation.observe_target(fact, now_s, ours=self.ours, guided=self.guided)
             case AutopilotVersion():
                 self.identity.version = fact.version
             case SystemTime():
@@ -88,11 +105,22 @@ class Aircraft:
                 pass
         return True
 
+    def _is_here(self, fact: OwnPosition, now_s: float) -> bool:
+        """Whether the position is that of our aircraft."""
+        if now_s < self.position_s:
+            return False  # overtaken by a newer one
+        place = self._gate.judge(fact, now_s)
+        if place is Place.TWO_PLACES:
+            self.identity.observe_impostor(now_s)
+        if place is Place.MOVED:
+            self.moved_s = now_s
+        return place in (Place.HERE, Place.MOVED)
+
     def _observe_heartbeat(self, fact: Heartbeat, now_s: float) -> bool:
         if not self.identity.is_ours(fact, now_s):
             return False
         self.contact.observe(now_s)
-        self.contact.heartbeat_s = now_s
+        self.contact.heartbeat_s = max(now_s, self.contact.heartbeat_s)
         self.flight_state.observe_heartbeat(fact, now_s)
         self.enter_mode(fact.custom_mode, now_s)
         return True
@@ -133,6 +161,12 @@ class Aircraft:
         if not self.flight_state.may_be_in_the_air or self.taking_off_or_landing():
             return False
         return self.position.height_above_home_m >= min_height_m
+
+    def in_the_air(self, min_height_m: float) -> bool:
+        """Whether it is `flying`, or reports that it is in the air, however low above home."""
+        if self.flying(min_height_m):
+            return True
+        return self.armed and self.flight_state.in_the_air and not self.taking_off_or_landing()
 
     def landed_state_known(self, now_s: float) -> bool:
         """Whether the landed state is known, or has been awaited long enough."""
@@ -175,23 +209,33 @@ class Aircraft:
 
     @property
     def fixed_wing(self) -> bool:
-        """Whether the aircraft is an aeroplane or flies like one."""
-        return self.identity.fixed_wing
+        """Whether the aircraft flies as an aeroplane: a VTOL only in wing flight."""
+        return self.flight_state.flies_as_wing(self.identity.vehicle_type)
+
+    def is_ambiguous(self, now_s: float) -> bool:
+        """Whether two vehicles have our autopilot's address: commands would reach both."""
+        return self.identity.is_ambiguous(now_s)
+
+    def observe_companion(self, component_id: int, now_s: float) -> None:
+        """Note another companion in our system that avoids too."""
+        self.identity.observe_companion(component_id, now_s)
+
+    def other_companion(self, now_s: float) -> int | None:
+        """Component id of another companion that is heard now; `None` without one."""
+        return self.identity.other_companion(now_s)
 
     @property
     def version(self) -> str | None:
         """The firmware's version."""
         return self.identity.version
 
-    @property
-    def others(self) -> set[int]:
-        """Systems with another autopilot that could be ours."""
-        return self.identity.others
+    def others(self, now_s: float) -> set[int]:
+        """Systems heard now with another autopilot that could be ours."""
+        return self.identity.others(now_s)
 
-    @property
-    def unwanted_since_s(self) -> dict[int, float]:
-        """Systems whose autopilot is not the configured one, and since when they are heard."""
-        return self.identity.unwanted_since_s
+    def unwanted_since_s(self, now_s: float) -> dict[int, float]:
+        """Systems heard now whose autopilot is not the configured one, and since when."""
+        return self.identity.unwanted_since_s(now_s)
 
     def expect_system(self, system_id: int) -> None:
         """Adopt the autopilot of this system without waiting."""
@@ -212,6 +256,11 @@ class Aircraft:
     def heard(self, now_s: float) -> bool:
         """Whether heartbeats arrive."""
         return self.contact.heard(now_s)
+
+    @property
+    def resynchronized(self) -> bool:
+        """Whether a heartbeat from after the last gap of ours was received."""
+        return self.contact.resynchronized
 
     def in_contact(self, now_s: float) -> bool:
         """Whether messages arrive right now, with a heartbeat since the last silence."""
@@ -303,23 +352,37 @@ class Aircraft:
         """The mission, while it is known."""
         return self.navigation.mission
 
-    @mission.setter
-    def mission(self, mission: Mission | None) -> None:
+    def note_mission(self, mission: Mission | None, now_s: float) -> None:
+        """Store the mission as it is known at `now_s`; `None`: it is not."""
         self.navigation.mission = mission
+        if mission is not None:
+            self._mission_known_s = now_s
+
+    def mission_awaited(self, now_s: float) -> bool:
+        """Whether a mission is flown that is not known yet, and may be soon."""
+        awaited_s = now_s - max(self.identity.adopted_s, self._mission_known_s)
+        return self._in_mission and self.mission is None and awaited_s < _MISSION_AWAITED_S
+
+    def may_be_landing(self) -> bool:
+        """Whether a mission is flown that is not known, so low and in such a descent that it may land."""
+        position = self.position
+        if position is None or not self._in_mission or self.mission is not None:
+            return False
+        descends = position.velocity_mps[2] > _DESCENT_MPS
+        return descends and position.height_above_home_m < _MAY_LAND_BELOW_M
 
     @property
     def sequence(self) -> int | None:
         """The number of the mission item that is flown."""
         return self.navigation.sequence
 
-    @property
-    def target_while_ours(self) -> NavigationTarget | None:
-        """The target that the autopilot reported last while our setpoints were flown."""
-        return self.navigation.target_while_ours
+    def from_guided_target_m(self, now_s: float) -> float | None:
+        """How far the target reported just now is from that of the guided mode that we flew in [m]."""
+        return self.navigation.from_guided_target_m(now_s)
 
-    @target_while_ours.setter
-    def target_while_ours(self, target: NavigationTarget | None) -> None:
-        self.navigation.target_while_ours = target
+    def forget_guided_target(self) -> None:
+        """Begin to look for another target: the next one reported in the guided mode is ours."""
+        self.navigation.forget_guided_target()
 
     def target(self, now_s: float) -> GeoPoint | None:
         """The place that the autopilot itself flies to or circles; `None` when it is unknown or old."""
@@ -330,8 +393,8 @@ class Aircraft:
         self.navigation.refresh(now_s)
 
     def redirected_from(self, target: GeoPoint | None) -> bool:
-        """Whether the target that is reported while our setpoints are flown is far from `target`."""
-        return self.navigation.redirected_from(target)
+        """Whether the reported target is far from `target`, by default from the one of the guided mode."""
+        return self.navigation.redirected_from(target, self.heartbeat_s)
 
     def mission_outdated(self, now_s: float) -> bool:
         """Whether the autopilot has flown for a while to another place than the known mission leads to."""

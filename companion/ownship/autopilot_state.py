@@ -2,12 +2,39 @@
 
 import math
 
-from companion.autopilots import Adapter, choose
+from companion.autopilots import NAMES, Adapter, choose
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import FenceStatus, Heartbeat, LandedState, RcChannels, Sender
 
-# Aeroplanes, and those VTOLs that fly like one.
-_FIXED_WINGS = frozenset({mavlink.MAV_TYPE_FIXED_WING, *range(19, 26)})
+_AEROPLANE = mavlink.MAV_TYPE_FIXED_WING
+# VTOLs fly as a wing at times, which their EXTENDED_SYS_STATE shows.
+_VTOLS = frozenset(range(19, 26))  # MAV_TYPE_VTOL_...
+# A heartbeat of any other type comes from a station, a receiver or another component.
+_VEHICLES = frozenset(
+    {
+        _AEROPLANE,
+        *_VTOLS,
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_TYPE_COAXIAL,
+        mavlink.MAV_TYPE_HELICOPTER,
+        mavlink.MAV_TYPE_AIRSHIP,
+        mavlink.MAV_TYPE_FREE_BALLOON,
+        mavlink.MAV_TYPE_ROCKET,
+        mavlink.MAV_TYPE_GROUND_ROVER,
+        mavlink.MAV_TYPE_SURFACE_BOAT,
+        mavlink.MAV_TYPE_SUBMARINE,
+        mavlink.MAV_TYPE_HEXAROTOR,
+        mavlink.MAV_TYPE_OCTOROTOR,
+        mavlink.MAV_TYPE_TRICOPTER,
+        mavlink.MAV_TYPE_FLAPPING_WING,
+        mavlink.MAV_TYPE_KITE,
+        mavlink.MAV_TYPE_PARAFOIL,
+        mavlink.MAV_TYPE_DODECAROTOR,
+        mavlink.MAV_TYPE_DECAROTOR,
+    }
+)
+# Another autopilot, vehicle or companion counts until it has been silent for this long.
+_OTHER_HEARD_S = 10.0
 # Without heartbeats for this long the autopilot is gone or restarting.
 _HEARTBEAT_LOST_S = 5.0
 # Many messages come in a second. Without any for this long the link is lost, and ours do not arrive either.
@@ -44,10 +71,12 @@ class Identity:
         self._first_heard_s: float | None = None
         self.adapter: Adapter | None = None
         self.adopted_s = -math.inf
-        self.fixed_wing = False
+        self.vehicle_type: int | None = None
         self.version: str | None = None
-        self.others: set[int] = set()  # systems with another autopilot that could be ours
-        self.unwanted_since_s: dict[int, float] = {}  # systems whose autopilot is not the configured one
+        self._others_s: dict[int, float] = {}  # systems with another autopilot that could be ours
+        self._unwanted_s: dict[int, tuple[float, float]] = {}  # not the one configured: first, last heard
+        self._companion: tuple[int, float] | None = None  # another one: its component id, last heard
+        self._impostor_s = -math.inf  # another vehicle with the address of ours
 
     @property
     def sender(self) -> Sender | None:
@@ -61,23 +90,54 @@ class Identity:
 
     def is_ours(self, fact: Heartbeat, now_s: float) -> bool:
         """Whether the heartbeat comes from our autopilot; may adopt the sender."""
-        if fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+        if fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID or fact.vehicle_type not in _VEHICLES:
             return False
         if self.adapter is None:
             self._consider(fact, now_s)
         if fact.sender == self.sender:
             return True
+        system_id = fact.sender.system_id
         if self._is_wanted(fact):
-            self.others.add(fact.sender.system_id)
+            self._others_s[system_id] = now_s
         else:
-            self.unwanted_since_s.setdefault(fact.sender.system_id, now_s)
+            first_s, _ = self._unwanted_s.get(system_id, (now_s, now_s))
+            self._unwanted_s[system_id] = first_s, now_s
         return False
 
+    def others(self, now_s: float) -> set[int]:
+        """Systems heard now with another autopilot that could be ours."""
+        return {number for number, at_s in self._others_s.items() if now_s - at_s <= _OTHER_HEARD_S}
+
+    def unwanted_since_s(self, now_s: float) -> dict[int, float]:
+        """Systems heard now whose autopilot is not the configured one, and since when."""
+        return {
+            number: first_s
+            for number, (first_s, last_s) in self._unwanted_s.items()
+            if now_s - last_s <= _OTHER_HEARD_S
+        }
+
+    def observe_companion(self, component_id: int, now_s: float) -> None:
+        """Note another companion in our system that avoids too."""
+        self._companion = component_id, now_s
+
+    def other_companion(self, now_s: float) -> int | None:
+        """Component id of another companion that is heard now; `None` without one."""
+        if self._companion is None or now_s - self._companion[1] > _OTHER_HEARD_S:
+            return None
+        return self._companion[0]
+
+    def observe_impostor(self, now_s: float) -> None:
+        """Note that another vehicle has the address of ours."""
+        self._impostor_s = now_s
+
+    def is_ambiguous(self, now_s: float) -> bool:
+        """Whether two vehicles have our autopilot's address: commands would reach both."""
+        return now_s - self._impostor_s <= _OTHER_HEARD_S
+
     def _is_wanted(self, fact: Heartbeat) -> bool:
-        return self._wanted_system_id in (None, fact.sender.system_id) and self._wanted_autopilot in (
-            None,
-            fact.autopilot,
-        )
+        """Whether it could be ours: the configured one, or by default any that we have an adapter for."""
+        kinds = NAMES.values() if self._wanted_autopilot is None else (self._wanted_autopilot,)
+        return self._wanted_system_id in (None, fact.sender.system_id) and fact.autopilot in kinds
 
     def _consider(self, fact: Heartbeat, now_s: float) -> None:
         """Adopt the sender, unless another one is configured or several are heard."""
@@ -86,13 +146,13 @@ class Identity:
         if self._first_heard_s is None:
             self._first_heard_s = now_s
         waited = now_s - self._first_heard_s >= self._adopt_after_s
-        alone = not self.others - {fact.sender.system_id}
+        alone = not self.others(now_s) - {fact.sender.system_id}
         if self._wanted_system_id is None and not (waited and alone):
             return
         self.adapter = choose(fact.autopilot, fact.sender)
         self.adopted_s = now_s
-        self.fixed_wing = fact.vehicle_type in _FIXED_WINGS
-        self.others.discard(fact.sender.system_id)
+        self.vehicle_type = fact.vehicle_type
+        self._others_s.pop(fact.sender.system_id, None)
 
 
 class Contact:
@@ -103,16 +163,26 @@ class Contact:
         self.clock_offset_s: float | None = None  # the autopilot's Unix time minus ours
         self._fact_s = -math.inf
         self._silent_until_s = -math.inf
+        self._gap_until_s = -math.inf  # of our own: nothing from before its end shows the present
 
     def observe(self, now_s: float) -> None:
         """Note that a fact has arrived."""
         if now_s - self._fact_s > _SILENCE_S and math.isfinite(self._fact_s):
             self._silent_until_s = now_s
-        self._fact_s = now_s
+        self._fact_s = max(now_s, self._fact_s)
 
     def observe_clock(self, unix_s: float | None, now_s: float) -> None:
         """Compare the autopilot's Unix time with ours; `None`: it has none yet."""
         self.clock_offset_s = None if unix_s is None else unix_s - now_s
+
+    def note_gap(self, now_s: float) -> None:
+        """Note that we did nothing until now: what is known is of before."""
+        self._silent_until_s = self._gap_until_s = now_s
+
+    @property
+    def resynchronized(self) -> bool:
+        """Whether a heartbeat from after the last gap of ours was received."""
+        return self.heartbeat_s >= self._gap_until_s
 
     def heard(self, now_s: float) -> bool:
         """Whether heartbeats arrive."""
@@ -175,6 +245,7 @@ class FlightState:
         self.landed_state_heard = False
         self._fence_s = -math.inf
         self._landed_state: int | None = None
+        self._vtol_state: int | None = None
 
     def observe_heartbeat(self, fact: Heartbeat, now_s: float) -> None:
         """Store everything in a heartbeat except its mode (see `Aircraft.enter_mode`)."""
@@ -190,11 +261,28 @@ class FlightState:
     def observe_landed_state(self, fact: LandedState) -> None:
         """Store the landed state."""
         self._landed_state, self.landed_state_heard = fact.landed_state, True
+        self._vtol_state = fact.vtol_state
 
     @property
     def may_be_in_the_air(self) -> bool:
         """Whether the landed state is unknown, or in the air and neither taking off nor landing."""
         return self._landed_state in (None, mavlink.MAV_LANDED_STATE_IN_AIR)
+
+    @property
+    def in_the_air(self) -> bool:
+        """Whether the aircraft reports that it is in the air, neither taking off nor landing."""
+        return bool(self._landed_state == mavlink.MAV_LANDED_STATE_IN_AIR)
+
+    def flies_as_wing(self, vehicle_type: int | None) -> bool:
+        """Whether it flies as an aeroplane, neither on its rotors nor in transition, as far as is known.
+
+        ArduPlane reports a quadplane as an aeroplane, so the state counts for every type. A VTOL that reports
+        no state may be on its rotors.
+        """
+        if self._vtol_state is None:
+            return bool(vehicle_type == _AEROPLANE)
+        wing = self._vtol_state == mavlink.MAV_VTOL_STATE_FW
+        return bool(wing and (vehicle_type == _AEROPLANE or vehicle_type in _VTOLS))
 
     @property
     def landing(self) -> bool:

@@ -15,6 +15,8 @@ _PROGRESS_FRESH_S = 5.0
 _SAME_PLACE_M = 150.0
 # They may differ for this long while one waypoint follows another.
 _DIFFERENCE_S = 5.0
+# The autopilot reports its target at least this often, when asked.
+_TARGET_NEW_S = 2.0
 # A target further than this from the former one is a new one.
 _REDIRECTED_M = 100.0
 
@@ -30,6 +32,8 @@ class Navigation:
         self.mission: Mission | None = None  # while it is known
         self.sequence: int | None = None  # of the mission item that is flown
         self.target_while_ours: NavigationTarget | None = None
+        self._guided_target: NavigationTarget | None = None  # the first one since the guided mode is flown
+        self._reported: tuple[NavigationTarget, float] | None = None  # the newest one, ours or not
         self._target: NavigationTarget | None = None
         self._target_s = -math.inf
         self._sequence_s = -math.inf
@@ -39,10 +43,16 @@ class Navigation:
         """Store the number of the mission item that is flown."""
         self.sequence, self._sequence_s = fact.sequence, now_s
 
-    def observe_target(self, fact: NavigationTarget, now_s: float, *, ours: bool) -> None:
-        """Store a navigation target; `ours`: our setpoints are flown, or may be."""
+    def observe_target(self, fact: NavigationTarget, now_s: float, *, ours: bool, guided: bool) -> None:
+        """Store a navigation target.
+
+        `ours`: our setpoints are flown, or may be; `guided`: the guided mode has been entered.
+        """
+        self._reported = fact, now_s
         if ours:
             self.target_while_ours = fact
+            if guided and self._guided_target is None:
+                self._guided_target = fact
         else:
             self._target, self._target_s = fact, now_s
 
@@ -65,9 +75,32 @@ class Navigation:
         altitude_m = self._kinematics.altitude_m() if target.altitude_m is None else target.altitude_m
         return GeoPoint(target.lat_deg, target.lon_deg, altitude_m)
 
-    def redirected_from(self, target: GeoPoint | None) -> bool:
-        """Whether the target that is reported while our setpoints are flown is far from `target`."""
-        other = self.target_while_ours
+    def from_guided_target_m(self, now_s: float) -> float | None:
+        """How far the target reported just now is from that of the guided mode that we flew in [m].
+
+        `None` when one of them is unknown.
+        """
+        first = self._guided_target
+        if first is None or self._reported is None or now_s - self._reported[1] > _TARGET_NEW_S:
+            return None
+        now, frame = self._reported[0], LocalFrame(first.lat_deg, first.lon_deg)
+        return math.hypot(*frame.to_ned_m(GeoPoint(now.lat_deg, now.lon_deg, 0.0))[:2])
+
+    def forget_guided_target(self) -> None:
+        """Begin to look for another target: the next one reported in the guided mode is ours."""
+        self.target_while_ours = self._guided_target = None
+
+    def redirected_from(self, target: GeoPoint | None, guided_s: float) -> bool:
+        """Whether the target that is reported while our setpoints are flown is far from `target`.
+
+        By default, from the one reported when the guided mode was entered. `guided_s` is the last time that
+        the guided mode was shown: a target reported later may be that of another mode.
+        """
+        if self._reported is None or self._reported[1] >= guided_s:
+            return False
+        other, first = self.target_while_ours, self._guided_target
+        if target is None and first is not None:
+            target = GeoPoint(first.lat_deg, first.lon_deg, 0.0)
         if target is None or other is None:
             return False
         frame = LocalFrame(target.lat_deg, target.lon_deg)

@@ -20,6 +20,7 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import TrafficReport, TrafficSource
+from tests.support.missions import empty_missions
 
 AUTOPILOT, US, GCS = Sender(1, 1), Sender(1, 196), Sender(255, 190)
 T0 = 1_700_000_000.0
@@ -98,6 +99,8 @@ class Seat:
 
     def _perform(self, effects: list[Effect]) -> None:
         for effect in effects:
+            if isinstance(effect, Transmit):
+                self._answers += empty_missions([effect.message], AUTOPILOT, US)
             if isinstance(effect, Transmit) and acts(effect.message):
                 self.sent.append(effect.message)
                 if self.obeys(effect.message):

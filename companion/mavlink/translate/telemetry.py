@@ -21,6 +21,7 @@ from companion.mavlink.facts import (
     Wind,
 )
 from companion.mavlink.translate.wire import Translation, angle_rad, is_altitude, position_deg
+from companion.model import Role
 
 _MAX_AIRSPEED_MPS = 200.0
 _MAX_ALTITUDE_M = 20_000.0
@@ -28,6 +29,7 @@ _SEA_LEVEL_HPA = 1_013.25
 _MIN_PRESSURE_HPA, _MAX_PRESSURE_HPA = 230.0, 1_100.0  # 11 km, and below the Dead Sea
 # The geoid lies 106 m below the ellipsoid south of India and 85 m above it in New Guinea (EGM96).
 _MAX_GEOID_SEPARATION_M = 120.0
+_LARGEST_ROLE = max(Role)
 _NO_PULSE = (0, 65_535)
 _CHANNELS = tuple(f"chan{number}_raw" for number in range(1, 19))
 _YEAR_2015_S = 1_420_070_400.0  # a clock that shows an earlier time was never set
@@ -42,7 +44,16 @@ def _heartbeat(message: Message, sender: Sender, _received_s: float) -> Fact:
         armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
         custom_mode=message.custom_mode,
         system_status=message.system_status,
+        is_companion=_is_companion(message),
     )
+
+
+def _is_companion(message: Message) -> bool:
+    """Whether an onboard controller sends its role as a custom mode, as our own heartbeat does."""
+    onboard = message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER
+    without_autopilot = message.autopilot == mavlink.MAV_AUTOPILOT_INVALID
+    custom = message.base_mode == mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    return bool(onboard and without_autopilot and custom and message.custom_mode <= _LARGEST_ROLE)
 
 
 def _own_position(message: Message, sender: Sender, _received_s: float) -> Fact | None:

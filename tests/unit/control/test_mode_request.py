@@ -21,13 +21,17 @@ def test_a_request_is_repeated_while_heartbeats_show_the_old_mode() -> None:
     assert sent(request, AUTO, [n / 5 for n in range(20)], 2.0) == [0.0, 1.0, 2.0]
 
 
-def test_without_heartbeats_a_request_is_sent_a_few_times_only() -> None:
-    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 1, "no blind tries for a take-over"
-    assert len(sent(ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3), GUIDED, [0.0], 60.0)) == 4
+def test_without_heartbeats_a_request_is_not_repeated() -> None:
+    assert len(sent(ModeRequest(AUTO, GUIDED, 0.0), AUTO, [0.0], 60.0)) == 1
+    assert len(sent(ModeRequest(GUIDED, AUTO, 0.0), GUIDED, [0.0], 60.0)) == 1
+
+
+def test_without_a_fresh_heartbeat_a_request_is_not_sent_at_all() -> None:
+    assert sent(ModeRequest(GUIDED, AUTO, 10.0), GUIDED, [8.4], 60.0) == []
 
 
 def test_an_accepted_request_is_not_repeated_for_three_seconds() -> None:
-    request = ModeRequest(GUIDED, AUTO, 0.0, blind_tries=3)
+    request = ModeRequest(GUIDED, AUTO, 0.0)
     assert request.due(GUIDED, 0.0, 0.0)
     request.accepted(0.2)
     assert sent(request, GUIDED, [n / 5 for n in range(16)], 3.1) == []

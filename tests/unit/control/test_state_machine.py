@@ -43,6 +43,10 @@ EXAMPLE = StateData(
     unattended_since_s=1.0,
     left_behind=PersistedState(0.0, 1),
     left_behind_since_s=1.0,
+    left_guided_s=1.0,
+    guided_again=True,
+    yields_until_s=1.0,
+    flown_since_s=1.0,
 )
 
 
@@ -70,7 +74,8 @@ def test_every_state_and_every_field_is_in_the_data_table() -> None:
 
 def test_flying_is_reached_only_by_the_autopilots_heartbeat() -> None:
     into_flying = {(s, e) for (s, e), after in TRANSITIONS.items() if after in FLYING and s not in FLYING}
-    assert into_flying == {(state, Event.TAKEN) for state in ENTERING}
+    taken = {(state, Event.TAKEN) for state in ENTERING}
+    assert into_flying == {*taken, (State.RESYNCHRONISING, Event.SETTLED)}
 
 
 @pytest.mark.parametrize("event", sorted(OVERRIDES))
@@ -94,7 +99,7 @@ def test_in_the_role_advise_the_aircraft_is_given_back(state: State) -> None:
 
 @pytest.mark.parametrize("state", sorted(State))
 def test_resume_gives_the_aircraft_back_unless_its_controller_must_recover(state: State) -> None:
-    ours = state in {*FLYING, State.ENGAGING} - {State.RECOVERING}
+    ours = state in {*FLYING, State.ENGAGING, State.RESYNCHRONISING} - {State.RECOVERING}
     assert TRANSITIONS.get((state, Event.RESUME), state) is (State.RELEASING if ours else state)
 
 
@@ -131,7 +136,7 @@ def test_the_printed_data_equals_the_data_of_each_state() -> None:
 
 def test_hands_off_ends_only_by_readiness_stop_or_release() -> None:
     ways = {event for (state, event) in TRANSITIONS if state is State.HANDS_OFF}
-    assert ways == {Event.READY, Event.STOP, Event.LATE, Event.ABANDONED}
+    assert ways == {Event.READY, Event.STOP, Event.STOP_UNATTENDED, Event.LATE, Event.ABANDONED}
     assert TRANSITIONS[State.HANDS_OFF, Event.ABANDONED] is State.RELEASING
     assert TRANSITIONS[State.HANDS_OFF, Event.LATE] is State.RELEASING
 
@@ -140,6 +145,11 @@ def test_hands_off_ends_only_by_readiness_stop_or_release() -> None:
 def test_stop_works_in_every_state_and_gives_back_a_held_aircraft(state: State) -> None:
     after = TRANSITIONS[state, Event.STOP]
     assert after is (State.STOPPED if state in WATCHING else State.STOPPING)
+
+
+@pytest.mark.parametrize("state", sorted(FLYING | ENTERING))
+def test_after_a_gap_of_ours_the_state_of_the_aircraft_is_awaited(state: State) -> None:
+    assert TRANSITIONS[state, Event.GAP] is State.RESYNCHRONISING
 
 
 def test_no_event_leaves_stopped() -> None:

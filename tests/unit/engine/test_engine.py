@@ -15,6 +15,7 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
+    MissionCount,
     OwnPosition,
     OwnTransponder,
     Parameter,
@@ -24,6 +25,7 @@ from companion.mavlink.facts import (
 )
 from companion.model import AltitudeReference, Decision, Guidance, Layer, Role, TrafficReport, TrafficSource
 from companion.output.persisted_state import PersistedState
+from tests.support.missions import empty_missions
 
 AUTOPILOT, OTHER, GCS = Sender(1, 1), Sender(7, 1), Sender(255, 190)
 T0 = 1_700_000_000.0
@@ -76,15 +78,17 @@ def of(sent: list[Message], kind: str) -> list[Message]:
 def fly(
     engine: Engine, seconds: float, *, meet_s: float = 40.0, mode: int = 10, armed: bool = True
 ) -> list[Message]:
-    """Fly north in the mission with one intruder ahead; commands are not answered."""
-    sent = []
+    """Fly north in the mission with one intruder ahead; only the mission is answered: there is none."""
+    sent: list[Message] = []
+    answers: list[MissionCount] = []
     for tick in range(round(seconds * 10)):
         now_s = T0 + tick / 10
         facts: list[Fact] = [position(now_s), AirData(AUTOPILOT, 22.0)]
         if tick % 10 == 0:
             facts += [heartbeat(mode=mode, armed=armed), traffic(now_s, meet_s=meet_s)]
             facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))
-        sent += run(engine, facts, now_s)
+        sent += run(engine, [*answers, *facts], now_s)
+        answers = empty_missions(sent[-9:], AUTOPILOT, engine.sender)
     return sent
 
 
@@ -132,12 +136,13 @@ def test_neither_of_two_autopilots_is_adopted_and_the_operator_is_warned_every_h
 
 def low(engine: Engine, seconds: float, height_m: float, *, after_s: float = 0.0) -> list[str]:
     """The texts while the mission is flown at this height, without traffic."""
-    sent = []
+    sent: list[Message] = []
     for tick in range(round(after_s * 10), round((after_s + seconds) * 10)):
         now_s = T0 + tick / 10
         facts: list[Fact] = [position(now_s, height_m=height_m), AirData(AUTOPILOT, 22.0)]
         if tick % 10 == 0:
             facts += [heartbeat(), LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR)]
+        facts += empty_missions(sent[-9:], AUTOPILOT, engine.sender)
         sent += run(engine, facts, now_s)
     return [message.text for message in of(sent, "STATUSTEXT")]
 
@@ -368,12 +373,13 @@ def test_stepper_ticks_on_tenths_of_a_second_before_later_facts() -> None:
 
 def test_stepper_skips_ticks_after_a_long_stall() -> None:
     ticks: list[int] = []
-    stepper = Stepper(new_engine(), lambda time_us, _: ticks.append(time_us), longest_catch_up_us=5_000_000)
+    stepper = Stepper(new_engine(), lambda time_us, _: ticks.append(time_us), longest_stall_us=500_000)
     stepper.advance(1_000_000)
-    stepper.advance(4_000_000)
-    assert len(ticks) == 31
+    stepper.advance(1_500_000)
+    assert ticks == [1_000_000 + 100_000 * tick for tick in range(6)]
     stepper.advance(60_000_000)
-    assert len(ticks) == 31, "facts that arrived meanwhile come before the next tick"
-    assert stepper.skipped_ticks == 560
+    assert ticks[6:] == [60_000_000], "the gap is announced, and facts that arrived meanwhile come first"
+    assert stepper.ticks == 6
+    assert stepper.skipped_ticks == 585
     stepper.advance(60_100_000)
     assert ticks[-1] == 60_100_000

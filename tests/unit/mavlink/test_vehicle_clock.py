@@ -7,13 +7,12 @@ import pytest
 
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import Frame, FrameSplitter
+from companion.mavlink.intake import Intake, time_sync_request
 from companion.mavlink.vehicle_clock import (
     LATEST_S,
     Origin,
     Timing,
     VehicleClocks,
-    asked_s,
-    time_sync_request,
 )
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3)
@@ -43,7 +42,7 @@ def flight(
     rate: float = 1.0,
     between: int = 3,
 ) -> list[Arrival]:
-    """Ten positions and one heartbeat a second, with others between them; `rate` of its clock against ours."""
+    """Ten positions and one heartbeat a second, with others between; `rate` of its clock against ours."""
     sent: list[tuple[float, Message]] = []
     for tick in range(round(seconds * 10)):
         at_s = tick / 10
@@ -95,7 +94,7 @@ def test_late_copies_of_which_a_third_was_never_received_in_time_are_no_other_ve
 
 def test_the_faster_path_is_the_present_although_the_slower_one_was_heard_first() -> None:
     sent = flight(40.0)
-    slow = [one for one in delayed(sent, 5.0) if 1010.0 <= one[0]]
+    slow = [one for one in delayed(sent, 5.0) if one[0] >= 1010.0]
     fast = [one for one in sent if one[0] >= 1010.5]
     late = {id(frame) for at_s, frame in slow if at_s >= 1020.0}
     for at_s, frame, timing in judged(slow, fast):
@@ -142,29 +141,20 @@ def test_a_queue_that_is_read_after_a_stall_was_true_when_it_was_sent(stall_s: f
             assert timing.origin is Origin.PRESENT
 
 
-def test_an_answer_to_timesync_shows_that_a_slow_clock_is_not_late() -> None:
-    clocks, us = VehicleClocks(), 196
-    encoder, splitter = Encoder(), FrameSplitter()
-    seen = Counter[Origin]()
+@pytest.mark.parametrize(("component_id", "is_late"), [(196, False), (191, True)])
+def test_an_answer_to_our_timesync_shows_that_a_slow_clock_is_not_late(
+    component_id: int, is_late: bool
+) -> None:
+    intake, encoder, splitter = Intake(196), Encoder(), FrameSplitter()
     for at_s, frame in flight(60.0, rate=0.8):
-        seen[clocks.judge(frame, at_s).origin] += 1
+        intake.judge(frame, at_s)
         if frame.message_id == HEARTBEAT_ID:
-            request = time_sync_request(1, us, at_s)
-            answer = mavlink.MAVLink_timesync_message(123_000_000, request.ts1)
-            (raw,) = splitter.feed_datagram(encoder.encode(answer, 1, 1))
-            sent_s = asked_s(raw, us)
-            assert sent_s == pytest.approx(at_s, abs=1e-5)
-            clocks.answered(raw, sent_s, at_s + 0.05)
-    assert set(seen) == {Origin.PRESENT}
-
-
-def test_the_timesync_of_others_is_not_ours() -> None:
-    for message in (
-        mavlink.MAVLink_timesync_message(0, time_sync_request(1, 196, 5.0).ts1),
-        mavlink.MAVLink_timesync_message(77, time_sync_request(1, 191, 5.0).ts1),
-        HEARTBEAT,
-    ):
-        assert asked_s(frames([message])[0], 196) is None
+            request = time_sync_request(component_id, at_s)
+            for answer_ns in (0, 123_000_000):  # a request comes back, and is answered
+                answer = mavlink.MAVLink_timesync_message(answer_ns, request.ts1)
+                (raw,) = splitter.feed_datagram(encoder.encode(answer, 1, 1))
+                assert intake.judge(raw, at_s + 0.05) is None
+    assert (intake.past > 0) is is_late
 
 
 @pytest.mark.parametrize("between", [3, 45])

@@ -35,7 +35,7 @@ def flying(sequence: int | None = 2) -> Navigation:
 
 
 def target(navigation: Navigation, lat_deg: float, now_s: float = 0.0, *, ours: bool = False) -> None:
-    navigation.observe_target(NavigationTarget(AUTOPILOT, lat_deg, 8.0, 650.0), now_s, ours=ours)
+    navigation.observe_target(NavigationTarget(AUTOPILOT, lat_deg, 8.0, 650.0), now_s, ours=ours, guided=ours)
 
 
 def north_m(goal: Goal) -> float | None:
@@ -93,7 +93,7 @@ def test_old_reports_count_again_after_a_refresh() -> None:
 
 def test_a_target_without_a_height_is_at_our_height() -> None:
     navigation = flying()
-    navigation.observe_target(NavigationTarget(AUTOPILOT, 47.2, 8.0, None), 0.0, ours=False)
+    navigation.observe_target(NavigationTarget(AUTOPILOT, 47.2, 8.0, None), 0.0, ours=False, guided=False)
     assert navigation.target(0.0) == GeoPoint(47.2, 8.0, 700.0)
 
 
