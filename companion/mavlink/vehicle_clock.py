@@ -55,8 +55,12 @@ _PATH_SILENT_S = 2.0
 _MOST_OUTDATED = 3
 # The lateness of a path counts for frames without a time until this long after the last one with a time.
 _LATENESS_KNOWN_S = 1.5
-# The two clocks drift apart by at most this share.
-_DRIFT = 1e-3
+# Two clocks drift apart by less than this share; a simulator that runs slowly by far more. While TIMESYNC is
+# answered, it is known how late frames are, and the smaller share counts.
+_DRIFT, _DRIFT_OF_SIMULATORS = 1e-3, 0.5
+# Between two frames, so that a stall is not taken for a drift.
+_LONGEST_DRIFT_S = 0.2
+_ANSWERED_WITHIN_S = 10.0
 _REMEMBERED = 600  # positions: one minute
 # So many positions, most of them never received before, come from another vehicle.
 _NEWS_OF_ANOTHER = 5
@@ -86,10 +90,10 @@ class _Clock:
 
     boot_s: float
     received_s: float
-    # The smallest difference between reception and boot time, and when it was observed.
+    # The difference between reception and boot time of a frame without delay.
     fastest_s: float = math.inf
-    fastest_at_s: float = -math.inf
     late_s: float = 0.0  # of the newest frame
+    answered_s: float = -math.inf  # the last answer to a TIMESYNC
     positions: OrderedDict[float, bytes] = field(default_factory=OrderedDict)  # by boot time
     copies: int = 0  # positions that another clock brought before
     news: int = 0
@@ -102,21 +106,23 @@ class _Clock:
     def observe(self, boot_s: float, received_s: float) -> None:
         """Go on to a frame, and measure how late it is."""
         offset_s = received_s - boot_s
-        drifted_s = self.fastest_s + _DRIFT * max(received_s - self.fastest_at_s, 0.0)
-        if offset_s < drifted_s or not math.isfinite(drifted_s):
-            self.fastest_s, self.fastest_at_s, drifted_s = offset_s, received_s, offset_s
-        self.late_s = offset_s - drifted_s
+        answered = received_s - self.answered_s <= _ANSWERED_WITHIN_S
+        drift = _DRIFT if answered else _DRIFT_OF_SIMULATORS
+        # Least possible offset: it grows with the drift, from one frame to the next.
+        passed_s = min(max(received_s - self.received_s, 0.0), _LONGEST_DRIFT_S)
+        least_s = self.fastest_s + drift * passed_s
+        self.fastest_s = min(offset_s, least_s)
+        self.late_s = offset_s - self.fastest_s
         self.boot_s, self.received_s = max(boot_s, self.boot_s), received_s
 
     def lateness_s(self, other: "_Clock") -> float:
         """How late the newest frame of another clock was, if both are clocks of one vehicle [s]."""
         return other.received_s - other.boot_s - self.fastest_s
 
-    def limit_lateness(self, round_trip_s: float, received_s: float) -> None:
+    def limit_lateness(self, round_trip_s: float) -> None:
         """Use an answer to our TIMESYNC: what is received now is at most a round trip old."""
         if self.late_s > round_trip_s:
-            offset_s = self.fastest_s + _DRIFT * max(received_s - self.fastest_at_s, 0.0) + self.late_s
-            self.fastest_s, self.fastest_at_s = offset_s - round_trip_s / 2.0, received_s
+            self.fastest_s += self.late_s - round_trip_s / 2.0
             self.late_s = round_trip_s / 2.0
 
     @property
@@ -191,9 +197,10 @@ class VehicleClocks:
         sender = self._senders.get((frame.system_id, frame.component_id))
         if sender is None or sender.present is None or received_s < asked_s:
             return
+        sender.present.answered_s = received_s
         path, _ = _path_of(sender, frame.sequence, None, received_s)
         if path.clock in (None, sender.present):
-            sender.present.limit_lateness(received_s - asked_s, received_s)
+            sender.present.limit_lateness(received_s - asked_s)
 
 
 def boot_time_s(frame: Frame) -> float | None:
@@ -236,7 +243,9 @@ def _timing(sender: _Sender, clock: _Clock | None, is_timed: bool, received_s: f
         late_s = 0.0 if sender.present is None else max(sender.present.lateness_s(clock), 0.0)
         return Timing(received_s - late_s, Origin.OTHER if clock.is_of_another else Origin.PAST)
     if not is_timed and received_s - clock.received_s > _LATENESS_KNOWN_S:
-        return Timing(received_s, Origin.PRESENT)
+        # Without the present clock, frames of another clock say that this one may be late as well.
+        others = any(received_s - one.received_s <= _LATENESS_KNOWN_S for one in sender.others)
+        return Timing(received_s, Origin.PAST if others else Origin.PRESENT)
     return Timing(received_s - clock.late_s, Origin.PRESENT if clock.late_s <= LATEST_S else Origin.PAST)
 
 

@@ -172,9 +172,10 @@ class AutopilotQueries:
     def _requests(self, adapter: Adapter, now_s: float) -> list[Message]:
         if now_s < self._next_request_s:
             return []
-        message = self._parameters.tick(adapter.request_parameter, now_s)
+        # The mission first: until it is known, the aircraft may be about to land.
+        message = self._missions.tick(adapter.target, now_s)
         if message is None:
-            message = self._missions.tick(adapter.target, now_s)
+            message = self._parameters.tick(adapter.request_parameter, now_s)
         if message is None:
             return []
         self._next_request_s = now_s + _REQUEST_INTERVAL_S - 1e-3

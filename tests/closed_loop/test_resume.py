@@ -94,7 +94,7 @@ def test_without_an_avoidance_it_is_denied() -> None:
     loop = MonitoredLoop(without_traffic())
     loop.run(2.5)
     assert result_of(loop, by_long()) == DENIED
-    loop.run(1.0)
+    loop.run(5.0)
     assert loop.state is State.MONITOR
     loop.intrude(3500.0)
     loop.until(State.OUTER, limit_s=10.0)

@@ -90,7 +90,7 @@ class TwinSeat(Seat):
 def disturb(seat: TwinSeat, chance: random.Random) -> None:
     """Disturb the flight at random, or end all disturbances."""
     ours = seat.engine.aircraft.guided
-    what = chance.randrange(16)
+    what = chance.randrange(17)
     if what == 0:
         seat.mode = FBWA if seat.autopilot == ARDUPILOT else 3 << 16
     elif what == 1:
@@ -115,6 +115,8 @@ def disturb(seat: TwinSeat, chance: random.Random) -> None:
         seat.receive(LandedState(AUTOPILOT, chance.choice((2, 2, 4))))
     elif what == 10:
         seat.answer(176, chance.choice((0, 1, 4)))
+    elif what == 12:
+        seat.engine.note_gap(chance.choice((0.6, 4.0)), seat.now_s)
     else:
         end_disturbances(seat)
 
