@@ -134,6 +134,11 @@ class Adapter(ABC):
         return self.commands.due(now_s)
 
     @property
+    def restarts_mission(self) -> bool:
+        """Whether the autopilot begins its mission anew when the mission's mode is entered again."""
+        return False
+
+    @property
     def changed_parameters(self) -> dict[str, float]:
         """The original values of parameters that we changed for a while, by name."""
         return {}

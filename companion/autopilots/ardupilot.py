@@ -17,7 +17,7 @@ from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, Para
 from companion.avoidance.envelope import Control
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Fact, Sender
+from companion.mavlink.facts import CommandResult, Fact, Parameter, Sender
 from companion.model import PriorFlightState
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
 
@@ -77,6 +77,7 @@ _CONTROLS = {
 }
 
 
+_MISSION_RESTART = "MIS_RESTART"
 # Versions before 4.5 have other names and units.
 PARAMETERS = ParameterTable(
     limits=(
@@ -92,6 +93,7 @@ PARAMETERS = ParameterTable(
     ),
     first=("AVD_ENABLE", "AVD_F_ACTION"),
     others=(
+        _MISSION_RESTART,
         "FENCE_ENABLE",
         "FENCE_ACTION",
         "FENCE_AUTOENABLE",
@@ -152,6 +154,7 @@ class ArduPlane(Adapter):
 
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
+        self._restarts_mission = False
         self._sent: dict[int, _Sent] = {}
         self._refused: dict[int, _Refused] = {}
         self._given_up: list[RefusedValue] = []
@@ -198,6 +201,8 @@ class ArduPlane(Adapter):
     def observe(self, fact: Fact, now_s: float) -> None:
         """Process answers: a refused guided command is sent once more, moderated, and then given up."""
         super().observe(fact, now_s)
+        if isinstance(fact, Parameter) and fact.name == _MISSION_RESTART:
+            self._restarts_mission = fact.value >= 1.0
         if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS:
             return
         if self.commands.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
@@ -210,6 +215,11 @@ class ArduPlane(Adapter):
         elif not refused.given_up:
             refused.given_up = True
             self._given_up.append(RefusedValue(_CONTROLS[fact.command], wanted))
+
+    @property
+    def restarts_mission(self) -> bool:
+        """MIS_RESTART, once it is known."""
+        return self._restarts_mission
 
     def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
         """AP_Avoidance, if it does more than report."""

@@ -16,6 +16,8 @@ _RETARGET_S = 2.5
 _REFUSALS_BEFORE_FALLBACK = 3
 # An autopilot that restarts its mission does so within this time; the former item is selected again then.
 _ITEM_CHECKED_S = 8.0
+# Item 0 is home with ArduPilot.
+_FIRST_ITEM = 1
 
 
 class Release:
@@ -82,12 +84,18 @@ class Release:
         return stuck and not context.clear and context.role is Role.FLY
 
     def restore_item(self, now_s: float) -> Outgoing:
-        """Select the mission's former item, if the autopilot restarted the mission."""
+        """Select the mission's former item, if the autopilot restarted the mission by itself.
+
+        After a jump, another mission or another item that someone selected, the former item is history.
+        """
         context, data = self._context, self._context.data
         wanted, present = data.prior.sequence, context.aircraft.sequence
         if wanted is None or present is None or now_s - data.given_back_s > _ITEM_CHECKED_S:
             return []
         if present >= wanted or context.aircraft.custom_mode != data.prior.mode:
+            return []
+        own_restart = present <= _FIRST_ITEM and context.adapter.restarts_mission
+        if not own_restart or context.aircraft.plan_changes != data.plan:
             return []
         data.given_back_s = -math.inf
         adapter = context.adapter

@@ -182,6 +182,8 @@ class StateData:
     # The flight to go back to, and whether it is still flown in the mode that we left it in.
     prior: PriorFlightState = field(default_factory=lambda: PriorFlightState(0))
     left_in_prior_mode: bool = False
+    # The state of the plan then (see `Aircraft.plan_changes`).
+    plan: int = 0
     # When the guided mode was last requested: the request may still arrive after it was given up.
     requested_s: float = -math.inf
     last_unguided_mode: int = 0
@@ -234,7 +236,7 @@ class StateData:
 
 
 _ALWAYS = frozenset(
-    {"prior", "left_in_prior_mode", "requested_s", "last_unguided_mode", "given_up", "suppressed_s"}
+    {"prior", "plan", "left_in_prior_mode", "requested_s", "last_unguided_mode", "given_up", "suppressed_s"}
 )
 _OURS = _ALWAYS | {"rejoin", "guided_since_s", "overlooked", "flown_since_s"}
 _WATCH = _ALWAYS | {"guided_since_s", "unattended_since_s", "left_guided_s", "guided_again"}

@@ -92,7 +92,7 @@ class Aircraft:
             case TerrainReport():
                 self.terrain.observe(fact, self.place(), now_s)
             case MissionProgress():
-                self.navigation.observe_progress(fact, now_s)
+                self.navigation.observe_progress(fact, now_s, guided=self.ours and self.guided)
             case NavigationTarget():
                 self.navigation.observe_target(fact, now_s, ours=self.ours, guided=self.guided)
             case AutopilotVersion():
@@ -354,6 +354,8 @@ class Aircraft:
 
     def note_mission(self, mission: Mission | None, now_s: float) -> None:
         """Store the mission as it is known at `now_s`; `None`: it is not."""
+        if mission != self.mission and self.mission is not None:
+            self.navigation.plan_changes += 1
         self.navigation.mission = mission
         if mission is not None:
             self._mission_known_s = now_s
@@ -370,6 +372,11 @@ class Aircraft:
             return False
         descends = position.velocity_mps[2] > _DESCENT_MPS
         return descends and position.height_above_home_m < _MAY_LAND_BELOW_M
+
+    @property
+    def plan_changes(self) -> int:
+        """Grows when the mission is changed, or someone selects another item while we fly."""
+        return self.navigation.plan_changes
 
     @property
     def sequence(self) -> int | None:

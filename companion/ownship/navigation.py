@@ -34,13 +34,17 @@ class Navigation:
         self.target_while_ours: NavigationTarget | None = None
         self._guided_target: NavigationTarget | None = None  # the first one since the guided mode is flown
         self._reported: tuple[NavigationTarget, float] | None = None  # the newest one, ours or not
+        # Grows when the mission is changed, or someone selects another item while our setpoints are flown.
+        self.plan_changes = 0
         self._target: NavigationTarget | None = None
         self._target_s = -math.inf
         self._sequence_s = -math.inf
         self._differs_since_s: float | None = None
 
-    def observe_progress(self, fact: MissionProgress, now_s: float) -> None:
-        """Store the number of the mission item that is flown."""
+    def observe_progress(self, fact: MissionProgress, now_s: float, *, guided: bool) -> None:
+        """Store the number of the mission item that is flown; it stands still in the guided mode."""
+        if guided and self.sequence not in (None, fact.sequence):
+            self.plan_changes += 1
         self.sequence, self._sequence_s = fact.sequence, now_s
 
     def observe_target(self, fact: NavigationTarget, now_s: float, *, ours: bool, guided: bool) -> None:

@@ -54,6 +54,9 @@ class Seat:
         self.obeys: Callable[[Message], bool] = lambda _message: True
         self.extra_facts: list[Fact] = []  # received at every tick
         self.height_m = 300.0
+        self.knows_mission = True  # whether it answers that there is none
+        self.intruder_altitude_m = 884.0
+        self.hovers = False  # the intruder stands still ahead of us, wherever we fly
         self.vehicle_type = 1
         self.sent: list[Message] = []
         self._answers: list[Fact] = []
@@ -99,7 +102,7 @@ class Seat:
 
     def _perform(self, effects: list[Effect]) -> None:
         for effect in effects:
-            if isinstance(effect, Transmit):
+            if isinstance(effect, Transmit) and self.knows_mission:
                 self._answers += empty_missions([effect.message], AUTOPILOT, US)
             if isinstance(effect, Transmit) and acts(effect.message):
                 self.sent.append(effect.message)
@@ -119,7 +122,7 @@ class Seat:
         now_s, flown_s = self.now_s, self.now_s - T0
         facts, self._answers = [*self._answers, *self.extra_facts, AirData(AUTOPILOT, 22.0)], []
         facts.append(AttitudeTarget(AUTOPILOT, self.finite))
-        if self._tick == 0:
+        if self._tick == 1:
             facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))
         if self._tick == 1:
             facts.append(Parameter(AUTOPILOT, "FW_AIRSPD_TRIM", self.trim_mps))
@@ -134,9 +137,12 @@ class Seat:
             facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot, *mode))
         if self.intruder and self._tick % 10 == 0:
             north_m = 22.0 * (self.meet_s - T0) + 60.0 * (self.meet_s - now_s)
+            speed_mps = 60.0
+            if self.hovers:
+                north_m, speed_mps = 22.0 * flown_s + 800.0, 22.0
             report = TrafficReport(
-                TrafficSource.ADSB, "A00001", now_s, -35.0 + north_m / 110_940.0, 149.0, 884.0,
-                course_rad=math.pi, ground_speed_mps=60.0, climb_mps=0.0, icao=0xA00001,
+                TrafficSource.ADSB, "A00001", now_s, -35.0 + north_m / 110_940.0, 149.0, self.intruder_altitude_m,
+                course_rad=math.pi, ground_speed_mps=speed_mps, climb_mps=0.0, icao=0xA00001,
             )  # fmt: skip
             facts.append(Traffic(AUTOPILOT, report))
         return facts

@@ -3,7 +3,7 @@
 import math
 
 from companion.control.state_machine import State
-from companion.mavlink.facts import MissionProgress, Traffic
+from companion.mavlink.facts import MissionProgress, Parameter, Traffic
 from companion.model import TrafficReport, TrafficSource
 from tests.support.pilots_seat import AUTOPILOT, SELECT_ITEM, SET_MODE, T0, Seat
 
@@ -22,6 +22,7 @@ def test_a_mission_that_was_restarted_before_a_refused_take_over_is_sent_to_its_
     seat = Seat()
     seat.meet_s = T0 + 15.0
     seat.fly(0.5)
+    seat.receive(Parameter(AUTOPILOT, "MIS_RESTART", 1.0))
     seat.receive(MissionProgress(AUTOPILOT, 4))
     seat.until(State.OUTER, State.INNER)
     seat.until(State.MONITOR, limit_s=120.0)

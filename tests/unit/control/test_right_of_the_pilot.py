@@ -4,7 +4,7 @@ import pytest
 
 from companion.control.state_machine import State, SupervisorParams
 from companion.mavlink.dialect import Message
-from companion.mavlink.facts import FenceStatus, MissionProgress, NavigationTarget
+from companion.mavlink.facts import FenceStatus, MissionProgress, NavigationTarget, Parameter
 from companion.output.persisted_state import PersistedState
 from tests.support.pilots_seat import (
     AUTO,
@@ -112,6 +112,7 @@ def given_back(seat: Seat) -> None:
     """Fly past the intruder, until the mission is flown again."""
     seat.meet_s = T0 + 15.0
     seat.fly(0.5)
+    seat.receive(Parameter(AUTOPILOT, "MIS_RESTART", 1.0))
     seat.receive(MissionProgress(AUTOPILOT, 4))
     seat.until(*FLYING)
     seat.until(State.MONITOR, limit_s=120.0)

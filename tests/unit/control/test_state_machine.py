@@ -28,6 +28,7 @@ from companion.output.persisted_state import PersistedState
 EXAMPLE = StateData(
     prior=PriorFlightState(10),
     left_in_prior_mode=True,
+    plan=3,
     requested_s=1.0,
     last_unguided_mode=10,
     given_up=2,
