@@ -183,7 +183,9 @@ class MissionReader:
                 one.due_s, one.failures = now_s, 0
                 if kind == MISSION:
                     one.items = None  # sequence numbers may mean other items now
-                if self._download is not None and self._download.mission_type == kind:
+                # The mission comes before the fence: until it is known, the aircraft may be about to land.
+                under_way = None if self._download is None else self._download.mission_type
+                if under_way == kind or (kind == MISSION and under_way == FENCE):
                     self._download = None
 
     def observe(self, fact: Fact, us: Sender, autopilot: Sender, now_s: float) -> None:
@@ -212,6 +214,9 @@ class MissionReader:
 
     def _start(self, now_s: float) -> MissionDownload | None:
         due = [(one.due_s, kind) for kind, one in self._lists.items() if now_s >= one.due_s]
+        unknown = self._lists[MISSION].items is None and now_s >= self._lists[MISSION].due_s
+        if unknown:
+            return MissionDownload(MISSION)
         return MissionDownload(min(due)[1]) if due else None
 
     def _finish(self, download: MissionDownload, now_s: float) -> None:

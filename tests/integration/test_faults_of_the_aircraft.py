@@ -31,9 +31,10 @@ async def test_with_an_old_position_nothing_is_taken_over(autopilot: Autopilot) 
         flight.receiver.deaf = True
         await flight.until(lambda: flight.state is State.MONITOR)
         await flight.fly(2.0)
-        flight.receiver.deaf = False
         flight.vehicle.withhold(POSITION, True)
-        await flight.until(lambda: flight.engine.decision.layer is Layer.OUTER, 1.9)
+        await flight.fly(0.6)
+        flight.receiver.deaf = False
+        await flight.until(lambda: flight.engine.decision.layer is Layer.OUTER, 1.3)
         assert flight.engine.hindrances(flight.now_s) == ["its position is old"]
         await flight.fly(2.0)
         assert flight.notes.commands() == []

@@ -141,8 +141,9 @@ class Seat:
             if self.hovers:
                 north_m, speed_mps = 22.0 * flown_s + 800.0, 22.0
             report = TrafficReport(
-                TrafficSource.ADSB, "A00001", now_s, -35.0 + north_m / 110_940.0, 149.0, self.intruder_altitude_m,
-                course_rad=math.pi, ground_speed_mps=speed_mps, climb_mps=0.0, icao=0xA00001,
+                TrafficSource.ADSB, "A00001", now_s, -35.0 + north_m / 110_940.0, 149.0,
+                self.intruder_altitude_m, course_rad=math.pi, ground_speed_mps=speed_mps, climb_mps=0.0,
+                icao=0xA00001,
             )  # fmt: skip
             facts.append(Traffic(AUTOPILOT, report))
         return facts

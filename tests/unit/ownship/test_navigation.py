@@ -30,7 +30,7 @@ def flying(sequence: int | None = 2) -> Navigation:
     navigation = Navigation(kinematics)
     navigation.mission = mission()
     if sequence is not None:
-        navigation.observe_progress(MissionProgress(AUTOPILOT, sequence), 0.0)
+        navigation.observe_progress(MissionProgress(AUTOPILOT, sequence), 0.0, guided=False)
     return navigation
 
 
@@ -72,7 +72,7 @@ def test_without_a_fresh_item_or_target_the_goal_is_the_present_course() -> None
 def test_a_target_elsewhere_counts_and_soon_the_mission_is_outdated() -> None:
     navigation = flying()
     for second in range(8):
-        navigation.observe_progress(MissionProgress(AUTOPILOT, 2), float(second))
+        navigation.observe_progress(MissionProgress(AUTOPILOT, 2), float(second), guided=False)
         target(navigation, 47.05, float(second))
         goal = navigation.goal(FRAME, float(second), in_mission=True)
         assert north_m(goal) == pytest.approx(to_the_north_m(47.05))
