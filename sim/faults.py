@@ -15,20 +15,22 @@ Item = TypeVar("Item")
 class Faults:
     """The faults of a line: probabilities of loss and duplication of an item, and its delay.
 
-    A random share of `jitter_s` is added to each delay, so items overtake each other. `ValueError` for an
-    impossible probability or time.
+    A random share of `jitter_s` is added to each delay, so items overtake each other. With `copy_after_s` a
+    second, slower path delivers every item again, that much later. `ValueError` for an impossible probability
+    or time.
     """
 
     loss: float = 0.0
     duplication: float = 0.0
     delay_s: float = 0.0
     jitter_s: float = 0.0
+    copy_after_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("loss", "duplication"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} {getattr(self, name)} is not a probability")
-        for name in ("delay_s", "jitter_s"):
+        for name in ("delay_s", "jitter_s", "copy_after_s"):
             if not 0.0 <= getattr(self, name) <= 3600.0:
                 raise ValueError(f"{name} {getattr(self, name)} is not within an hour")
 
@@ -86,6 +88,9 @@ class FaultyLine(Generic[Item]):
             if self._chance.random() < self.faults.duplication:
                 self.counters.duplicated += 1
                 self._launch(item, now_s)
+            if self.faults.copy_after_s > 0.0:
+                self.counters.duplicated += 1
+                self._launch(item, now_s + self.faults.copy_after_s)
 
     def take(self, now_s: float) -> list[Item]:
         """The items that came out by `now_s`, in order of arrival."""

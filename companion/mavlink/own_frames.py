@@ -6,7 +6,7 @@ from collections import deque
 _REMEMBERED_S = 15.0
 # A former run of ours may still echo after the start. Later, so many frames that we did not send, within the
 # time below, come from another companion.
-_STARTED_S = 5.0
+_STARTED_S = 2.0
 _FOREIGN, _FOREIGN_WITHIN_S = 2, 10.0
 
 

@@ -96,7 +96,9 @@ class _Clock:
     answered_s: float = -math.inf  # the last answer to a TIMESYNC
     positions: OrderedDict[float, bytes] = field(default_factory=OrderedDict)  # by boot time
     copies: int = 0  # positions that another clock brought before
+    # Positions that none did, with one of the present clock in between: after a restart there is none.
     news: int = 0
+    counted_s: float = -math.inf
 
     def follows(self, boot_s: float, received_s: float) -> bool:
         """Whether a frame continues this clock."""
@@ -186,7 +188,7 @@ class VehicleClocks:
             if frame.message_id == _POSITION:
                 _compare(sender, clock, boot_s, frame.payload[_PLACE])
         path, number = _path_of(sender, frame.sequence, clock, received_s)
-        timing = _timing(sender, path.clock, boot_s is not None, received_s)
+        timing = _timing(sender, path, boot_s is not None, received_s)
         is_heartbeat = frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
         if is_heartbeat and timing.origin is Origin.PRESENT and path.is_overtaken(number):
             return timing._replace(origin=Origin.PAST)
@@ -234,11 +236,16 @@ def _path_of(sender: _Sender, sequence: int, clock: _Clock | None, received_s: f
     return found, number
 
 
-def _timing(sender: _Sender, clock: _Clock | None, is_timed: bool, received_s: float) -> Timing:
-    """When a frame of this clock was true; frames without a time share the lateness of the last timed one."""
-    clock = clock or sender.present
+def _timing(sender: _Sender, path: _Path, is_timed: bool, received_s: float) -> Timing:
+    """When a frame of this path was true; frames without a time share the lateness of the last timed one.
+
+    A path that begins beside others may be a late one: its frames count once one of them has a time.
+    """
+    clock = path.clock or sender.present
     if clock is None:
         return Timing(received_s, Origin.PRESENT)
+    if path.clock is None and any(other.clock is clock for other in sender.paths):
+        return Timing(received_s, Origin.PAST)
     if clock is not sender.present:
         late_s = 0.0 if sender.present is None else max(sender.present.lateness_s(clock), 0.0)
         return Timing(received_s - late_s, Origin.OTHER if clock.is_of_another else Origin.PAST)
@@ -282,7 +289,9 @@ def _compare(sender: _Sender, clock: _Clock, boot_s: float, place: bytes) -> Non
         None,
     )
     if original is None:
-        clock.news += 1
+        present_s = math.inf if sender.present is None else sender.present.received_s
+        if clock is not sender.present and present_s > clock.counted_s:
+            clock.news, clock.counted_s = clock.news + 1, present_s
         clock.positions[boot_s] = place
         if len(clock.positions) > _REMEMBERED:
             clock.positions.popitem(last=False)

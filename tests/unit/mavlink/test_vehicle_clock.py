@@ -211,3 +211,10 @@ def test_every_sender_has_its_own_numbers() -> None:
     for ours, theirs in mixed:
         assert clocks.judge(ours, 0.0).origin is Origin.PRESENT
         assert clocks.judge(theirs, 0.0).origin is Origin.PRESENT
+
+
+def test_a_restart_without_silence_is_no_other_vehicle() -> None:
+    before, after = flight(30.0), flight(20.0, from_s=1030.0, boot_s=0.1)
+    verdicts = origins(before, after)
+    assert verdicts[Origin.OTHER] == 0
+    assert Origin.PAST not in origins(before, after, after_s=1031.6)

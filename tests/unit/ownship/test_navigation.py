@@ -102,9 +102,9 @@ def test_a_target_of_our_own_setpoints_is_no_target_of_the_autopilot() -> None:
     target(navigation, 47.2)
     target(navigation, 47.05, ours=True)
     assert navigation.target(0.0) == GeoPoint(47.2, 8.0, 650.0)
-    assert navigation.redirected_from(GeoPoint(47.2, 8.0, 650.0))
-    assert not navigation.redirected_from(GeoPoint(47.0505, 8.0, 650.0))
-    assert not navigation.redirected_from(None)
+    assert navigation.redirected_from(GeoPoint(47.2, 8.0, 650.0), 9.0)
+    assert not navigation.redirected_from(GeoPoint(47.0505, 8.0, 650.0), 9.0)
+    assert not navigation.redirected_from(None, 9.0)
 
 
 def test_destinations_are_those_of_the_mission_that_is_known() -> None:
