@@ -194,6 +194,7 @@ class Threat:
     miss_horizontal_m: float
     miss_vertical_m: float
     layer: Layer
+    name: str = ""  # as `Track.name`
 
 
 @dataclass(frozen=True, slots=True)

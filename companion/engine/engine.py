@@ -398,7 +398,8 @@ class Engine:
         deciding, supervisor = self._deciding, self.supervisor
         if deciding.own is None:
             return []
-        around = Circumstances(supervisor.state, supervisor.flying, self.aircraft.mode, deciding.frame)
+        aircraft, home_m = self.aircraft, self.aircraft.home_altitude_m()
+        around = Circumstances(supervisor.state, supervisor.flying, aircraft.mode, deciding.frame, home_m)
         return [Record(now_s, deciding.decision, deciding.own, deciding.tracks, around)]
 
     def _emit(self, outgoing: Iterable[Message | AnyNotice], now_s: float) -> list[Effect]:
@@ -417,9 +418,7 @@ class Engine:
     @property
     def _situation(self) -> TrafficSituation:
         deciding = self._deciding
-        return TrafficSituation(
-            deciding.decision, deciding.own, deciding.tracks, self.aircraft.home_altitude_m()
-        )
+        return TrafficSituation(deciding.decision, deciding.own, self.aircraft.home_altitude_m())
 
 
 @cache

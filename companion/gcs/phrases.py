@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from companion.mavlink.dialect import mavlink
-from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat, Track
+from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat
 from companion.output.notice import TEXT_BYTES, Notice
 from companion.units import FOOT_M, KNOT_MPS, wrap_pi, wrap_two_pi
 
@@ -20,17 +20,11 @@ _HOLD = "HOLD"
 
 
 class TrafficSituation(NamedTuple):
-    """The decision and its inputs; heights are stated above `home_m`, if that is known."""
+    """The decision and our aircraft; heights are stated above `home_m`, if that is known."""
 
     decision: Decision
     own: Ownship | None
-    tracks: Sequence[Track]
     home_m: float | None = None
-
-    def name(self, threat: Threat) -> str:
-        """The name of the threat: callsign, ICAO address, or its track id."""
-        track = next((track for track in self.tracks if track.track_id == threat.track_id), None)
-        return threat.track_id if track is None else track.name
 
 
 class Maneuver(NamedTuple):
@@ -78,7 +72,7 @@ def conflict_notice(
     inner = decision.layer is Layer.INNER
     advice = "" if flying else "Advise "
     mark = "! " if inner else ": "
-    traffic = [*shortened_threat(threat, own, situation.name(threat), units)]
+    traffic = [*shortened_threat(threat, own, _name(threat), units)]
     return Notice(
         mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
         f"{advice}{maneuver.text}{mark}{traffic[0]}",
@@ -101,7 +95,7 @@ def resume_notice(situation: TrafficSituation, mode: str) -> Notice:
     text = f"Resuming {mode}"
     if threats:
         others = f" + {len(threats) - 1}" if len(threats) > 1 else ""
-        text += f": {situation.name(threats[0])}{others} {'near, ' if inner else ''}not avoided"
+        text += f": {_name(threats[0])}{others} {'near, ' if inner else ''}not avoided"
     return Notice(mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING, text)
 
 
@@ -123,6 +117,10 @@ def shortened_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) 
     yield f"{clock} {distance}"
     yield name
     yield distance
+
+
+def _name(threat: Threat) -> str:
+    return threat.name or threat.track_id
 
 
 def _clock(threat: Threat, own: Ownship) -> str:

@@ -7,13 +7,12 @@ import pytest
 
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.phrases import TrafficSituation
-from companion.model import Decision, Guidance, Layer, Ownship, Threat, Track
+from companion.model import Decision, Guidance, Layer, Ownship, Threat
 from companion.output.notice import ConflictNotice
 from companion.units import wrap_pi
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
 THREAT = Threat("A1", None, 1800.0, 0.0, 0.0, 80.0, 25.0, 0.0, 0.0, Layer.OUTER)
-TRACK = Track("A1", 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), callsign="N1")
 
 
 def flown(course_deg: float = 0.0, height_m: float = 300.0, airspeed_mps: float = 22.0) -> Guidance:
@@ -31,7 +30,7 @@ class Crew:
         threatened = (THREAT,) if threats else ()
         because = "" if threats else "clear of conflict, returning along the fence"
         layer = Layer.OUTER if guidance is not None else Layer.CLEAR
-        return TrafficSituation(Decision(layer, guidance, threatened, because), self.own, [TRACK], 0.0)
+        return TrafficSituation(Decision(layer, guidance, threatened, because), self.own, 0.0)
 
     def conflict(self, guidance: Guidance, *, flying: bool = True) -> list[str]:
         around = self.situation(guidance)

@@ -12,7 +12,7 @@ from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.phrases import Maneuver, TrafficSituation, resume_notice
 from companion.gcs.statustext import StatusText
 from companion.mavlink.dialect import mavlink
-from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat, Track
+from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat
 from companion.output.effects import Say
 from companion.output.notice import TEXT_BYTES, AnyNotice, ConflictNotice, Notice
 
@@ -20,16 +20,14 @@ HOME_M = 584.0
 OWN = Ownship(0.0, (0.0, 0.0, -884.0), (22.0, 0.0, 0.0), 22.0, 0.0)
 
 
-def threat(track_id: str = "ABC123", above_m: float = -61.0, layer: Layer = Layer.OUTER) -> Threat:
+def threat(
+    track_id: str = "ABC123", above_m: float = -61.0, layer: Layer = Layer.OUTER, name: str = ""
+) -> Threat:
     return Threat(
         track_id=track_id, icao=0xABC123, distance_m=1800.0, bearing_rad=math.radians(60.0),
         relative_altitude_m=above_m, closing_mps=70.0, time_to_closest_s=25.0, miss_horizontal_m=0.0,
-        miss_vertical_m=0.0, layer=layer,
+        miss_vertical_m=0.0, layer=layer, name=name,
     )  # fmt: skip
-
-
-def track(callsign: str | None, track_id: str = "ABC123") -> Track:
-    return Track(track_id, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), callsign=callsign)
 
 
 def guidance(course_deg: float = 0.0, airspeed_mps: float = 22.0, height_m: float = 300.0) -> Guidance:
@@ -37,10 +35,10 @@ def guidance(course_deg: float = 0.0, airspeed_mps: float = 22.0, height_m: floa
 
 
 def situation(
-    flown: Guidance, callsign: str | None = None, layer: Layer = Layer.OUTER, *, home_m: float | None = HOME_M
+    flown: Guidance, callsign: str = "", layer: Layer = Layer.OUTER, *, home_m: float | None = HOME_M
 ) -> TrafficSituation:
-    decision = Decision(layer, flown, (threat(layer=layer),))
-    return TrafficSituation(decision, OWN, [track(callsign)], home_m)
+    decision = Decision(layer, flown, (threat(layer=layer, name=callsign),))
+    return TrafficSituation(decision, OWN, home_m)
 
 
 def texts(notice: AnyNotice, around: TrafficSituation, units: TextUnits = "metric") -> tuple[str, list[str]]:
@@ -109,7 +107,7 @@ def test_a_conflict_fits_one_message_with_its_numbers_whole(
 ) -> None:  # fmt: skip
     flown = guidance(course_deg, airspeed_mps, height_m)
     near = Threat(name, None, distance_m, above_m, 1.0, 70.0, 25.0, 0.0, 0.0, layer)
-    around = TrafficSituation(Decision(layer, flown, (near,)), OWN, [track(None, name)], home_m)
+    around = TrafficSituation(Decision(layer, flown, (near,)), OWN, home_m)
     full, sent = texts(ConflictNotice(flying), around, units)
     assert len(sent) == 1
     assert len(sent[0]) <= TEXT_BYTES
@@ -190,8 +188,6 @@ def test_without_home_a_height_is_a_difference() -> None:
 def test_a_resumed_mission_names_the_threats_that_are_not_avoided(
     threats: list[Threat], layer: Layer, words: str
 ) -> None:
-    notice = resume_notice(
-        TrafficSituation(Decision(layer, None, tuple(threats)), OWN, [track(None)]), "MISSION"
-    )
+    notice = resume_notice(TrafficSituation(Decision(layer, None, tuple(threats)), OWN), "MISSION")
     assert notice.text == words
     assert (notice.severity == mavlink.MAV_SEVERITY_CRITICAL) == (layer is Layer.INNER)
