@@ -64,6 +64,17 @@ def load_config(path: str | Path) -> Config:
     )
 
 
+def line_of(path: Path, *keys: str) -> int | None:
+    """The line of a key in a configuration file; `None` where the file leaves it at its default."""
+    node: Node = load_document(path)
+    line = None
+    for key in keys:
+        if not isinstance(node, Table) or key not in node.entries:
+            return None
+        line, node = node.entries[key]
+    return line
+
+
 def read_checked(document: Table, name: str, kind: type[T]) -> T:
     """A document as a dataclass; `name` is the file name in a `ConfigError`."""
     return _FileReader(name).read(document, kind)

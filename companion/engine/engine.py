@@ -96,6 +96,7 @@ class Engine:
         self._statustext = StatusText()
         self._maneuvers = ManeuverNotices()
         self._conditions = Conditions()
+        self.shell_conditions: tuple[Condition, ...] = ()  # that the shell has found
         self._broadcasts = Broadcasts()
         self._readiness = Readiness(
             self.aircraft,
@@ -381,7 +382,8 @@ class Engine:
     def _present_conditions(self, now_s: float) -> list[Condition]:
         """The conditions that hold now, of every room that reports any."""
         threatened = bool(self.decision.threats)
-        return self._notices.conditions(self._readiness, now_s, threatened=threatened)
+        own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
+        return [*own, *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

@@ -48,8 +48,7 @@ class _Announced:
         """Whether a pilot notices the difference from the one before."""
         now, then = self.guidance, before.guidance
         return (
-            self.flying is not before.flying
-            or abs(wrap_pi(now.course_rad - then.course_rad)) > _COURSE_RAD
+            abs(wrap_pi(now.course_rad - then.course_rad)) > _COURSE_RAD
             or abs(now.altitude_m - then.altitude_m) > _HEIGHT_M
             or abs(now.airspeed_mps - then.airspeed_mps) > _SPEED_MPS
             or self.reverses(before)
@@ -62,9 +61,10 @@ class ManeuverNotices:
     def __init__(self) -> None:
         self.words = ""  # the manoeuvre announced last, while it lasts
         self.text = ""  # the same with the traffic, as announced
-        self._last: _Announced | None = None
-        self._last_words = ("", "")
-        self._last_s: dict[str, float] = {}  # by layer and threat
+        # Of what was flown, and of what was advised: an attempt that fails again and again alternates.
+        self._last: dict[bool, _Announced] = {}
+        self._last_words: dict[bool, tuple[str, str]] = {}
+        self._last_s: dict[str, float] = {}  # by layer, threat and whether it was flown
         self._number = 0
         self._texts_left, self._refilled_s = float(_BURST), 0.0
         self._commanded = False
@@ -105,7 +105,8 @@ class ManeuverNotices:
             return []
         self._commanded = True
         present = _Announced.of(commanded, own, flying=True)
-        if self._last is not None and not present.differs(self._last):
+        last = self._last.get(True)
+        if last is not None and not present.differs(last):
             return []
         if not self._take_text(present, now_s):
             return []
@@ -121,11 +122,10 @@ class ManeuverNotices:
         if own is None or not decision.threats or decision.guidance is None:
             return None
         present = _Announced.of(decision.guidance, own, flying=flying)
-        last_s = self._last_s.get(_subject(situation))
-        lately = last_s is not None and now_s - last_s < _REPEAT_S
-        if lately and self._last is not None:
-            if not present.differs(self._last):
-                self.words, self.text = self._last_words
+        last_s, last = self._last_s.get(_subject(situation, flying=flying)), self._last.get(flying)
+        if last is not None and last_s is not None and now_s - last_s < _REPEAT_S:
+            if not present.differs(last):
+                self.words, self.text = self._last_words[flying]
                 return None
             if not self._take_text(present, now_s):
                 return None
@@ -144,32 +144,34 @@ class ManeuverNotices:
         else:
             notice = Notice(mavlink.MAV_SEVERITY_NOTICE, f"{maneuver.text}: {why}", topic=topic)
         if notice is not None:
-            self._last = present
+            self._last[present.flying] = present
             self._last_s = {k: s for k, s in self._last_s.items() if now_s - s < _REPEAT_S}
-            self._last_s[_subject(situation)] = now_s
+            self._last_s[_subject(situation, flying=present.flying)] = now_s
             self.words = maneuver.text if present.flying else f"Advise {maneuver.text}"
             self.text = notice.text
-            self._last_words = self.words, self.text
+            self._last_words[present.flying] = self.words, self.text
         return notice
 
     def _forget(self) -> None:
         """Nothing is flown any more: the next manoeuvre is a new one."""
-        self._last, self.words, self.text = None, "", ""
-        self._last_s = {}
+        self.words = self.text = ""
+        self._last, self._last_s = {}, {}
 
     def _take_text(self, present: _Announced, now_s: float) -> bool:
         """Use one of the texts that may be sent; false when there is none left."""
         elapsed_s = max(now_s - self._refilled_s, 0.0)
         self._texts_left = min(self._texts_left + elapsed_s / _INTERVAL_S, float(_BURST))
         self._refilled_s = now_s
-        reserve = _BURST if self._last is None or present.reverses(self._last) else 0
+        last = self._last.get(present.flying)
+        reserve = _BURST if last is None or present.reverses(last) else 0
         if self._texts_left + reserve < 1.0:
             return False
         self._texts_left -= 1.0
         return True
 
 
-def _subject(situation: TrafficSituation) -> str:
-    """The layer and the most urgent threat."""
+def _subject(situation: TrafficSituation, *, flying: bool) -> str:
+    """The layer, the most urgent threat, and whether it is flown."""
     decision = situation.decision
-    return f"{decision.layer} {decision.threats[0].track_id if decision.threats else ''}"
+    threat = decision.threats[0].track_id if decision.threats else ""
+    return f"{decision.layer} {'flown' if flying else 'advised'} {threat}"

@@ -115,6 +115,14 @@ def test_an_attempt_that_fails_is_not_announced_again_at_each_retry() -> None:
     assert texts == ["RIGHT 045"]
 
 
+def test_attempts_and_advice_in_turn_are_each_announced_once() -> None:
+    crew, texts = Crew(), []
+    for attempt in range(14):
+        texts += crew.conflict(flown(45.0), flying=attempt % 2 == 0)
+        crew.tick(None, seconds=2.0)
+    assert texts == ["RIGHT 045", "Advise RIGHT 045"]
+
+
 def test_advice_is_announced_again_after_half_a_minute_and_when_it_changes() -> None:
     crew, texts = Crew(), []
     for tick in range(700):
