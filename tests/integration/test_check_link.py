@@ -13,6 +13,7 @@ import pytest
 
 from companion.config import Config
 from companion.control.state_machine import SupervisorParams
+from companion.errors import PORT_IN_USE
 from companion.geodesy import GeoPoint
 from companion.links import open_link
 from companion.mavlink.dialect import Message, mavlink

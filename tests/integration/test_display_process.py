@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from companion.errors import PORT_IN_USE
 from companion.web import Display
 from companion.web.settings import Settings
 from sim.demo import DemoOptions, DemoState, fly_demo
