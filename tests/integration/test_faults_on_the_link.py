@@ -151,7 +151,10 @@ async def test_two_autopilots_on_one_link(autopilot: Autopilot, system_id: int |
             assert flight.engine.aircraft.adapter is None
             assert flight.notes.commands() == []
             assert flight.modes == [MISSION[autopilot]]
-            assert "several autopilots, set autopilot_system_id" in flight.notes.texts()
+            told = "several autopilots, set autopilot_system_id"
+            assert flight.notes.texts().count(told) == 1
+            await flight.fly(15.0)
+            assert flight.notes.texts().count(told) == 2, "again after half a minute"
         else:
             await flight.engaged()
             await flight.fly(5.0)
