@@ -17,6 +17,8 @@ _REVERSED_RAD, _REVERSED_M = math.radians(8.0), 6.0
 _REPEAT_S = 30.0
 # Many changes in a row: a burst of texts, then one each interval; reversals have as many in reserve.
 _BURST, _INTERVAL_S = 3, 3.0
+# The text that the aircraft is let go stays on the display for this long before advice follows.
+_LET_GO_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,7 @@ class ManeuverNotices:
         self._number = 0
         self._texts_left, self._refilled_s = float(_BURST), 0.0
         self._commanded = False
+        self._flown_s = -math.inf  # when it was last flown, or announced as flown
 
     def worded(
         self, notice: AnyNotice, situation: TrafficSituation, units: TextUnits, now_s: float
@@ -103,7 +106,7 @@ class ManeuverNotices:
                 self.words = self.text = ""
             self._commanded = False
             return []
-        self._commanded = True
+        self._commanded, self._flown_s = True, now_s
         present = _Announced.of(commanded, own, flying=True)
         last = self._last.get(True)
         if last is not None and not present.differs(last):
@@ -120,6 +123,8 @@ class ManeuverNotices:
         """The conflict, unless it was announced lately with a manoeuvre that a pilot does not distinguish."""
         own, decision = situation.own, situation.decision
         if own is None or not decision.threats or decision.guidance is None:
+            return None
+        if not flying and 0.0 <= now_s - self._flown_s < _LET_GO_S:
             return None
         present = _Announced.of(decision.guidance, own, flying=flying)
         last_s, last = self._last_s.get(_subject(situation, flying=flying)), self._last.get(flying)
@@ -145,6 +150,7 @@ class ManeuverNotices:
             notice = Notice(mavlink.MAV_SEVERITY_NOTICE, f"{maneuver.text}: {why}", topic=topic)
         if notice is not None:
             self._last[present.flying] = present
+            self._flown_s = now_s if present.flying else self._flown_s
             self._last_s = {k: s for k, s in self._last_s.items() if now_s - s < _REPEAT_S}
             self._last_s[_subject(situation, flying=present.flying)] = now_s
             self.words = maneuver.text if present.flying else f"Advise {maneuver.text}"

@@ -123,6 +123,17 @@ def test_attempts_and_advice_in_turn_are_each_announced_once() -> None:
     assert texts == ["RIGHT 045", "Advise RIGHT 045"]
 
 
+def test_advice_follows_some_seconds_after_the_aircraft_was_let_go() -> None:
+    crew, texts = Crew(), []
+    assert crew.conflict(flown(45.0)) == ["RIGHT 045"]
+    assert crew.tick(flown(45.0)) == []
+    let_go_s = crew.now_s
+    for _ in range(50):
+        crew.tick(None)
+        texts += [(round(crew.now_s - let_go_s, 1), t) for t in crew.conflict(flown(45.0), flying=False)]
+    assert texts == [(3.0, "Advise RIGHT 045")]
+
+
 def test_advice_is_announced_again_after_half_a_minute_and_when_it_changes() -> None:
     crew, texts = Crew(), []
     for tick in range(700):
