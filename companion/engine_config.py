@@ -29,7 +29,7 @@ class EngineParams:
     # No new decision is made from an own position older than this.
     position_stale_s: Annotated[float, Gt(0), Le(5)] = 2.0
     # Highest height above home that an avoidance may climb to; `None`: no ceiling.
-    max_height_m: Annotated[float, Gt(0)] | None = None
+    max_height_m: Annotated[float, Gt(0), Le(10_000)] | None = None
     # Units of the texts for the operator: metres and m/s, or feet and knots.
     text_units: TextUnits = "metric"
 

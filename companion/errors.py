@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 
+# What to do about EADDRINUSE.
+PORT_IN_USE = "Address already in use: end the other program (ss -lntup lists them), or choose another port"
+
 
 class CompanionError(Exception):
     """A failure that its one-line message explains."""

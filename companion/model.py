@@ -136,6 +136,11 @@ class Track:
     vertical_uncertainty_m: float = 0.0
     turn_radps: float = 0.0
 
+    @property
+    def name(self) -> str:
+        """The name that people read: callsign, ICAO address, or the track id."""
+        return self.callsign or (self.track_id if self.icao is None else adsb_key(self.icao))
+
 
 @dataclass(frozen=True, slots=True)
 class Goal:
@@ -189,6 +194,7 @@ class Threat:
     miss_horizontal_m: float
     miss_vertical_m: float
     layer: Layer
+    name: str = ""  # as `Track.name`
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,3 +235,5 @@ class Snapshot:
     decision: Decision = field(default_factory=lambda: Decision(Layer.CLEAR))
     goal: Goal | None = None
     last_text: str = ""
+    maneuver: str = ""  # as announced last, while it lasts: "CLIMB to 397 m, RIGHT 045"
+    maneuver_text: str = ""  # the same with the traffic

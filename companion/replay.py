@@ -42,7 +42,7 @@ class LogClock:
 
 @dataclass
 class Replay:
-    """The result. `layers` counts decisions; `events` are (time since start [s], layer, because)."""
+    """The result. `layers` counts decisions; `events` are (time since start [s], layer, words)."""
 
     messages: int = 0
     bad_bytes: int = 0
@@ -92,7 +92,7 @@ def replay(
     """
     result = Replay()
     started_s = time.perf_counter()
-    last = Layer.CLEAR
+    last: tuple[Layer, str] = (Layer.CLEAR, "")
     first_us: int | None = None
 
     def perform(time_us: int, effects: Sequence[Effect]) -> None:
@@ -108,9 +108,10 @@ def replay(
             decision = engine.decision
             result.layers[decision.layer] += 1
             on_moment(since_s, time_us / 1e6)
-            if decision.layer is not last:
-                result.events.append((since_s, decision.layer, decision.because))
-                last = decision.layer
+            announced = engine.snapshot(time_us / 1e6).maneuver_text
+            if (decision.layer, announced) != last:
+                result.events.append((since_s, decision.layer, announced or decision.because))
+                last = decision.layer, announced
 
     logs = [read_tlog(each, only=WANTED) for each in (path, *later_parts)]
     clock = LogClock()

@@ -44,7 +44,7 @@ class CostWeights:
     descent: Annotated[float, Ge(0)] = 0.2  # flat, for going below the mission, towards the ground
     # Flat, for leaving the mission's height where that is a risk in itself (`Avoider.prefers_turns`): more
     # than any turn costs, less than the loss of the protected volume.
-    spared_height: Annotated[float, Ge(0)] = 12.0
+    spared_height: Annotated[float, Ge(0), Le(100)] = 12.0
     speed: Annotated[float, Ge(0)] = 0.5  # times the difference from the mission's speed, per 10 m/s
     # Flat, for anything but the present guidance. Twice that while the closest approach is far off: there is
     # time, and what looks cheaper now may not be a moment later.
@@ -80,34 +80,37 @@ class OuterMethod(StrEnum):
 
 @dataclass(frozen=True)
 class AvoidanceParams:
-    """Volumes, layers and prices. Radii are measured from the protected volume's surface (paper §2.3)."""
+    """Volumes, layers and prices. Radii are measured from the protected volume's surface (paper §2.3).
+
+    The ranges hold for configuration files and for settings in flight; studies may go beyond them.
+    """
 
     # Well clear for small UAS against crewed aircraft (ASTM F3442).
-    well_clear_horizontal_m: Annotated[float, Gt(0), Le(20_000)] = 609.6
-    well_clear_vertical_m: Annotated[float, Gt(0), Le(2_000)] = 76.2
+    well_clear_horizontal_m: Annotated[float, Ge(50), Le(5000)] = 609.6
+    well_clear_vertical_m: Annotated[float, Ge(15), Le(1000)] = 76.2
     # Fixed obstacles need smaller volumes than aircraft.
-    obstacle_horizontal_m: Annotated[float, Gt(0), Le(20_000)] = 150.0
-    obstacle_vertical_m: Annotated[float, Gt(0), Le(2_000)] = 50.0
+    obstacle_horizontal_m: Annotated[float, Ge(20), Le(2000)] = 150.0
+    obstacle_vertical_m: Annotated[float, Ge(10), Le(500)] = 50.0
     # Margins, as shares of the required volume, against what is not predicted.
-    horizontal_margin: Annotated[float, Ge(0), Le(5)] = 0.15
-    vertical_margin: Annotated[float, Ge(0), Le(5)] = 0.25
+    horizontal_margin: Annotated[float, Ge(0), Le(2)] = 0.15
+    vertical_margin: Annotated[float, Ge(0), Le(2)] = 0.25
     # The volume counts as lost within this share of it outside its edge: no aircraft flies exactly as
     # predicted, and half of the flights that are planned to graze a volume enter it.
     lost_margin: Annotated[float, Ge(0), Le(1)] = 0.06
     # Each layer reaches as far as its radius, or its time at the closing speed, whichever is larger.
-    outer_radius_m: Annotated[float, Gt(0)] = 1500.0
-    outer_time_s: Annotated[float, Ge(0), Le(80)] = 60.0
-    inner_radius_m: Annotated[float, Gt(0)] = 300.0
-    inner_time_s: Annotated[float, Ge(0), Le(80)] = 20.0
+    outer_radius_m: Annotated[float, Ge(300), Le(20_000)] = 1500.0
+    outer_time_s: Annotated[float, Ge(10), Le(80)] = 60.0
+    inner_radius_m: Annotated[float, Ge(50), Le(5000)] = 300.0
+    inner_time_s: Annotated[float, Ge(5), Le(60)] = 20.0
     # Transition domain: once we are inside a collision cone, it is this much wider.
     delta_beta_rad: Annotated[float, Ge(0), Le(math.pi)] = math.radians(90.0)
     # An avoidance begins when the mission would come nearer than this share of the volume with its margin.
     # The first share applies when closest approach is within `inner_time_s`, or when the volume is entered
     # now; the second applies from `outer_time_s` on.
-    begin_near: Annotated[float, Gt(0), Le(1)] = 0.87
-    begin_far: Annotated[float, Gt(0), Le(1)] = 0.55
+    begin_near: Annotated[float, Ge(0.3), Le(1)] = 0.87
+    begin_far: Annotated[float, Ge(0.2), Le(1)] = 0.55
     # The mission is resumed when flying it on has been clear, by this share in addition, for this long.
-    release_margin: Annotated[float, Ge(0), Le(5)] = 0.2
+    release_margin: Annotated[float, Ge(0), Le(2)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0
     # An aircraft beside us, on our course and at our speed, could keep us off the mission for ever. After
     # this time the release margin is given up, the price `unresolved` grows, and passing it faster or slower
@@ -116,7 +119,7 @@ class AvoidanceParams:
     # If the fence blocks the way back to the mission, the aircraft flies along it for at most this long.
     return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
     # An avoidance changes height by no more than this, from the present height or the mission's.
-    largest_height_change_m: Annotated[float, Gt(0), Le(3_000)] = 300.0
+    largest_height_change_m: Annotated[float, Ge(30), Le(1000)] = 300.0
     # No row may leave the fence within this many times the time to turn around. Once is enough to stay
     # inside: an aircraft that turns around never gets further ahead than one that flies on for the same time,
     # so that there is room to turn wherever flying on is allowed. The rest is for the time until the next
@@ -135,5 +138,7 @@ class AvoidanceParams:
     surprises: ManeuverParams = field(default_factory=ManeuverParams)
 
     def __post_init__(self) -> None:
-        if self.inner_radius_m > self.outer_radius_m or self.inner_time_s > self.outer_time_s:
-            raise ValueError("the inner layer must not reach further than the outer layer")
+        if self.inner_radius_m > self.outer_radius_m:
+            raise ValueError("inner_radius_m must not exceed outer_radius_m")
+        if self.inner_time_s > self.outer_time_s:
+            raise ValueError("inner_time_s must not exceed outer_time_s")

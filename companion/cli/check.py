@@ -11,6 +11,7 @@ from rich.console import Console
 
 from companion.cli.common import note_if_slow
 from companion.cli.display import display_settings
+from companion.cli.storage import storage_problems
 from companion.config import (
     Config,
     apply_saved,
@@ -74,6 +75,8 @@ def check(
     console = Console(highlight=False, soft_wrap=True)
     saved = load_saved(config)
     if link:
+        for problem in storage_problems(config):
+            console.print(problem.in_file(config_file), markup=False, style="yellow")
         _check_link(console, apply_saved(config, saved), seconds)
     else:
         console.print(describe(config), markup=False, end="")
@@ -83,7 +86,15 @@ def check(
             console.print(f"# {config.settings_file}: {line}", markup=False, style="yellow")
         if saved.problem is not None:
             console.print(f"# {saved.problem}", markup=False, style="yellow")
+        _refuse_storage(config, config_file)
         console.print(f"{config_file}: good to fly with", markup=False, style="green")
+
+
+def _refuse_storage(config: Config, config_file: Path) -> None:
+    """`ConfigError` if a file of the flight cannot be written; one line for each on stderr."""
+    lines = [problem.in_file(config_file) for problem in storage_problems(config)]
+    if lines:
+        raise ConfigError("\n".join(lines))
 
 
 def _check_link(console: Console, config: Config, seconds: float) -> None:

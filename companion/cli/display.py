@@ -17,8 +17,10 @@ def display_settings(config: Config) -> Settings:
     if token_file is not None:
         try:
             token = token_file.read_text(encoding="utf-8").partition("\n")[0].strip()
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"web.token_file {token_file}: cannot be read: {error}") from error
+        except OSError as error:
+            raise ConfigError(f"web.token_file {token_file}: cannot be read: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise ConfigError(f"web.token_file {token_file}: is not UTF-8 text") from error
         if len(token) < SHORTEST_TOKEN:
             raise ConfigError(f"web.token_file {token_file}: must have at least {SHORTEST_TOKEN} characters")
     in_feet = config.engine.text_units == "aviation"

@@ -99,8 +99,8 @@ def _ignore(_since_s: float, _now_s: float) -> None:
 
 
 def _print_result(console: Console, log: Path, result: Replay) -> None:
-    for since_s, layer, because in result.events:
-        console.print(f"{since_s:8.1f} s  {layer:<5}  {because}", markup=False)
+    for since_s, layer, words in result.events:
+        console.print(f"{since_s:8.1f} s  {layer:<5}  {words}", markup=False, soft_wrap=True)
     layers = ", ".join(f"{layer} {result.layers[layer]}" for layer in Layer)
     console.print(
         f"{log.name}: {result.messages} messages ({result.bad_bytes} bad bytes), "

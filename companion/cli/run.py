@@ -5,6 +5,7 @@ import logging
 import os
 import sys
 import time
+from collections.abc import Iterator
 from typing import Annotated
 
 import typer
@@ -13,10 +14,13 @@ from companion import __version__
 from companion.airspace.obstacles import Obstacle
 from companion.cli.common import ConfigFile, note_if_slow
 from companion.cli.display import display_settings_in_flight
+from companion.cli.storage import storage_problems
 from companion.config import Config, describe_saved, load_config, load_obstacles, load_saved
 from companion.engine import Engine
 from companion.errors import LogError
 from companion.links import open_all, open_link
+from companion.mavlink.dialect import mavlink
+from companion.output.notice import Condition
 from companion.recording.recorder import MB, Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.runtime import Runtime
@@ -52,8 +56,10 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
         _log.warning(saved.problem)
     for line in describe_saved(config, saved):
         _log.info("%s: %s", config.settings_file, line)
+    engine = Engine(config.for_engine(obstacles), saved=saved.values)
+    engine.shell_conditions = tuple(_storage_conditions(config))
     runtime = Runtime(
-        Engine(config.for_engine(obstacles), saved=saved.values),
+        engine,
         links,
         recorder=recorder,
         not_recorded=not_recorded,
@@ -63,6 +69,15 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
         display=display,
     )
     await runtime.run(on_signals=True)
+
+
+def _storage_conditions(config: Config) -> Iterator[Condition]:
+    """The files that cannot be written; a restart in flight goes on without them, and says so."""
+    for problem in storage_problems(config):
+        if problem.key != "recording.directory":  # the recorder reports that
+            _log.error("%s %s: cannot be written: %s", *problem)
+            text = f"Avoidance: {problem.key} cannot be written: {problem.why}"
+            yield Condition(problem.key, mavlink.MAV_SEVERITY_WARNING, text)
 
 
 def _recorder(config: Config) -> tuple[Recorder | None, str | None]:

@@ -3,6 +3,7 @@
 import difflib
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -42,6 +43,9 @@ _MUST_BE = {
 }
 _LIMITS = ("gt", "ge", "lt", "le", "multiple_of")
 _MAX_REASON_LENGTH = 200
+# A field in a message, as in `supervisor.take_over_from[1]`.
+_NAMES = re.compile(r"[a-z]\w*(?:\.[a-z]\w*|\[\d+\])*")
+_PARTS = re.compile(r"\w+")
 
 FieldPath = tuple[str | int, ...]
 T = TypeVar("T")
@@ -58,6 +62,17 @@ def load_config(path: str | Path) -> Config:
         obstacle_files=tuple((path.parent / file).absolute() for file in config.obstacle_files),
         web=replace(config.web, token_file=token_file and (path.parent / token_file).absolute()),
     )
+
+
+def line_of(path: Path, *keys: str) -> int | None:
+    """The line of a key in a configuration file; `None` where the file leaves it at its default."""
+    node: Node = load_document(path)
+    line = None
+    for key in keys:
+        if not isinstance(node, Table) or key not in node.entries:
+            return None
+        line, node = node.entries[key]
+    return line
 
 
 def read_checked(document: Table, name: str, kind: type[T]) -> T:
@@ -127,11 +142,25 @@ class _FileReader:
         innermost = [p for p in by_path if not any(p == other[: len(p)] and p != other for other in by_path)]
         path = min(innermost, key=lambda known: self._places[known][0])
         line, key, node = self._places[path]
+        if (named := self._first_named(by_path[path], path)) is not None:
+            line = named
         missing = next((e["loc"][-1] for e in by_path[path] if e["type"] == "missing"), None)
         if isinstance(missing, str):
             required = file_key(missing)
             return self._error(line, f"{key}.{required}" if key else required, "is required")
         return self._error(line, key, _message(by_path[path], path, node))
+
+    def _first_named(self, errors: Sequence[ErrorDetails], path: FieldPath) -> int | None:
+        """The line of the first key that a rule between several keys names and the file has."""
+        for error in errors:
+            reason = str(error.get("ctx", {}).get("error"))
+            if error["type"] != "value_error" or reason.startswith("must "):
+                continue  # it is about the section as a whole
+            for name in _NAMES.findall(reason):
+                parts = tuple(int(part) if part.isdigit() else part for part in _PARTS.findall(name))
+                if (*path, *parts) in self._places:
+                    return self._places[*path, *parts][0]
+        return None
 
     def _known_part(self, loc: tuple[int | str, ...]) -> FieldPath:
         """The part of a location that is in the file; the rest names alternatives of a union."""

@@ -1,5 +1,6 @@
 """The content of a configuration file, composed of parameters that are defined next to their use."""
 
+import difflib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -67,6 +68,12 @@ class WebParams:
     origins: tuple[str, ...] = ()
 
 
+def _did_you_mean(mode: str) -> str:
+    """A hint at the mode that was meant, if one is similar."""
+    close = difflib.get_close_matches(mode.upper(), sorted(MODE_NAMES - NEVER_TAKEN), n=1)
+    return f", did you mean {close[0]}?" if close else ""
+
+
 @dataclass(frozen=True, slots=True)
 class Config:
     """The configuration of `companion run`."""
@@ -97,11 +104,12 @@ class Config:
     fences: tuple[FenceZone, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in self.supervisor.take_over_from:
+        for index, name in enumerate(self.supervisor.take_over_from):
+            where = f"supervisor.take_over_from[{index}]"
             if name not in MODE_NAMES:
-                raise ValueError(f"supervisor.take_over_from: no autopilot has a mode {name!r}")
+                raise ValueError(f"{where}: no autopilot has a mode {name!r}{_did_you_mean(name)}")
             if name in NEVER_TAKEN:
-                raise ValueError(f"supervisor.take_over_from: {name} is never taken over from")
+                raise ValueError(f"{where}: {name} is never taken over from")
         if self.autopilot != "auto" and not MODES_OF[self.autopilot] & {*self.supervisor.take_over_from}:
             raise ValueError(f"supervisor.take_over_from: {self.autopilot} has none of these modes")
         if self.settings_file == self.state_file:

@@ -20,6 +20,7 @@ class Commanding:
         self._aircraft = aircraft
         self._handover = handover
         self._refused: list[RefusedValue] = []
+        self.commanded: Guidance | None = None  # on this tick, while there is more to fly than straight on
 
     @property
     def may_fly(self) -> bool:
@@ -39,6 +40,7 @@ class Commanding:
 
         `urgent`: a report of a threat was received since the last tick.
         """
+        self.commanded = None
         adapter, aircraft, state = self._aircraft.adapter, self._aircraft, self._handover.supervisor.state
         if adapter is None or not self._handover.holds:
             return []
@@ -54,6 +56,7 @@ class Commanding:
         guidance = guidance or self._handover.guidance()
         if not self.may_fly or guidance is None:
             return []
+        self.commanded = None if state is State.RECOVERING else guidance
         messages = adapter.command(replace(level, guidance=guidance), now_s, urgent=urgent)
         self._refused += adapter.refused_values()
         return messages

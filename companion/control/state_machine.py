@@ -269,9 +269,9 @@ class SupervisorParams:
     # Names of the autopilot's modes, as ground stations show them.
     take_over_from: Annotated[tuple[str, ...], MinLen(1)] = ("AUTO", "MISSION")
     # Never below this height above home.
-    min_height_m: Annotated[float, Ge(0)] = 30.0
+    min_height_m: Annotated[float, Ge(10), Le(1000)] = 30.0
     # After someone else took the aircraft, it must be ready for this long before it is taken over again.
-    settle_s: Annotated[float, Ge(0), Le(600)] = 5.0
+    settle_s: Annotated[float, Ge(0), Le(120)] = 5.0
     # Wait after a refusal before the next take-over; it grows with refusals in a row.
     retry_s: Annotated[float, Ge(0), Le(600)] = 2.0
     # The pilot flies when the roll, pitch or yaw stick is further than this from where it was. 0: never.

@@ -21,8 +21,9 @@ from companion.engine.deciding import Deciding
 from companion.engine_config import EngineConfig
 from companion.gcs.broadcasts import Broadcasts
 from companion.gcs.conditions import Conditions
+from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.notices import OperatorNotices
-from companion.gcs.phrases import TrafficSituation, worded
+from companion.gcs.phrases import TrafficSituation
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
 from companion.gcs.statustext import StatusText
@@ -94,7 +95,9 @@ class Engine:
         )
         self._notices = OperatorNotices(self.aircraft, self.queries, self.operator, self._settings)
         self._statustext = StatusText()
+        self._maneuvers = ManeuverNotices()
         self._conditions = Conditions()
+        self.shell_conditions: tuple[Condition, ...] = ()  # that the shell has found
         self._broadcasts = Broadcasts()
         self._readiness = Readiness(
             self.aircraft,
@@ -203,6 +206,8 @@ class Engine:
             decision=deciding.decision,
             goal=deciding.goal,
             last_text=self._statustext.last_text,
+            maneuver=self._maneuvers.words,
+            maneuver_text=self._maneuvers.text,
         )
 
     # --- requests of the shell
@@ -366,7 +371,14 @@ class Engine:
         )
         for refused in self._commanding.take_refused():
             self.avoider.refuse(refused.control, refused.value, now_s)
-        return self._emit(messages, now_s)
+        changes = self._maneuvers.changes(
+            self._commanding.commanded,
+            self._situation,
+            self._applied.engine.text_units,
+            now_s,
+            returning=self.supervisor.state is State.RETURNING,
+        )
+        return self._emit([*messages, *changes], now_s)
 
     def _housekeeping(self, now_s: float) -> list[Effect]:
         """Repetitions, rates, requests, answers, COLLISION, our own heartbeat, state for the next run."""
@@ -399,7 +411,8 @@ class Engine:
         """The conditions that hold now, of every room that reports any."""
         threatened = bool(self.decision.threats)
         alarms = self._handover.conditions(now_s)
-        return [*alarms, *self._notices.conditions(self._readiness, now_s, threatened=threatened)]
+        own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
+        return [*alarms, *own, *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""
@@ -416,7 +429,8 @@ class Engine:
         deciding, supervisor = self._deciding, self.supervisor
         if deciding.own is None:
             return []
-        around = Circumstances(supervisor.state, supervisor.flying, self.aircraft.mode, deciding.frame)
+        aircraft, home_m = self.aircraft, self.aircraft.home_altitude_m()
+        around = Circumstances(supervisor.state, supervisor.flying, aircraft.mode, deciding.frame, home_m)
         return [Record(now_s, deciding.decision, deciding.own, deciding.tracks, around)]
 
     def _emit(self, outgoing: Iterable[Message | AnyNotice], now_s: float) -> list[Effect]:
@@ -428,10 +442,14 @@ class Engine:
         return effects
 
     def _say(self, notice: AnyNotice, now_s: float) -> list[Say | Message]:
-        deciding = self._deciding
-        situation = TrafficSituation(deciding.decision, deciding.own, deciding.tracks)
-        text = worded(notice, situation, self._applied.engine.text_units)
+        units = self._applied.engine.text_units
+        text = self._maneuvers.worded(notice, self._situation, units, now_s)
         return [] if text is None else self._statustext.say(text, now_s)
+
+    @property
+    def _situation(self) -> TrafficSituation:
+        deciding = self._deciding
+        return TrafficSituation(deciding.decision, deciding.own, self.aircraft.home_altitude_m())
 
 
 @cache

@@ -17,7 +17,7 @@ _CONFIGURED_AWAITED_S = 5.0
 # Limits are reported parameter by parameter: a combination that lasts for less is not announced.
 _LIMITS_SETTLED_S = 3.0
 # A climb through the lowest height, or a moment without a position, is no news unless there is traffic.
-_HINDERED_S = 10.0
+_HINDERED_S, _HINDERED_IN_CONFLICT_S = 10.0, 3.0
 _ROLES = {Role.OFF: "off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 
 
@@ -121,7 +121,7 @@ class OperatorNotices:
                 mavlink.MAV_SEVERITY_WARNING,
                 f"Avoidance off: {reason}",
                 "Avoidance on again",
-                after_s=0.0 if threatened else _HINDERED_S,
+                after_s=_HINDERED_IN_CONFLICT_S if threatened else _HINDERED_S,
             )
 
 

@@ -1,15 +1,15 @@
 """The settings that can be changed in flight: one table, from parameter names to configuration fields.
 
-A range holds the values that can be flown with; it lies within the range of the configuration file. The rules
-between fields are those of the configuration itself.
+The range of a number, and the rules between fields, are those of the configuration file.
 """
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from companion.avoidance.envelope import ALL_CONTROLS, Control
 from companion.engine_config import EngineConfig
@@ -109,37 +109,48 @@ def _exchanged(section: Any, path: list[str], value: Any) -> Any:
     return replace(section, **{first: _exchanged(getattr(section, first), rest, value) if rest else value})
 
 
+def _ranged(name: str, field: str, unit: str, words: str, coding: _Coding = _PLAIN) -> GcsParam:
+    """A setting with the range of its field, in `unit`."""
+    section, last = EngineConfig, field
+    while "." in last:
+        first, last = last.split(".", 1)
+        section = get_type_hints(section)[first]
+    bounds = get_type_hints(section, include_extras=True)[last].__metadata__
+    lowest = next(bound.ge for bound in bounds if isinstance(bound, Ge))
+    highest = next(bound.le for bound in bounds if isinstance(bound, Le))
+    return GcsParam(name, field, unit, coding.number(lowest), coding.number(highest), words, coding)
+
+
 # The order is that of the indices on the wire: add new settings at the end.
 GCS_PARAMETERS: tuple[GcsParam, ...] = (
     GcsParam("CA_ROLE", "supervisor.role", "", 0, 2, "0 off, 1 advise, 2 fly", _ROLE),
-    GcsParam("CA_WC_HORIZ", "avoidance.well_clear_horizontal_m", "m", 50, 5000, "well clear, sideways"),
-    GcsParam("CA_WC_VERT", "avoidance.well_clear_vertical_m", "m", 15, 1000, "well clear, in height"),
-    GcsParam("CA_MARGIN_H", "avoidance.horizontal_margin", "share", 0, 2, "margin, sideways"),
-    GcsParam("CA_MARGIN_V", "avoidance.vertical_margin", "share", 0, 2, "margin, in height"),
-    GcsParam("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", 20, 2000, "obstacles, sideways"),
-    GcsParam("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", 10, 500, "obstacles, in height"),
-    GcsParam("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", 300, 20_000, "reach of the outer layer"),
-    GcsParam("CA_OUTER_TIME", "avoidance.outer_time_s", "s", 10, 80, "in time; the greater reach counts"),
-    GcsParam("CA_INNER_DIST", "avoidance.inner_radius_m", "m", 50, 5000, "reach of the inner layer"),
-    GcsParam("CA_INNER_TIME", "avoidance.inner_time_s", "s", 5, 60, "in time; the greater reach counts"),
-    GcsParam(
-        "CA_DOMAIN", "avoidance.delta_beta_rad", "deg", 0, 180, "width of the transition domain", _DEGREES
+    _ranged("CA_WC_HORIZ", "avoidance.well_clear_horizontal_m", "m", "well clear, sideways"),
+    _ranged("CA_WC_VERT", "avoidance.well_clear_vertical_m", "m", "well clear, in height"),
+    _ranged("CA_MARGIN_H", "avoidance.horizontal_margin", "share", "margin, sideways"),
+    _ranged("CA_MARGIN_V", "avoidance.vertical_margin", "share", "margin, in height"),
+    _ranged("CA_OBST_HORIZ", "avoidance.obstacle_horizontal_m", "m", "obstacles, sideways"),
+    _ranged("CA_OBST_VERT", "avoidance.obstacle_vertical_m", "m", "obstacles, in height"),
+    _ranged("CA_OUTER_DIST", "avoidance.outer_radius_m", "m", "reach of the outer layer"),
+    _ranged("CA_OUTER_TIME", "avoidance.outer_time_s", "s", "in time; the greater reach counts"),
+    _ranged("CA_INNER_DIST", "avoidance.inner_radius_m", "m", "reach of the inner layer"),
+    _ranged("CA_INNER_TIME", "avoidance.inner_time_s", "s", "in time; the greater reach counts"),
+    _ranged("CA_DOMAIN", "avoidance.delta_beta_rad", "deg", "width of the transition domain", _DEGREES
     ),
-    GcsParam("CA_BEGIN_NEAR", "avoidance.begin_near", "share", 0.3, 1, "begin below this miss, soon"),
-    GcsParam("CA_BEGIN_FAR", "avoidance.begin_far", "share", 0.2, 1, "begin below this miss, later"),
-    GcsParam("CA_REL_MARGIN", "avoidance.release_margin", "share", 0, 2, "extra margin to give back"),
-    GcsParam("CA_REL_TIME", "avoidance.release_after_s", "s", 0, 60, "time clear before giving back"),
-    GcsParam("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", 30, 1000, "largest change of height"),
-    GcsParam("CA_HEIGHT_MIN", "supervisor.min_height_m", "m", 10, 1000, "lowest height above home"),
+    _ranged("CA_BEGIN_NEAR", "avoidance.begin_near", "share", "begin below this miss, soon"),
+    _ranged("CA_BEGIN_FAR", "avoidance.begin_far", "share", "begin below this miss, later"),
+    _ranged("CA_REL_MARGIN", "avoidance.release_margin", "share", "extra margin to give back"),
+    _ranged("CA_REL_TIME", "avoidance.release_after_s", "s", "time clear before giving back"),
+    _ranged("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", "largest change of height"),
+    _ranged("CA_HEIGHT_MIN", "supervisor.min_height_m", "m", "lowest height above home"),
     GcsParam(
         "CA_HEIGHT_MAX", "engine.max_height_m", "m", 0, 10_000, "highest height above home; 0: none",
         _ZERO_IS_NONE,
     ),
-    GcsParam("CA_SETTLE", "supervisor.settle_s", "s", 0, 120, "time ready before taking over again"),
+    _ranged("CA_SETTLE", "supervisor.settle_s", "s", "time ready before taking over again"),
     GcsParam(
         "CA_CONTROLS", "avoidance.controls", "", 1, 7, "1 course + 2 speed + 4 height", _CONTROLS
     ),
-    GcsParam("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", 0, 100, "cost of a climb, PX4 to 1.16"),
+    _ranged("CA_SPARE_CLIMB", "avoidance.weights.spared_height", "", "cost of a climb, PX4 to 1.16"),
     GcsParam("CA_UNITS", "engine.text_units", "", 0, 1, "units of texts: 0 metric, 1 aviation", _TEXT_UNITS),
 )  # fmt: skip
 BY_NAME: Mapping[str, GcsParam] = {parameter.name: parameter for parameter in GCS_PARAMETERS}

@@ -1,102 +1,162 @@
-"""Texts about traffic and the avoidance of it, in the words of pilots."""
+"""Texts about traffic and the avoidance of it, in the words of pilots: the manoeuvre first, then the traffic.
+
+A text for the log has all details. The same text for STATUSTEXT is shortened step by step until it fits.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from companion.mavlink.dialect import mavlink
-from companion.model import Decision, Layer, Ownship, TextUnits, Threat, Track
-from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
-from companion.units import FOOT_M, KNOT_MPS, wrap_two_pi
+from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat
+from companion.output.notice import TEXT_BYTES, Notice
+from companion.units import FOOT_M, KNOT_MPS, wrap_pi, wrap_two_pi
 
 # Heights that differ by less than this are the same height.
 _LEVEL_M = 10
+# Smaller differences from the present flight are not worth a word.
+_TURN_RAD, _CLIMB_M, _SPEED_MPS = math.radians(3.0), 5.0, 2.0
+_HOLD = "HOLD"
 
 
 class TrafficSituation(NamedTuple):
-    """The decision and its inputs."""
+    """The decision and our aircraft; heights are stated above `home_m`, if that is known."""
 
     decision: Decision
     own: Ownship | None
-    tracks: Sequence[Track]
-
-    def name(self, threat: Threat) -> str:
-        """The threat's callsign, or its track id."""
-        track = next((track for track in self.tracks if track.track_id == threat.track_id), None)
-        return threat.track_id if track is None else track.callsign or threat.track_id
+    home_m: float | None = None
 
 
-def worded(notice: AnyNotice, situation: TrafficSituation, units: TextUnits) -> Notice | None:
-    """The notice in words; `None` for a conflict notice without a threat or own position."""
-    match notice:
-        case ConflictNotice(flying):
-            return _conflict(situation, units, flying=flying)
-        case ResumeNotice(mode):
-            return _resume(situation, mode)
-        case Notice():
-            return notice
+class Maneuver(NamedTuple):
+    """A manoeuvre in words: height, turn and speed, each in a long and a short form; "" where unchanged."""
+
+    height: tuple[str, str] = ("", "")
+    turn: str = ""
+    speed: tuple[str, str] = ("", "")
+
+    @classmethod
+    def of(
+        cls, guidance: Guidance, own: Ownship, home_m: float | None, units: TextUnits = "metric"
+    ) -> "Maneuver":
+        """The manoeuvre from the present flight to the guidance."""
+        return cls(
+            _height_words(guidance.altitude_m, own, home_m, units),
+            _turn_words(guidance.course_rad, own),
+            _speed_words(guidance.airspeed_mps, own, units),
+        )
+
+    @property
+    def text(self) -> str:
+        """In full: "CLIMB to 397 m, RIGHT 045"."""
+        return self._joined(self.height[0], self.turn, self.speed[0])
+
+    def shortened(self) -> Iterator[str]:
+        """In full, and then with fewer and fewer words."""
+        yield self.text
+        yield self._joined(self.height[0], self.turn, self.speed[1])
+        yield self._joined(self.height[1], self.turn, self.speed[1])
+
+    @staticmethod
+    def _joined(*words: str) -> str:
+        return ", ".join(word for word in words if word) or _HOLD
 
 
-def _conflict(situation: TrafficSituation, units: TextUnits, *, flying: bool) -> Notice | None:
-    """The most urgent threat, and what is flown or advised; one topic for each threat and layer."""
+def conflict_notice(
+    maneuver: Maneuver, situation: TrafficSituation, units: TextUnits, *, flying: bool, topic: str
+) -> Notice | None:
+    """The manoeuvre and the most urgent threat; `None` without a threat or own position."""
     own, decision = situation.own, situation.decision
     if own is None or not decision.threats:
         return None
     threat = decision.threats[0]
     inner = decision.layer is Layer.INNER
-    where = describe_threat(threat, own, situation.name(threat), units)
-    what = describe_guidance(decision, own, units, doing=flying)
+    advice = "" if flying else "Advise "
+    mark = "! " if inner else ": "
+    traffic = [*shortened_threat(threat, own, _name(threat), units)]
     return Notice(
         mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING,
-        f"{'Traffic!' if inner else 'Traffic'} {where}: {what}",
-        topic=f"{decision.layer} {threat.track_id}",  # not repeated when only distances change
+        f"{advice}{maneuver.text}{mark}{traffic[0]}",
+        topic=topic,
+        brief=_fitting(advice, maneuver, mark, traffic),
     )
 
 
-def _resume(situation: TrafficSituation, mode: str) -> Notice:
+def _fitting(before: str, maneuver: Maneuver, mark: str, traffic: Sequence[str]) -> str | None:
+    """The first combination that fits; the manoeuvre is shortened after the traffic."""
+    maneuvers = [f"{before}{words}" for words in maneuver.shortened()]
+    texts = [f"{words}{mark}{where}" for words in maneuvers for where in traffic]
+    return next((text for text in (*texts, *maneuvers) if len(text.encode()) <= TEXT_BYTES), None)
+
+
+def resume_notice(situation: TrafficSituation, mode: str) -> Notice:
     """The threats that are not avoided because the operator resumes the mission."""
     threats = situation.decision.threats
     inner = situation.decision.layer is Layer.INNER
     text = f"Resuming {mode}"
     if threats:
         others = f" + {len(threats) - 1}" if len(threats) > 1 else ""
-        text += f": {situation.name(threats[0])}{others} {'near, ' if inner else ''}not avoided"
+        text += f": {_name(threats[0])}{others} {'near, ' if inner else ''}not avoided"
     return Notice(mavlink.MAV_SEVERITY_CRITICAL if inner else mavlink.MAV_SEVERITY_WARNING, text)
 
 
 def describe_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) -> str:
     """The position of a threat: "N123 2 o'clock 1.8 km 60 m below"."""
-    clock = round(math.degrees(wrap_two_pi(threat.bearing_rad - own.heading_rad)) / 30.0) % 12 or 12
     height_m = threat.relative_altitude_m
     level = "level"
     if round(abs(height_m)) >= _LEVEL_M:
         level = f"{_height(abs(height_m), units)} {'above' if height_m > 0 else 'below'}"
-    return f"{name} {clock} o'clock {threat.distance_m / 1000.0:.1f} km {level}"
+    return f"{name} {_clock(threat, own)} {_distance(threat)} {level}"
 
 
-def describe_guidance(decision: Decision, own: Ownship, units: TextUnits, *, doing: bool) -> str:
-    """The manoeuvre flown: "turning right 040, climbing 80 m"; as advice: "turn right 040, climb 80 m"."""
-    guidance = decision.guidance
-    if guidance is None:
-        return "mission"
-    words = []
-    course_rad = math.atan2(own.velocity_mps[1], own.velocity_mps[0])
-    turn_rad = (guidance.course_rad - course_rad + math.pi) % (2.0 * math.pi) - math.pi
-    if abs(turn_rad) > math.radians(3.0):
-        course = round(math.degrees(wrap_two_pi(guidance.course_rad))) % 360
-        words.append(f"{_verb('turn', doing)} {'right' if turn_rad > 0 else 'left'} {course:03d}")
-    climb_m = guidance.altitude_m + own.position_m[2]
-    if abs(climb_m) > 5.0:
-        words.append(f"{_verb('climb' if climb_m > 0 else 'descend', doing)} {_height(abs(climb_m), units)}")
-    speed_mps = guidance.airspeed_mps - own.airspeed_mps
-    if abs(speed_mps) > 2.0:
-        faster = _verb("speed", doing) + " up" if speed_mps > 0 else _verb("slow", doing)
-        words.append(f"{faster} to {_speed(guidance.airspeed_mps, units)}")
-    return ", ".join(words) if words else _verb("hold", doing)
+def shortened_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) -> Iterator[str]:
+    """The position of a threat in full, and then with fewer and fewer words."""
+    clock, distance = _clock(threat, own), _distance(threat)
+    yield describe_threat(threat, own, name, units)
+    yield f"{name} {clock} {distance}"
+    yield f"{name} {distance}"
+    yield f"{clock} {distance}"
+    yield name
+    yield distance
 
 
-def _verb(verb: str, doing: bool) -> str:
-    return f"{verb}ing" if doing else verb
+def _name(threat: Threat) -> str:
+    return threat.name or threat.track_id
+
+
+def _clock(threat: Threat, own: Ownship) -> str:
+    hour = round(math.degrees(wrap_two_pi(threat.bearing_rad - own.heading_rad)) / 30.0) % 12 or 12
+    return f"{hour} o'clock"
+
+
+def _distance(threat: Threat) -> str:
+    return f"{threat.distance_m / 1000.0:.1f} km"
+
+
+def _height_words(altitude_m: float, own: Ownship, home_m: float | None, units: TextUnits) -> tuple[str, str]:
+    climb_m = altitude_m + own.position_m[2]
+    if abs(climb_m) <= _CLIMB_M:
+        return "", ""
+    verb = "CLIMB" if climb_m > 0.0 else "DESCEND"
+    if home_m is None:
+        by = f"{verb} {_height(abs(climb_m), units)}"
+        return by, by
+    return f"{verb} to {_height(altitude_m - home_m, units)}", verb
+
+
+def _turn_words(course_rad: float, own: Ownship) -> str:
+    turn_rad = wrap_pi(course_rad - math.atan2(own.velocity_mps[1], own.velocity_mps[0]))
+    if abs(turn_rad) <= _TURN_RAD:
+        return ""
+    course = round(math.degrees(wrap_two_pi(course_rad))) % 360
+    return f"{'RIGHT' if turn_rad > 0.0 else 'LEFT'} {course:03d}"
+
+
+def _speed_words(airspeed_mps: float, own: Ownship, units: TextUnits) -> tuple[str, str]:
+    faster_mps = airspeed_mps - own.airspeed_mps
+    if abs(faster_mps) <= _SPEED_MPS:
+        return "", ""
+    verb = "FASTER" if faster_mps > 0.0 else "SLOWER"
+    return f"{verb} {_speed(airspeed_mps, units)}", verb
 
 
 def _height(height_m: float, units: TextUnits) -> str:

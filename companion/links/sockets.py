@@ -1,9 +1,12 @@
 """Host names to socket addresses, and the errors of sockets and ports as text."""
 
 import asyncio
+import errno
 import os
 import socket
 from typing import Any
+
+from companion.errors import PORT_IN_USE
 
 SocketAddress = tuple[Any, ...]  # (host, port) or, for IPv6, (host, port, flow, scope)
 
@@ -19,6 +22,8 @@ async def resolve(host: str, port: int, kind: socket.SocketKind) -> SocketAddres
 
 def error_text(error: OSError) -> str:
     """The reason of an error, without number and address; name resolution has its own, negative numbers."""
+    if error.errno == errno.EADDRINUSE:
+        return PORT_IN_USE
     if isinstance(error, TimeoutError):
         return "no answer"
     if error.errno is not None and error.errno > 0:

@@ -18,6 +18,7 @@ class Circumstances(NamedTuple):
     flying: bool
     mode: str | None
     frame: LocalFrame | None
+    home_m: float | None = None  # altitude of home
 
 
 def decision_line(
@@ -43,6 +44,7 @@ def decision_line(
             "north_m": round(own.position_m[0], 1),
             "east_m": round(own.position_m[1], 1),
             "altitude_m": round(-own.position_m[2], 1),
+            "height_m": None if around.home_m is None else round(-own.position_m[2] - around.home_m, 1),
             "course_deg": round(course_deg(math.atan2(east_mps, north_mps)), 1),
             "ground_speed_mps": round(math.hypot(north_mps, east_mps), 1),
             "airspeed_mps": round(own.airspeed_mps, 1),

@@ -2,19 +2,22 @@
 
 from typing import NamedTuple
 
+# A STATUSTEXT message holds this many bytes; a longer text takes several.
+TEXT_BYTES = 50
+
 
 class Notice(NamedTuple):
-    """One text with its MAV_SEVERITY.
+    """One text with its MAV_SEVERITY; `brief` is the same for STATUSTEXT in fewer words.
 
-    A notice of the same `topic` (by default the text) is not repeated for a while; with `once`, never.
+    A notice of the same `topic` (by default the text) is not repeated for a while.
     `log_only`: for the log of the service, not for the ground station.
     """
 
     severity: int
     text: str
     topic: str | None = None
-    once: bool = False
     log_only: bool = False
+    brief: str | None = None
 
 
 class Condition(NamedTuple):

@@ -77,7 +77,9 @@ DECISION = Topic(
             "tracks": _INTEGER,
             "own": _object(
                 _numbers_or_null("lat_deg lon_deg")
-                | _numbers("north_m east_m altitude_m course_deg ground_speed_mps airspeed_mps climb_mps")
+                | _numbers("north_m east_m altitude_m")
+                | _numbers_or_null("height_m")
+                | _numbers("course_deg ground_speed_mps airspeed_mps climb_mps")
             ),
             "because": _TEXT,
             "threats": _THREATS,
@@ -116,7 +118,8 @@ STATE = Topic(
             "goal": _object(_numbers_or_null("course_deg airspeed_mps altitude_m north_m east_m"))
             | _NULLABLE,
             "decision": _object(
-                {"layer": _TEXT, "because": _TEXT, "guidance": _GUIDANCE, "threats": _THREATS},
+                {"layer": _TEXT, "because": _TEXT, "maneuver": _TEXT, "announced": _TEXT}
+                | {"guidance": _GUIDANCE, "threats": _THREATS},
             ),
             "volumes": _object(
                 _numbers("outer_m inner_m well_clear_horizontal_m well_clear_vertical_m"),

@@ -49,7 +49,7 @@ class Encounter:
 
     @property
     def name(self) -> str:
-        """Callsign and track id."""
+        """The name of the aircraft."""
         return self.history.name
 
     @property

@@ -97,16 +97,14 @@ def commands(flight: Flight) -> Figure:
     times_s = flight.time_s[at]
     flown: Style = {"color": COLOURS[0], "lw": 1.5}
     decided: Style = {"color": INK, "lw": 1.4, "ls": DASHES[1]}
-    for axes, name, commanded in (
-        (height, "altitude_m", "commanded_altitude_m"),
-        (speed, "airspeed_mps", "commanded_airspeed_mps"),
-    ):
-        axes.plot(times_s, flight.column(name)[at], **flown)
-        axes.plot(times_s, flight.column(commanded)[at], **decided)
+    height.plot(times_s, flight.heights_m("altitude_m")[at], **flown)
+    height.plot(times_s, flight.heights_m("commanded_altitude_m")[at], **decided)
+    speed.plot(times_s, flight.column("airspeed_mps")[at], **flown)
+    speed.plot(times_s, flight.column("commanded_airspeed_mps")[at], **decided)
     for name, style in (("course_deg", flown), ("commanded_course_deg", decided)):
         course.plot(times_s, without_wraps(flight.column(name)[at]), **style)
     course.set(ylim=(0.0, 360.0), yticks=range(0, 361, 90))
-    dress(height, "", "height above sea [m]")
+    dress(height, "", f"height {flight.height_name} [m]")
     dress(speed, "", "airspeed [m/s]")
     dress(course, "", "course [°]")
     over_time(course, 0.0, float(flight.time_s[-1]))
@@ -149,17 +147,17 @@ def encounter(flight: Flight, one: Encounter, number: int) -> Figure:
     dress(above, "east [m]", "north [m]")
 
     times_s = flight.time_s[one.at[theirs]]
-    heights.plot(flight.time_s[ours], flight.column("altitude_m")[ours], color=COLOURS[0], lw=1.6)
+    heights.plot(flight.time_s[ours], flight.heights_m("altitude_m")[ours], color=COLOURS[0], lw=1.6)
     heights.plot(
-        flight.time_s[ours], flight.column("commanded_altitude_m")[ours], color=INK, lw=1.2, ls=DASHES[1]
+        flight.time_s[ours], flight.heights_m("commanded_altitude_m")[ours], color=INK, lw=1.2, ls=DASHES[1]
     )
-    own_m = flight.column("altitude_m")[one.at[theirs]]
+    own_m = flight.heights_m("altitude_m")[one.at[theirs]]
     heights.plot(times_s, own_m + one.vertical_m[theirs], lw=1.6, **style)
     horizontal.plot(times_s, one.horizontal_m[theirs], lw=1.6, **style)
     vertical.plot(times_s, np.abs(one.vertical_m[theirs]), lw=1.6, **style)
     separation_lines(horizontal, vertical)
     shade(flight, (heights, horizontal, vertical), begin_s, end_s)
-    dress(heights, "", "height [m]")
+    dress(heights, "", f"{flight.height_name} [m]")
     for axes in (heights, horizontal, vertical):
         axes.axvline(closest_s, color=INK, lw=0.9)
         if one.acted_s is not None:

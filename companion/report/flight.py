@@ -38,7 +38,7 @@ class Change:
     mode: str | None
     state: str
     layer: Layer
-    guidance: tuple[float, float, float] | None  # course [deg], airspeed [m/s], height above sea [m]
+    guidance: tuple[float, float, float] | None  # course [deg], airspeed [m/s], altitude [m]
     because: str
 
     @property
@@ -84,8 +84,8 @@ class TrackHistory:
 
     @property
     def name(self) -> str:
-        """Callsign and track id."""
-        return f"{self.callsign} ({self.track_id})" if self.callsign else self.track_id
+        """Callsign, ICAO address or track id, as everywhere else."""
+        return self.callsign or self.icao or self.track_id
 
     @property
     def at(self) -> NDArray[np.int64]:
@@ -136,6 +136,7 @@ class Flight:
     replayed: bool = False
     start_us: int | None = None
     frame: LocalFrame | None = None
+    home_m: float | None = None  # altitude of home, as recorded first
     changes: list[Change] = field(default_factory=list)
     texts: list[OperatorText] = field(default_factory=list)
     tracks: dict[str, TrackHistory] = field(default_factory=dict)
@@ -161,6 +162,19 @@ class Flight:
         if len(self._cache.get(name, ())) != len(self):
             self._cache[name] = np.array(self._columns[name])
         return self._cache[name]
+
+    @property
+    def height_name(self) -> str:
+        """The reference of `height_m`."""
+        return "above sea" if self.home_m is None else "above home"
+
+    def height_m(self, altitude_m: float) -> float:
+        """A height above home; above the sea if home is unknown."""
+        return altitude_m - (self.home_m or 0.0)
+
+    def heights_m(self, column: str) -> Floats:
+        """A column of altitudes as heights above home; above the sea if home is unknown."""
+        return self.column(column) - (self.home_m or 0.0)
 
     @property
     def time_s(self) -> Floats:
@@ -218,6 +232,8 @@ class Flight:
             raise TypeError("time_us")
         state, mode, because = str(record["state"]), record["mode"], str(record["because"])
 
+        if self.home_m is None and own.get("height_m") is not None:
+            self.home_m = columns["altitude_m"] - _number(own, "height_m")
         if self.frame is None:
             self.frame = LocalFrame(lat, lon)
         north_m, east_m = self.frame.to_north_east_m(lat, lon)

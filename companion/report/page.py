@@ -69,10 +69,10 @@ def _summary(log: Log, encounters: Sequence[Encounter]) -> str:
         takeovers = int(begun[1:].sum()) + int(flight.flying[0])
         lost = sum(not one.well_clear for one in encounters)
         nmacs = sum(one.nmac for one in encounters)
-        heights = flight.column("altitude_m")
+        heights = flight.heights_m("altitude_m")
         rows += [
             ("lasted", f"{clock(float(flight.time_s[-1]))}, {along_m / 1000.0:.1f} km"),
-            ("height above sea", f"{heights.min():.0f} to {heights.max():.0f} m"),
+            (f"height {flight.height_name}", f"{heights.min():.0f} to {heights.max():.0f} m"),
             (
                 "flown by the companion",
                 f"{clock(flown_s)}, taken over {_times(takeovers)}" if takeovers else "never",
@@ -160,9 +160,9 @@ def _metres(value: float | None) -> str:
 
 
 def _changes(flight: Flight) -> Iterator[str]:
-    head = ("time", "mode", "state", "layer", "guidance", "because")
+    head = ("time", "mode", "state", "layer", f"guidance, height {flight.height_name}", "because")
     shown = flight.changes[:_MAX_ROWS]
-    yield table(head, (_change_row(change) for change in shown), "words")
+    yield table(head, (_change_row(flight, change) for change in shown), "words")
     if len(flight.changes) > len(shown):
         yield f"<p>And {len(flight.changes) - len(shown)} more.</p>"
     yield _why(
@@ -172,11 +172,11 @@ def _changes(flight: Flight) -> Iterator[str]:
     )
 
 
-def _change_row(change: Change) -> list[str]:
+def _change_row(flight: Flight, change: Change) -> list[str]:
     guidance = "–"
     if change.guidance is not None:
         course, speed, height = change.guidance
-        guidance = f"course {round(course) % 360:03d}, {speed:.1f} m/s, {height:.0f} m"
+        guidance = f"course {round(course) % 360:03d}, {speed:.1f} m/s, {flight.height_m(height):.0f} m"
     texts = (change.mode or "–", change.doing, str(change.layer), guidance, change.because)
     return [clock(change.time_s), *map(html.escape, texts)]
 

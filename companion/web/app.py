@@ -6,7 +6,7 @@
 | `GET /api/state` | the newest state, see `state.md`; 503 while there is none |
 | `WS /ws` | all states, ten a second; a slow viewer misses some |
 | `GET /api/info` | `kind` (live, replay), `title`, `duration_s`, `height_unit`, `may_command` |
-| `GET /api/timeline` | of a replay: each change of layer, with time and reason |
+| `GET /api/timeline` | of a replay: each change of layer or manoeuvre, with time and words |
 | `POST /api/role` | `{"role": "off"|"advise"|"fly"}` with `Authorization: Bearer TOKEN` |
 | `GET /healthz` | 200 while the flying loop sends snapshots, else 503 |
 | `GET /metrics` | metrics for Prometheus |

@@ -32,6 +32,7 @@ class RecordedSource(Source):
         self.at_s: list[float] = []
         self._states: list[bytes] = []
         self._layers: list[tuple[float, str, str]] = []
+        self._last = ("", "")
 
     def add(self, at_s: float, state: dict[str, Any]) -> None:
         """Add a state that is later than those before."""
@@ -39,8 +40,10 @@ class RecordedSource(Source):
         # Compressed: an hour has 36,000 states.
         self._states.append(zlib.compress(json.dumps(state, separators=(",", ":")).encode(), 1))
         decision = state["decision"]
-        if not self._layers or self._layers[-1][1] != decision["layer"]:
-            self._layers.append((at_s, decision["layer"], decision["because"]))
+        present = decision["layer"], decision.get("announced", "")
+        if present != self._last:
+            self._layers.append((at_s, present[0], present[1] or decision["because"]))
+            self._last = present
         self.duration_s = at_s
 
     def state_at(self, at_s: float) -> str:
@@ -56,7 +59,7 @@ class RecordedSource(Source):
         return RecordedView(self)
 
     def layers(self) -> list[tuple[float, str, str]]:
-        """All changes of layer."""
+        """All changes of layer or of the manoeuvre."""
         return self._layers
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import socket
 from collections.abc import Iterator
 from typing import cast
@@ -10,7 +11,7 @@ import uvicorn
 from starlette.applications import Starlette
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
-from companion.errors import CompanionError
+from companion.errors import PORT_IN_USE, CompanionError
 from companion.web.settings import Settings
 
 MOST_CONNECTIONS = 128
@@ -58,7 +59,8 @@ def listen(settings: Settings) -> socket.socket:
     except OSError as error:
         listening.close()
         where = f"{settings.host}:{settings.port}"
-        raise CompanionError(f"cannot listen on {where}: {error.strerror or error}") from error
+        why = PORT_IN_USE if error.errno == errno.EADDRINUSE else error.strerror or str(error)
+        raise CompanionError(f"cannot listen on {where}: {why}") from error
     return listening
 
 

@@ -29,7 +29,7 @@ class Source(ABC):
         """A new viewer's view of the states."""
 
     def layers(self) -> list[tuple[float, str, str]]:
-        """Changes of layer (time since the start [s], layer, reason), where they are known in advance."""
+        """Changes of layer or manoeuvre (time since the start [s], layer, words), if known in advance."""
         return []
 
 

@@ -53,6 +53,8 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
         "decision": {
             "layer": str(snapshot.decision.layer),
             "because": snapshot.decision.because,
+            "maneuver": snapshot.maneuver,
+            "announced": snapshot.maneuver_text,
             "guidance": guidance_of(snapshot.decision.guidance),
             "threats": [json.loads(threat_text(threat)) for threat in snapshot.decision.threats],
         },

@@ -125,7 +125,8 @@ def test_requests_to_a_silent_autopilot_are_moderated_and_reported_once() -> Non
     assert flight.engagements == 0
     assert 0 < len(loop.sent) < 60 * 2
     assert flight.texts.count("Avoidance: autopilot did not answer") <= 3
-    assert len(flight.texts) < 12
+    # Changes of the advice are announced besides.
+    assert len([text for text in flight.texts if not text.startswith("Advise ")]) < 12
 
 
 def test_a_lost_position_releases_the_aircraft() -> None:

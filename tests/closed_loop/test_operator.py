@@ -84,7 +84,7 @@ def test_advise_computes_and_reports_as_in_flight(autopilot: Autopilot) -> None:
     assert loop.sent == []
     assert loop.state is State.STANDBY
     assert loop.engine.decision.guidance is not None
-    assert any(text.startswith("Traffic SUDDEN") for text in loop.flight.texts)
+    assert any(text.startswith("Advise ") and "SUDDEN" in text for text in loop.flight.texts)
     assert sent.count("COLLISION") >= 7
     assert len(loop.flight.decisions) > 80
 

@@ -130,8 +130,8 @@ def test_texts_change_their_units() -> None:
     loop.send_to_companion(put("CA_UNITS", 1.0))
     loop.intrude(3500.0, above_m=-60.0)
     loop.until(State.OUTER, limit_s=10.0)
-    (text,) = [text for text in loop.flight.texts if text.startswith("Traffic")]
-    assert " ft below: " in text
+    texts = [text for text in loop.flight.texts if "SUDDEN" in text]
+    assert texts[0].endswith(" ft below")
 
 
 def test_a_refused_setting_is_reported_once_without_effect() -> None:

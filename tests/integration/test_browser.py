@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import re
 import shutil
 from collections.abc import AsyncIterator
 from dataclasses import replace
@@ -11,6 +12,7 @@ import pytest
 from playwright.async_api import Page, async_playwright
 
 from companion.model import Layer, Track
+from companion.output.notice import Condition
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
@@ -87,7 +89,7 @@ async def test_the_page_draws_the_decision_and_keeps_drawing() -> None:
     source = live()
     async with shown(source), site(source) as at, page(at) as opened:
         assert await opened.inner_text("#layer-word") == "OUTER"
-        assert "A00001" in await opened.inner_text("#because")
+        assert await opened.inner_text("#because") == "CLIMB to 397 m: HEAD1", "as announced"
         assert await opened.inner_text("#mode") == "GUIDED"
         assert await opened.locator("#traffic tr").count() == 1
         assert "HEAD1" in await opened.inner_text("#traffic")
@@ -193,6 +195,53 @@ async def test_a_phone_shows_everything_without_scrolling_sideways() -> None:
                 .map((button) => Math.min(button.offsetWidth, button.offsetHeight)))"""
         )
         assert smallest >= 40, "fingers are large"
+
+
+CUT = """() => [...document.querySelectorAll("body *")]
+    .filter((one) => one.offsetParent !== null && one.tagName !== "CANVAS" && one.id !== "announcer")
+    .filter((one) => one.textContent.trim() && one.scrollWidth > one.clientWidth + 1)
+    .filter((one) => getComputedStyle(one).display !== "inline" && one.clientWidth > 0)
+    .map((one) => `${one.tagName} ${one.id} ${one.className} ${one.textContent.slice(0, 60)}`)"""
+
+
+@pytest.mark.parametrize("size", [PHONE, (1280, 800)])
+async def test_each_manoeuvre_is_listed_as_announced_and_no_words_are_cut(size: tuple[int, int]) -> None:
+    condition = Condition(
+        "low", 4, "Avoidance off: it is 20 m above home, below 30 m, for a long time and more"
+    )
+    source = live(replace(SNAPSHOT, conditions=(condition,)))
+    async with site(source) as at, page(at, size) as opened:
+        for words in ("CLIMB to 397 m, RIGHT 045, SLOWER 14 m/s", "DESCEND to 250 m, LEFT 270", "HOLD"):
+            text = f"{words}: HEAD1 12 o'clock 5.7 km 100 m below"
+            shown_now = replace(SNAPSHOT.snapshot, maneuver=words, maneuver_text=text, last_text=text)
+            source.show(replace(SNAPSHOT, snapshot=shown_now, conditions=(condition,)))
+            await until_true(opened, f"document.getElementById('because').textContent === '{words}: HEAD1'")
+        await until_true(opened, "document.querySelectorAll('#decisions li:not([hidden])').length >= 4")
+        listed = await opened.inner_text("#decisions")
+        for words in ("CLIMB to 397 m, RIGHT 045, SLOWER 14 m/s", "DESCEND to 250 m, LEFT 270", "HOLD"):
+            assert f"OUTER {words}: HEAD1 12 o'clock 5.7 km 100 m below" in listed
+        assert condition.text in await opened.inner_text("#conditions")
+        assert await opened.evaluate(CUT) == []
+        await opened.keyboard.press("j")
+        assert "Above home" in await opened.inner_text("#details")
+        assert "Altitude" not in await opened.inner_text("main")
+        await asyncio.sleep(0.6)
+        assert await opened.evaluate(CUT) == []
+
+
+async def test_one_countdown_for_an_aircraft_which_ends_as_passed() -> None:
+    (threat,) = SNAPSHOT.snapshot.decision.threats
+    source = live()
+    for time_s, text in ((5.9, "0:05"), (-1.0, "passed")):
+        decision = replace(SNAPSHOT.snapshot.decision, threats=(replace(threat, time_to_closest_s=time_s),))
+        snapshot = replace(SNAPSHOT, snapshot=replace(SNAPSHOT.snapshot, decision=decision))
+        async with shown(source, snapshot), site(source) as at, page(at) as opened:
+            await opened.keyboard.press("j")
+            await asyncio.sleep(0.8)
+            assert await opened.inner_text("#closest-time") == text
+            assert (await opened.inner_text("#traffic tr td:last-child")) == text
+            assert re.search(rf"Closest in\s+{text}", await opened.inner_text("#details"))
+            assert "A00001" not in await opened.inner_text(".bar")
 
 
 async def test_a_hundred_aircraft_and_an_emergency_are_drawn() -> None:

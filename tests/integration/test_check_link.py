@@ -13,6 +13,7 @@ import pytest
 
 from companion.config import Config
 from companion.control.state_machine import SupervisorParams
+from companion.errors import PORT_IN_USE
 from companion.geodesy import GeoPoint
 from companion.links import open_link
 from companion.mavlink.dialect import Message, mavlink
@@ -212,4 +213,4 @@ async def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         code, _, errors = await check(tmp_path, port, 3.0)
     assert code == 1
-    assert errors == f"udpin:127.0.0.1:{port}: Address already in use\n"
+    assert errors == f"udpin:127.0.0.1:{port}: {PORT_IN_USE}\n"

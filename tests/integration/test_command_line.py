@@ -43,7 +43,10 @@ def test_check_prints_the_values_in_effect(name: str) -> None:
         ("links: [udpin:127.0.0.1:14550]\navoidance: {outer_tim_s: 3}\n", "2: avoidance.outer_tim_s"),
         ("links: [udpin:127.0.0.1:14550]\ntraffic: {stale_s: -1}\n", "2: traffic.stale_s"),
         ("links: [tcp:1]\n", "1: links"),
-        ("links: [udpin:127.0.0.1:14550]\navoidance: {inner_time_s: 70, outer_time_s: 60}\n", "inner layer"),
+        (
+            "links: [udpin:127.0.0.1:14550]\navoidance: {inner_time_s: 50, outer_time_s: 40}\n",
+            "inner_time_s must",
+        ),
     ],
     ids=["unknown key", "impossible value", "bad link", "contradiction"],
 )
@@ -54,6 +57,38 @@ def test_a_bad_configuration_is_refused(tmp_path: Path, command: str, text: str,
     result = call(command, str(path))
     assert_one_line(result, 2, words)
     assert "bad.yaml:" in result.stderr
+
+
+def test_files_of_the_flight_that_cannot_be_written_are_refused_by_check(tmp_path: Path) -> None:
+    (tmp_path / "a file").touch()
+    (tmp_path / "folder").mkdir()
+    path = tmp_path / "c.yaml"
+    path.write_text(
+        "links: [udpin:127.0.0.1:14550]\n"
+        f"state_file: {tmp_path}/nowhere/state\n"
+        f"settings_file: {tmp_path}/folder\n"
+        "recording:\n"
+        "  enabled: true\n"
+        f"  directory: '{tmp_path}/a file/recordings'\n"
+    )
+    result = call("check", str(path))
+    assert result.returncode == 2
+    assert result.stderr.splitlines() == [
+        f"{path}:2: state_file: {tmp_path}/nowhere/state cannot be written: "
+        f"there is no folder {tmp_path}/nowhere",
+        f"{path}:3: settings_file: {tmp_path}/folder cannot be written: this is a folder, not a file",
+        f"{path}:6: recording.directory: {tmp_path}/a file/recordings cannot be written: "
+        f"there is no folder {tmp_path}/a file",
+    ]
+    assert "good to fly" not in result.stdout
+
+
+@pytest.mark.parametrize("option", ["--report", "--decisions"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_replay(option: str) -> None:
+    log = str(next(iter(TLOGS.values())))
+    result = call("replay", log, option, "/proc/out.json")
+    assert_one_line(result, 2, "/proc/out.json: cannot be written: ")
+    assert result.stdout == "", "nothing was replayed"
 
 
 @pytest.mark.parametrize("command", ["check", "run"])

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from companion.errors import PORT_IN_USE
 from companion.web import Display
 from companion.web.settings import Settings
 from sim.demo import DemoOptions, DemoState, fly_demo
@@ -101,8 +102,7 @@ async def test_a_port_in_use_is_logged_once_and_the_flight_goes_on(
             assert state.engaged
     logged = [r.getMessage() for r in caplog.records if r.getMessage().startswith("display:")]
     assert logged[0] == (
-        f"display: cannot listen on 127.0.0.1:{port}: Address already in use; "
-        "flying on without it, trying again"
+        f"display: cannot listen on 127.0.0.1:{port}: {PORT_IN_USE}; flying on without it, trying again"
     )
     assert [r for r in caplog.records if r.levelname == "WARNING" and "display" in r.getMessage()] == [
         r for r in caplog.records if r.getMessage() == logged[0]

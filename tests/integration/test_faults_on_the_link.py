@@ -151,7 +151,10 @@ async def test_two_autopilots_on_one_link(autopilot: Autopilot, system_id: int |
             assert flight.engine.aircraft.adapter is None
             assert flight.notes.commands() == []
             assert flight.modes == [MISSION[autopilot]]
-            assert "Avoidance: several autopilots, set autopilot_system_id" in flight.notes.texts()
+            told = "several autopilots, set autopilot_system_id"
+            assert flight.notes.texts().count(told) == 1
+            await flight.fly(15.0)
+            assert flight.notes.texts().count(told) == 2, "again after half a minute"
         else:
             await flight.engaged()
             await flight.fly(5.0)
@@ -171,5 +174,5 @@ async def test_an_autopilot_of_another_system_than_configured_is_left_alone(
         assert flight.modes == [MISSION[autopilot]]
         kinds = {message.get_type() for _, message in flight.notes.sent_messages}
         assert kinds == {"HEARTBEAT", "STATUSTEXT"}
-        assert "Avoidance: system 1 is heard, not the autopilot configured" in flight.notes.texts()
+        assert "system 1 is heard, not the autopilot configured" in flight.notes.texts()
     assert "no autopilot heard" in caplog.text

@@ -139,6 +139,7 @@ class Display {
 
   drawTables(state, ordered) {
     this.tablesDrawnAt_ms = performance.now();
+    this.bar.updateClosest(state); // with the tables: one countdown on the whole page
     this.table.update(ordered, this.selected, (track) => bearingOf(state.own, track));
     const entry = ordered.find(({ track }) => track.track === this.selected);
     if (entry !== undefined) this.selectedName = nameOf(entry.track);

@@ -112,7 +112,7 @@ def test_there_are_examples() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("avoidance:\n  outer_time_s: -3", "3: avoidance.outer_time_s: must be at least 0 (got -3)"),
+        ("avoidance:\n  outer_time_s: -3", "3: avoidance.outer_time_s: must be at least 10 (got -3)"),
         ("avoidance:\n  outer_time_s: fast", "3: avoidance.outer_time_s: must be a number (got fast)"),
         ("avoidance:\n  outer_time_s: '60'", "3: avoidance.outer_time_s: must be a number (got 60)"),
         ("avoidance:\n  outer_time_s: true", "3: avoidance.outer_time_s: must be a number (got true)"),
@@ -159,7 +159,44 @@ def test_there_are_examples() -> None:
         ("supervisor: {take_over_from: [1]}", "2: supervisor.take_over_from[0]: must be text (got 1)"),
         (
             "engine:\n  position_fresh_s: 3\n  position_stale_s: 2",
-            "2: engine: position_fresh_s must not exceed position_stale_s",
+            "3: engine: position_fresh_s must not exceed position_stale_s",
+        ),
+        (
+            "avoidance:\n  outer_time_s: 30\n  well_clear_vertical_m: 80\n  inner_time_s: 40",
+            "5: avoidance: inner_time_s must not exceed outer_time_s",
+        ),
+        (
+            "avoidance:\n  well_clear_vertical_m: 80\n  envelope:\n    min_airspeed_mps: 20\n"
+            "    max_airspeed_mps: 10",
+            "5: avoidance.envelope: min_airspeed_mps must not exceed max_airspeed_mps",
+        ),
+        (
+            "supervisor:\n  role: fly\n  take_over_from:\n  - MISSION\n  - AUOT",
+            "6: supervisor.take_over_from[1]: no autopilot has a mode 'AUOT', did you mean AUTO?",
+        ),
+        (
+            "supervisor:\n  take_over_from: [auto]",
+            "3: supervisor.take_over_from[0]: no autopilot has a mode 'auto', did you mean AUTO?",
+        ),
+        (
+            "supervisor: {take_over_from: [MANUAL]}",
+            "2: supervisor.take_over_from[0]: MANUAL is never taken over from",
+        ),
+        (
+            "engine:\n  max_height_m: 30\nsupervisor: {role: fly}",
+            "3: engine.max_height_m must be above supervisor.min_height_m",
+        ),
+        (
+            "supervisor:\n  min_height_m: 200\nengine:\n  max_height_m: 100",
+            "5: engine.max_height_m must be above supervisor.min_height_m",
+        ),
+        (
+            "state_file: a\nsettings_file: a",
+            "3: settings_file and state_file must be two different files",
+        ),
+        (
+            "recording:\n  enabled: true\n  max_file_mb: 10\n  max_total_mb: 5",
+            "5: recording: max_total_mb must not be below max_file_mb",
         ),
     ],
 )

@@ -25,6 +25,6 @@ def test_every_section_is_there(name: str) -> None:
 
 def test_ranges_and_comments_are_those_of_the_code() -> None:
     text = reference()
-    assert "  well_clear_horizontal_m: 609.6  # more than 0, at most 20000\n" in text
+    assert "  well_clear_horizontal_m: 609.6  # at least 50, at most 5000\n" in text
     assert "    max_bank_deg: 30  # more than 0, less than 80\n" in text, "in degrees, like the key"
     assert "  # Never below this height above home.\n" in text

@@ -130,7 +130,7 @@ def test_neither_of_two_autopilots_is_adopted_and_the_operator_is_warned_every_h
         sent += run(engine, [heartbeat(), heartbeat(OTHER)], T0 + second)
     assert engine.aircraft.adapter is None
     texts = [message.text for message in of(sent, "STATUSTEXT")]
-    assert "".join(texts) == 2 * "Avoidance: several autopilots, set autopilot_system_id"
+    assert "".join(texts) == 2 * "several autopilots, set autopilot_system_id"
     assert [condition.key for condition in engine.conditions] == ["several autopilots"]
 
 
@@ -208,7 +208,7 @@ def test_a_conflict_makes_the_engine_request_guided() -> None:
     assert modes
     assert (modes[0].param1, modes[0].param2) == (1, 15)
     assert engine.supervisor.state is State.ENGAGING
-    assert of(sent, "STATUSTEXT")[0].text.startswith("Traffic")
+    assert of(sent, "STATUSTEXT")[0].text == "RIGHT 060: TEST1 12 o'clock 3.3 km level"
     assert not of(sent, "SET_POSITION_TARGET_GLOBAL_INT"), "no setpoints before the mode is confirmed"
 
 
@@ -254,7 +254,7 @@ def test_in_the_roles_advise_and_off_nothing_is_commanded(role: str, computed: b
     assert {m.command for m in of(sent, "COMMAND_LONG")} <= {511, 512}
     assert of(sent, "SET_POSITION_TARGET_GLOBAL_INT") == []
     assert bool(of(sent, "COLLISION")) == computed
-    assert any("Traffic" in str(m.text) for m in of(sent, "STATUSTEXT")) == computed
+    assert any("TEST1" in str(m.text) for m in of(sent, "STATUSTEXT")) == computed
     assert {m.custom_mode for m in of(sent, "HEARTBEAT")} == {int(Role[role.upper()])}
 
 

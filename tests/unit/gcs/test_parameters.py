@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,8 +10,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from companion.avoidance import AvoidanceParams
 from companion.avoidance.envelope import Control
+from companion.config import load_config
+from companion.config.keys import file_key
 from companion.control.state_machine import SupervisorParams
 from companion.engine import EngineConfig, EngineParams
+from companion.errors import ConfigError
 from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, GcsParam, values_changed, with_values
 from companion.gcs.settings import Settings
 
@@ -68,6 +72,27 @@ def test_every_row_can_be_set_to_its_bounds_and_the_loader_agrees(parameter: Gcs
     assert parameter.value(config) == value
     assert loads(config)
     assert values_changed(config, before).keys() <= {parameter.name}
+
+
+@every
+@pytest.mark.parametrize("bound", ["lowest", "highest"])
+def test_what_flight_refuses_the_configuration_refuses_too(
+    parameter: GcsParam, bound: str, tmp_path: Path
+) -> None:
+    """One range for both: a value just outside is not good to fly with either."""
+    if parameter.name in ("CA_ROLE", "CA_UNITS", "CA_CONTROLS", "CA_HEIGHT_MAX"):
+        return  # words in the file, or null
+    edge = getattr(parameter, bound)
+    beyond = edge + (-1.0 if bound == "lowest" else 1.0) * max(1e-3, abs(edge) * 1e-3)
+    with pytest.raises(ValueError, match=" to "):
+        parameter.put(DEFAULT, beyond, DEFAULT)
+    *sections, key = map(file_key, parameter.field.split("."))
+    lines = [f"{'  ' * depth}{name}:" for depth, name in enumerate(sections)]
+    lines.append(f"{'  ' * len(sections)}{key}: {beyond}")
+    path = tmp_path / "c.yaml"
+    path.write_text("\n".join(["links: ['udpin:h:1']", *lines]))
+    with pytest.raises(ConfigError, match=rf"{key}: must be at (least|most) {edge:.6g} "):
+        load_config(path)
 
 
 @every
@@ -159,7 +184,7 @@ def test_usable_saved_values_are_used_and_the_others_are_named() -> None:
         "CA_ROLE: must be a number",
         "CA_UNITS: must be a number",
         "CA_SETTLE: must be a number",
-        "CA_INNER_DIST: 2000 refused: the inner layer must not reach further than the outer layer",
+        "CA_INNER_DIST: 2000 refused: inner_radius_m must not exceed outer_radius_m",
     ]
 
 

@@ -22,7 +22,7 @@ def line(*tracks: Track, frame: LocalFrame | None = FRAME) -> dict[str, Any]:
 
 
 def parsed(decision: Decision, tracks: Sequence[Track], frame: LocalFrame | None = FRAME) -> dict[str, Any]:
-    text = decision_line(5.0, decision, OWN, tracks, Circumstances("monitor", False, "AUTO", frame))
+    text = decision_line(5.0, decision, OWN, tracks, Circumstances("monitor", False, "AUTO", frame, 584.0))
     record: dict[str, Any] = json.loads(text)
     assert json.dumps(record, separators=(",", ":")) == text
     return record
@@ -45,7 +45,7 @@ def test_a_line_has_position_state_and_mode() -> None:
     record = line()
     assert record["own"]["lat_deg"] == pytest.approx(HERE.lat_deg, abs=1e-7)
     assert record["own"]["lon_deg"] == pytest.approx(HERE.lon_deg, abs=1e-7)
-    assert record["own"]["altitude_m"] == 884.0
+    assert (record["own"]["altitude_m"], record["own"]["height_m"]) == (884.0, 300.0)
     assert (record["own"]["course_deg"], record["own"]["climb_mps"]) == (90.0, 1.0)
     assert (record["state"], record["flying"], record["mode"]) == ("monitor", False, "AUTO")
     assert (record["tracks"], record["traffic"]) == (0, [])

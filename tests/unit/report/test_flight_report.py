@@ -110,7 +110,7 @@ def test_encounters_have_the_known_figures() -> None:
     flight = flight_of(avoided())
     assert (len(flight), flight.unusable) == (200, 0)
     first, second = encounters_of(flight)
-    assert first.name == "N1 (A00001)"
+    assert first.name == "N1"
     assert flight.time_s[first.closest_at] == pytest.approx(60.0)
     assert first.closest_horizontal_m == pytest.approx(400.0)
     assert first.closest_vertical_m == pytest.approx(-60.0)

@@ -117,7 +117,9 @@ def recorded() -> RecordedSource:
     source = RecordedSource()
     for tick in range(100):
         layer = "clear" if tick < 50 else "outer"
-        source.add(tick / 10.0, {"sequence": tick, "decision": {"layer": layer, "because": "so"}})
+        source.add(
+            tick / 10.0, {"sequence": tick, "decision": {"layer": layer, "because": "so", "announced": ""}}
+        )
     return source
 
 

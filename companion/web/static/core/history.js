@@ -1,4 +1,4 @@
-// The states of the last half hour, two a second and packed, and every change of layer among them.
+// The states of the last half hour, two a second and packed, and every change of layer or manoeuvre among them.
 
 import { TRACK } from "./state.js";
 
@@ -22,20 +22,21 @@ export function lastBefore(entries, at_s) {
 export class History {
   constructor() {
     this.moments = [];
-    this.changes = []; // {at_s, layer, because, time_unix_s}
+    this.changes = []; // {at_s, layer, announced, words, time_unix_s}
     this.names = new Map(); // by track: all moments share one object of names
     this.shared = {};
     this.seen = null; // the moment read last, with its unpacked state
   }
 
-  /** Keeps a state that came at `at_s`, unless the layer is unchanged and the last kept state is too recent. */
+  /** Keeps a state that came at `at_s`, unless nothing has changed and the last kept state is too recent. */
   record(state, at_s) {
     const last = this.moments.at(-1);
-    const layer = state.decision.layer;
-    const changed = this.changes.at(-1)?.layer !== layer;
+    const { layer, announced, because } = state.decision;
+    const before = this.changes.at(-1);
+    const changed = before?.layer !== layer || before.announced !== announced;
     if (!changed && last !== undefined && at_s - last.at_s < SPACING_S) return;
     if (changed) {
-      this.changes.push({ at_s, layer, because: state.decision.because, time_unix_s: state.time_unix_s });
+      this.changes.push({ at_s, layer, announced, words: announced || because, time_unix_s: state.time_unix_s });
     }
     this.moments.push(this.pack(state, at_s));
     this.forget(at_s - KEPT_S);

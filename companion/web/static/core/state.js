@@ -85,9 +85,16 @@ function readDecision(value) {
   return {
     layer: LAYERS.includes(source.layer) ? source.layer : null,
     because: words(source.because) ?? "",
+    maneuver: words(source.maneuver) ?? "",
+    announced: words(source.announced) ?? "",
     guidance: readGuidance(source.guidance),
     threats: list(source.threats).map(readThreat).filter(Boolean),
   };
+}
+
+function readCondition(value) {
+  const source = object(value);
+  return { severity: number(source.severity) ?? 6, text: words(source.text) };
 }
 
 const point = (value) => list(value).slice(0, 2).map(number);
@@ -132,6 +139,7 @@ function readParts(source) {
     companion: {
       role: words(companion.role, 20), state: words(companion.state, 40), flying: flag(companion.flying),
       last_text: words(companion.last_text) ?? "",
+      conditions: list(companion.conditions).map(readCondition).filter((condition) => condition.text !== null),
     },
     own: readOwn(source.own),
     goal: readGuidance(source.goal),

@@ -31,6 +31,19 @@ export function nameOf(track) {
   return track.callsign ?? track.icao ?? track.track;
 }
 
+/** Height of home above mean sea level [m]; null when unknown. */
+export function homeAltitude_m(own) {
+  if (own === null || own.height_m === null || own.altitude_m === null) return null;
+  return own.altitude_m - own.height_m;
+}
+
+/** A height above home with its name, or above sea while home is unknown: [name, height in metres]. */
+export function namedHeight(altitude_m, own) {
+  const home_m = homeAltitude_m(own);
+  if (home_m === null || altitude_m === null) return ["Above sea", altitude_m];
+  return ["Above home", altitude_m - home_m];
+}
+
 /** True when a track has not been heard for some seconds. Obstacles do not age. */
 export const isOld = (track) => track.age_s !== null && track.age_s > OLD_S && track.kind !== "obstacle";
 

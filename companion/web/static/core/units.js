@@ -80,6 +80,11 @@ export function durationText(duration_s) {
   return `${Math.floor(whole_s / 60)}:${String(whole_s % 60).padStart(2, "0")}`;
 }
 
+/** The time to the closest approach, as everywhere on the page: "0:23", or "passed". */
+export function countdownText(time_s) {
+  return time_s !== null && time_s < 0 ? "passed" : durationText(time_s);
+}
+
 /** A time ago, to follow a minus: "02:13". */
 export function agoText(ago_s) {
   return durationText(Math.round(ago_s)).padStart(5, "0");

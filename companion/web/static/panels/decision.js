@@ -1,9 +1,9 @@
-// The decision: the bar at the top, and the list of all changes of layer.
+// The decision: the bar at the top, and the list of all changes of layer or manoeuvre.
 
 import { find, make, setAttribute, setData, setText, show } from "../core/dom.js";
 import { lastBefore } from "../core/history.js";
 import { mostUrgent, nameOf } from "../core/tracks.js";
-import { clockText, durationText } from "../core/units.js";
+import { clockText, countdownText, durationText } from "../core/units.js";
 
 const WORDS = { clear: "CLEAR", outer: "OUTER", inner: "INNER" };
 const MARKS = { clear: "clear", outer: "caution", inner: "warning" };
@@ -21,8 +21,7 @@ export class DecisionBar {
     setData(this.layer, "layer", decision.layer ?? "none");
     setData(find("layer-mark"), "level", MARKS[decision.layer] ?? "none");
     setText(find("layer-word"), WORDS[decision.layer] ?? "UNKNOWN");
-    setText(find("because"), decision.because);
-    this.updateClosest(state);
+    setText(find("because"), headlineOf(state));
     setText(find("mode"), aircraft.mode ?? "–");
     setText(find("role"), (companion.role ?? "–").toUpperCase());
     setText(find("companion-state"), (companion.state ?? "–").toUpperCase());
@@ -34,22 +33,31 @@ export class DecisionBar {
     show(find("closest"), threat !== null);
     if (threat === null) return;
     const track = state.tracks.find((each) => each.track === threat.track);
-    setText(find("closest-time"), durationText(threat.time_to_closest_s));
+    setText(find("closest-time"), countdownText(threat.time_to_closest_s));
     setText(find("closest-name"), track === undefined ? threat.track : nameOf(track));
   }
 
-  /** Announces to screen readers a new layer, course or text; not the distances in the reason, which always change. */
+  /** Announces to screen readers a new layer, manoeuvre or text; not distances, which always change. */
   announce({ decision, companion }) {
-    const course_deg = decision.guidance?.course_deg ?? null;
-    const course = course_deg === null ? "" : Math.round(course_deg / 10); // smaller changes are not announced
-    const key = `${decision.layer} ${course} ${companion.last_text}`;
-    if (key === this.announced) return;
-    this.announced = key;
-    setText(find("announcer"), `${WORDS[decision.layer] ?? "Unknown"}. ${decision.because}. ${companion.last_text}`);
+    const words = `${WORDS[decision.layer] ?? "Unknown"}. ${decision.maneuver} ${companion.last_text}`;
+    if (words === this.announced) return;
+    this.announced = words;
+    setText(find("announcer"), words);
   }
 }
 
-/** Every change of layer in memory, the newest first; `onChoose(at_s)` when one is chosen. */
+/** The manoeuvre as announced to the crew, and against whom; without one the reason for the decision. */
+function headlineOf(state) {
+  const { decision, companion, tracks } = state;
+  const threat = mostUrgent(state);
+  const track = tracks.find((each) => each.track === threat?.track);
+  const name = track === undefined ? threat?.track : nameOf(track);
+  if (companion.state === "suppressed" && threat !== null) return `Not avoided, mission resumed: ${name}`;
+  if (decision.maneuver === "") return decision.because;
+  return name === undefined ? decision.maneuver : `${decision.maneuver}: ${name}`;
+}
+
+/** Every change of layer or manoeuvre in memory, the newest first; `onChoose(at_s)` when one is chosen. */
 export class DecisionList {
   constructor(onChoose) {
     this.onChoose = onChoose;
@@ -83,7 +91,5 @@ function fill(row, change, isCurrent) {
   setAttribute(row.button, "aria-current", isCurrent);
   setData(row.symbol, "level", MARKS[change.layer] ?? "none");
   setText(row.when, change.time_unix_s === null ? durationText(change.at_s) : clockText(change.time_unix_s));
-  const words = `${(change.layer ?? "unknown").toUpperCase()} ${change.because}`.trim();
-  setText(row.words, words);
-  if (row.button.title !== words) row.button.title = words;
+  setText(row.words, `${(change.layer ?? "unknown").toUpperCase()} ${change.words}`.trim());
 }

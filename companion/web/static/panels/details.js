@@ -1,10 +1,10 @@
 // Details of the selected aircraft: a track, or our own.
 
 import { find, Pairs, setAttribute, setText, show } from "../core/dom.js";
-import { bearingOf, nameOf, straightApproach } from "../core/tracks.js";
+import { bearingOf, nameOf, namedHeight, straightApproach } from "../core/tracks.js";
 import {
-  climbText, climbUnit, clockHour, courseText, distanceText, durationText, heightText, relativeHeightText, speedText,
-  speedUnit, UNKNOWN,
+  climbText, climbUnit, clockHour, countdownText, courseText, distanceText, durationText, heightText,
+  relativeHeightText, speedText, speedUnit, UNKNOWN,
 } from "../core/units.js";
 
 export class DetailsPanel {
@@ -35,17 +35,18 @@ export class DetailsPanel {
     const height = (height_m) => (height_m === null ? UNKNOWN : `${heightText(height_m, settings)} ${settings.height}`);
     const withUnit = (value_mps) => `${speedText(value_mps, settings)} ${speedUnit(settings)}`;
     const speed = (value_mps) => (value_mps === null ? UNKNOWN : withUnit(value_mps));
+    const [above, above_m] = namedHeight(track.altitude_m, own);
     return [
       ["Distance", distanceText(threat?.distance_m ?? track.distance_m, settings)],
       ["Bearing", courseText(bearing_deg) + (hour === null ? "" : `, ${hour} o'clock`)],
       ["Relative height", `${relativeHeightText(track.relative_altitude_m, settings)} ${settings.height}`],
-      ["Altitude", height(track.altitude_m)],
+      [above, height(above_m)],
       ["Course", courseText(track.course_deg)],
       ["Ground speed", speed(track.ground_speed_mps)],
       ["Climb", `${climbText(track.climb_mps, settings)} ${climbUnit(settings)}`],
       ["Turn", turnText(track.turn_dps)],
       ["Closing speed", speed(closing_mps ?? null)],
-      ["Closest in", durationText(time_to_closest_s ?? null)],
+      ["Closest in", countdownText(time_to_closest_s ?? null)],
       ["Horizontal miss", distanceText(miss_horizontal_m ?? null, settings)],
       ["Vertical miss", height(miss_vertical_m ?? null)],
       ["Last report", track.age_s === null ? UNKNOWN : `${track.age_s.toFixed(1)} s ago`],
@@ -60,7 +61,7 @@ export class DetailsPanel {
     return [
       ["Latitude", degrees(own?.lat_deg ?? null)],
       ["Longitude", degrees(own?.lon_deg ?? null)],
-      ["Altitude", `${heightText(own?.altitude_m ?? null, settings)} ${settings.height}`],
+      ["Above sea", `${heightText(own?.altitude_m ?? null, settings)} ${settings.height}`],
       ["Armed", aircraft.armed === null ? UNKNOWN : aircraft.armed ? "yes" : "no"],
       ["Position age", seconds(service.position_age_s)],
       ["System", aircraft.system_id === null ? UNKNOWN : String(aircraft.system_id)],

@@ -1,6 +1,7 @@
 // Our own flight: actual, commanded and mission values of course, airspeed and height.
 
 import { find, make, Pairs, setText } from "../core/dom.js";
+import { homeAltitude_m } from "../core/tracks.js";
 import { climbText, climbUnit, courseText, heightText, speedText, speedUnit } from "../core/units.js";
 
 const ROWS = ["Course", "Airspeed", "Height"];
@@ -47,12 +48,6 @@ function fill(row, unit, parts, text) {
   row.cells.forEach((cell, index) => {
     setText(cell, parts[index] === null ? (index === 0 ? "–" : "") : text(parts[index]));
   });
-}
-
-/** Height of home above mean sea level [m]; null when unknown. */
-function homeAltitude_m(own) {
-  if (own === null || own.height_m === null || own.altitude_m === null) return null;
-  return own.altitude_m - own.height_m;
 }
 
 /** Direction that the wind comes from, and its speed. */

@@ -1,7 +1,8 @@
-// The health of the companion: its last message, its troubles, its links.
+// The health of the companion: its last message, the conditions that hold, its troubles, its links.
 
 import { find, make, setData, setText, show } from "../core/dom.js";
 
+const GRAVE_SEVERITY = 3; // MAV_SEVERITY_ERROR
 const LATE_S = 2; // two heartbeats missed
 const LOSSY_SHARE = 0.05;
 const OLD_POSITION_S = 0.5; // with an older position the companion does not take over
@@ -11,10 +12,13 @@ export class HealthPanels {
   constructor() {
     this.rows = [];
     this.list = find("links");
+    this.conditions = find("conditions");
+    this.shownConditions = "";
   }
 
   update(state) {
     setText(find("last-text"), state.companion.last_text || "No message yet");
+    this.fillConditions(state.companion.conditions);
     const troubles = troublesOf(state);
     show(find("trouble"), troubles.length > 0);
     setText(find("trouble"), troubles.join(" · "));
@@ -26,6 +30,14 @@ export class HealthPanels {
     });
   }
 
+  fillConditions(conditions) {
+    const key = JSON.stringify(conditions);
+    if (key === this.shownConditions) return;
+    this.shownConditions = key;
+    show(this.conditions, conditions.length > 0);
+    this.conditions.replaceChildren(...conditions.map(makeCondition));
+  }
+
   addRow() {
     const [address, word, rate] = ["address", "word", "rate"].map((name) => make("span", name));
     const element = make("li", "", make("span", "dot"), address, word, rate);
@@ -34,11 +46,16 @@ export class HealthPanels {
   }
 }
 
+function makeCondition({ severity, text }) {
+  const element = make("li", "", text);
+  setData(element, "grave", severity <= GRAVE_SEVERITY);
+  return element;
+}
+
 function fill(row, link) {
   const health = healthOf(link);
   setData(row.element, "health", health);
   setText(row.address, link.address);
-  row.address.title = link.address;
   setText(row.word, { good: "OK", poor: "POOR", lost: link.connected ? "SILENT" : "DOWN" }[health]);
   const frames = link.frames_per_s === null ? "–" : link.frames_per_s.toFixed(1);
   const lost = link.lost_share === null ? "–" : (link.lost_share * 100).toFixed(1);

@@ -2,7 +2,7 @@
 
 import { find, make, setAttribute, setData, setText } from "../core/dom.js";
 import { climbDirection, isOld, nameOf } from "../core/tracks.js";
-import { courseText, distanceText, durationText, relativeHeightText } from "../core/units.js";
+import { countdownText, courseText, distanceText, relativeHeightText } from "../core/units.js";
 
 const ALARMING = ["caution", "warning"];
 const CLIMB_ARROWS = { 1: "↑", [-1]: "↓" };
@@ -49,7 +49,7 @@ export class TrafficTable {
     setText(row.bearing, courseText(bearing(track)));
     setText(row.height, relativeHeightText(track.relative_altitude_m, this.settings));
     setText(row.climb, CLIMB_ARROWS[climbDirection(track)] ?? "");
-    setText(row.closest, (threat?.time_to_closest_s ?? null) === null ? "" : durationText(threat.time_to_closest_s));
+    setText(row.closest, (threat?.time_to_closest_s ?? null) === null ? "" : countdownText(threat.time_to_closest_s));
   }
 
   add(key) {

@@ -112,10 +112,10 @@ export class ReplayMoments {
     this.timer = null;
   }
 
-  /** Takes the changes of layer over the whole log, as the server sends them: [at_s, layer, reason]. */
+  /** Takes the changes over the whole log, as the server sends them: [at_s, layer, words]. */
   setLayers(layers) {
     const usable = (Array.isArray(layers) ? layers : []).filter((entry) => Number.isFinite(entry?.[0]));
-    const change = ([at_s, layer, because]) => ({ at_s, layer, because: words(because) ?? "", time_unix_s: null });
+    const change = ([at_s, layer, text]) => ({ at_s, layer, words: words(text) ?? "", time_unix_s: null });
     this.changes = usable.map(change);
     this.changed();
   }

@@ -72,6 +72,9 @@ export class Timeline {
       const height_px = bottom_px * HEIGHT_SHARE[layer];
       pen.fillStyle = layer === "outer" ? palette.amber : layerColour(palette, layer, palette.clear);
       pen.fillRect(left_px, bottom_px - height_px, Math.max(right_px - left_px, 1.5), height_px);
+      if (layer !== changes[index - 1]?.layer || at_s <= from_s) continue;
+      pen.fillStyle = palette.ink; // another manoeuvre in the same layer
+      pen.fillRect(left_px - 0.5, bottom_px - height_px, 1, height_px);
     }
   }
 
