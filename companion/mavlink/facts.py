@@ -83,10 +83,15 @@ class Wind:
 
 @dataclass(frozen=True, slots=True)
 class LandedState:
-    """EXTENDED_SYS_STATE: `landed_state` is MAV_LANDED_STATE, `None` when undefined."""
+    """EXTENDED_SYS_STATE: MAV_LANDED_STATE and MAV_VTOL_STATE, `None` when undefined.
+
+    `vtol_state`: 1 in transition to wing flight, 2 to rotors, 3 on rotors, 4 on the wing; `None` for an
+    aircraft that is no VTOL.
+    """
 
     sender: Sender
     landed_state: int | None
+    vtol_state: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

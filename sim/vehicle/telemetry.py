@@ -44,6 +44,7 @@ class Telemetry(ABC):
         self._boot_s = boot_s
         self._geoid_height_m = geoid_height_m
         self.clock_error_s = 0.0  # error of the Unix time in SYSTEM_TIME
+        self.vtol_state = 0  # MAV_VTOL_STATE in EXTENDED_SYS_STATE; 0 for an aircraft without rotors
         self._battery = Battery()
         self._builders = self._all_builders()
 
@@ -267,7 +268,7 @@ class Telemetry(ABC):
         )
 
     def extended_sys_state(self, _time_s: float) -> Message:
-        """EXTENDED_SYS_STATE: no VTOL; on ground, in air, taking off or landing."""
+        """EXTENDED_SYS_STATE: on ground, in air, taking off or landing; the VTOL state as set."""
         flight = self._flight
         if flight.on_ground:
             landed = _ON_GROUND
@@ -275,7 +276,7 @@ class Telemetry(ABC):
             landed = _TAKING_OFF
         else:
             landed = _LANDING if flight.landing else _IN_AIR
-        return mavlink.MAVLink_extended_sys_state_message(vtol_state=0, landed_state=landed)
+        return mavlink.MAVLink_extended_sys_state_message(vtol_state=self.vtol_state, landed_state=landed)
 
     def scaled_pressure(self, time_s: float) -> Message:
         """SCALED_PRESSURE of the standard atmosphere."""

@@ -31,7 +31,7 @@ class FakeVehicle(ABC):
     `receive()` takes a message from a channel; `step()` advances time and returns the messages to send. The
     flight moves in equal steps of `STEP_S` from construction on, so the rhythm of the calls has no effect.
     With these methods, tests make it fail as real vehicles do: `refuse`, `silence`, `withhold`, `set_clock`,
-    `reboot`, `fail_safe`, `move_sticks`.
+    `reboot`, `fail_safe`, `move_sticks`, `show_vtol_state`.
     """
 
     component_id = 1
@@ -203,6 +203,10 @@ class FakeVehicle(ABC):
     def set_clock(self, error_s: float) -> None:
         """Make the Unix time in SYSTEM_TIME wrong by `error_s`."""
         self._telemetry.clock_error_s = error_s
+
+    def show_vtol_state(self, vtol_state: int) -> None:
+        """Report this MAV_VTOL_STATE; the flight itself stays that of a wing."""
+        self._telemetry.vtol_state = vtol_state
 
     def reboot(self, now_s: float) -> None:
         """Restart in flight: it stays armed and in its mode; boot time, commands and streams are reset.

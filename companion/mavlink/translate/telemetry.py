@@ -62,8 +62,10 @@ def _own_position(message: Message, sender: Sender, _received_s: float) -> Fact 
 
 
 def _landed_state(message: Message, sender: Sender, _received_s: float) -> Fact:
-    known = mavlink.MAV_LANDED_STATE_UNDEFINED < message.landed_state < mavlink.MAV_LANDED_STATE_ENUM_END
-    return LandedState(sender, message.landed_state if known else None)
+    landed, vtol = message.landed_state, message.vtol_state
+    landed_known = mavlink.MAV_LANDED_STATE_UNDEFINED < landed < mavlink.MAV_LANDED_STATE_ENUM_END
+    vtol_known = mavlink.MAV_VTOL_STATE_UNDEFINED < vtol < mavlink.MAV_VTOL_STATE_ENUM_END
+    return LandedState(sender, landed if landed_known else None, vtol if vtol_known else None)
 
 
 def _navigation_target(message: Message, sender: Sender, _received_s: float) -> Fact | None:

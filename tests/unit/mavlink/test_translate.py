@@ -411,6 +411,14 @@ def test_landed_state(wire: int, expected: int | None) -> None:
     assert fact_of(mavlink.MAVLink_extended_sys_state_message(0, wire)) == LandedState(SENDER, expected)
 
 
+@pytest.mark.parametrize(
+    ("wire", "expected"), [(0, None), (1, 1), (2, 2), (3, 3), (4, 4), (5, None), (255, None)]
+)
+def test_vtol_state(wire: int, expected: int | None) -> None:
+    assert max(mavlink.enums["MAV_VTOL_STATE"]) == 5  # the end marker
+    assert fact_of(mavlink.MAVLink_extended_sys_state_message(wire, 2)) == LandedState(SENDER, 2, expected)
+
+
 def target(frame: int = 5, mask: int = 0, lat: int = 10_000_000, alt: float = 250.0) -> Fact | None:
     return fact_of(
         mavlink.MAVLink_position_target_global_int_message(

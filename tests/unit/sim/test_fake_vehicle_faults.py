@@ -293,3 +293,18 @@ def test_arduplanes_own_avoidance_changes_the_mode_if_enabled(parameters: Any, m
     assert bench.vehicle.truth.mode == mode
     bench.fly(12.0)
     assert bench.vehicle.truth.mode == ("RTL" if mode == "RTL" else "AUTO")
+
+
+# --- rotors ---
+
+
+@both
+def test_the_vtol_state_is_reported_as_set(autopilot: str) -> None:
+    bench = AIRBORNE[autopilot]()
+    state_id = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
+    assert bench.by_long(SET_INTERVAL, state_id, 100_000) == ACCEPTED
+    bench.fly(1.0)
+    assert bench.messages("EXTENDED_SYS_STATE")[-1].vtol_state == 0
+    bench.vehicle.show_vtol_state(3)
+    bench.fly(1.0)
+    assert bench.messages("EXTENDED_SYS_STATE")[-1].vtol_state == 3
