@@ -258,6 +258,8 @@ class Engine:
             case OwnPosition():
                 if fact.boot_time_s < self._boot_time_s - 1.0:
                     self._ask_again()
+                    if self.aircraft.adapter is not None:
+                        self.aircraft.adapter.restarted()
                 self._boot_time_s = fact.boot_time_s
             case CommandResult() if fact.target in (None, self.sender):
                 self._handover.answered(fact, now_s)
@@ -352,6 +354,7 @@ class Engine:
                 requests, notices = self.queries.tick(adapter, now_s)
                 outgoing += [*requests, *notices]
                 self.aircraft.mission = self.queries.mission
+                self.aircraft.kinematics.airspeed.cruise_mps = self.queries.limits.cruise_airspeed_mps
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)

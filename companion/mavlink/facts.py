@@ -57,6 +57,14 @@ class AirData:
 
 
 @dataclass(frozen=True, slots=True)
+class AirspeedSensor:
+    """SYS_STATUS: whether an airspeed sensor is fitted, in use and healthy."""
+
+    sender: Sender
+    usable: bool
+
+
+@dataclass(frozen=True, slots=True)
 class PressureAltitude:
     """SCALED_PRESSURE: altitude in the standard atmosphere, as transponders report it."""
 
@@ -308,6 +316,7 @@ Fact = (
     Heartbeat
     | OwnPosition
     | AirData
+    | AirspeedSensor
     | PressureAltitude
     | GeoidSeparation
     | Wind
