@@ -184,8 +184,14 @@ class Runtime:
         ticks, begun_s = self._stepper.ticks, time.perf_counter()
         self._stepper.advance(now_us)
         if self._stepper.ticks > ticks:
+            self._tell_links_who_is_ours()
             self._times.observe(time.perf_counter() - begun_s)
             self._observers.look(self.engine, now_us, self._health)
+
+    def _tell_links_who_is_ours(self) -> None:
+        own = self.engine.aircraft.sender
+        for link in self.links:
+            link.ours = None if own is None else (own.system_id, own.component_id)
 
     def _health(self) -> Health:
         return Health.of(
