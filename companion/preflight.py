@@ -75,6 +75,7 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     if adapter is None:
         several = f"several: systems {sorted(aircraft.others)}" if aircraft.others else "none heard"
         yield Finding("autopilot", several, good=False)
+        yield from _conditions(engine)
         return
     kind = "fixed wing" if aircraft.fixed_wing else "not a fixed wing"
     version = aircraft.version or "of unknown version"
@@ -93,8 +94,7 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield Finding("mission", "not read" if mission is None else f"{len(mission.items)} items")
     for limit in engine.queries.limits.sourced:
         yield Finding("limit", str(limit))
-    for warning in (*engine.queries.limits.warnings, *adapter.advice(engine.queries.parameters)):
-        yield Finding("check setting", warning, good=False)
+    yield from _conditions(engine)
     other = adapter.other_avoider(engine.queries.parameters)
     yield Finding("other avoidance", other or "not active", other is None)
     offset_s = aircraft.clock_offset_s
@@ -102,6 +102,12 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield Finding("autopilot clock", text, offset_s is not None and abs(offset_s) < 5.0)
     tracks = engine.snapshot(now_s).tracks
     yield Finding("traffic", ", ".join(track.track_id for track in tracks) or "none heard")
+
+
+def _conditions(engine: Engine) -> Iterator[Finding]:
+    """What keeps the aircraft from being flown, or is odd."""
+    for condition in engine.conditions:
+        yield Finding("condition", condition.text.removeprefix("Avoidance: "), good=False)
 
 
 def _rates(measured_hz: Mapping[int, float], adapter: Adapter) -> Iterator[Finding]:

@@ -20,6 +20,7 @@ from companion.control.state_machine import State, Supervisor
 from companion.engine.deciding import Deciding
 from companion.engine_config import EngineConfig
 from companion.gcs.broadcasts import Broadcasts
+from companion.gcs.conditions import Conditions
 from companion.gcs.notices import OperatorNotices
 from companion.gcs.phrases import TrafficSituation, worded
 from companion.gcs.requests import GcsRequests
@@ -44,7 +45,7 @@ from companion.mavlink.facts import (
 from companion.model import Decision, Role, Snapshot
 from companion.output.decision_record import Circumstances
 from companion.output.effects import Effect, Keep, Record, Save, Say, Transmit
-from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
+from companion.output.notice import AnyNotice, Condition, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
@@ -92,6 +93,7 @@ class Engine:
         )
         self._notices = OperatorNotices(self.aircraft, self.queries, self.operator, self._settings)
         self._statustext = StatusText()
+        self._conditions = Conditions()
         self._broadcasts = Broadcasts()
         self._readiness = Readiness(
             self.aircraft,
@@ -181,6 +183,11 @@ class Engine:
     def hindrances(self, now_s: float, role: Role | None = None) -> list[str]:
         """The reasons why the aircraft would not be taken over now, in the present role or in `role`."""
         return self._readiness.hindrances(now_s, self.operator.role if role is None else role)
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What keeps the aircraft from being flown, is odd, or was given up; the most severe first."""
+        return self._conditions.holding
 
     def snapshot(self, now_s: float) -> Snapshot:
         """The present state, for a display."""
@@ -339,7 +346,8 @@ class Engine:
 
     def _housekeeping(self, now_s: float) -> list[Effect]:
         """Repetitions, rates, requests, answers, COLLISION, our own heartbeat, state for the next run."""
-        outgoing: list[Message | AnyNotice] = [*self._notices.tick(now_s)]
+        outgoing: list[Message | AnyNotice] = [*self._notices.tick()]
+        outgoing += self._conditions.tick(self._present_conditions(now_s), now_s)
         adapter, flying = self.aircraft.adapter, self.supervisor.flying
         if adapter is not None:
             if self._left is not None:
@@ -361,6 +369,11 @@ class Engine:
         healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
         return self._emit(outgoing, now_s) + self._keep(now_s)
+
+    def _present_conditions(self, now_s: float) -> list[Condition]:
+        """The conditions that hold now, of every room that reports any."""
+        threatened = bool(self.decision.threats)
+        return self._notices.conditions(self._readiness, now_s, threatened=threatened)
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

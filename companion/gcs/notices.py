@@ -1,20 +1,28 @@
-"""Notices that are not about traffic: other systems, our role, settings to change."""
+"""Notices and conditions that are not about traffic: other systems, our role, settings, hindrances."""
 
+import re
+from collections.abc import Iterator
+
+from companion.control.readiness import Readiness
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
-from companion.output.notice import Notice
+from companion.output.notice import Condition, Notice
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 
 # The configured autopilot is awaited for this long before others are reported.
 _CONFIGURED_AWAITED_S = 5.0
+# Limits are reported parameter by parameter: a combination that lasts for less is not announced.
+_LIMITS_SETTLED_S = 3.0
+# A climb through the lowest height, or a moment without a position, is no news unless there is traffic.
+_HINDERED_S = 10.0
 _ROLES = {Role.OFF: "off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 
 
 class OperatorNotices:
-    """Returns each notice once, and again when it has changed."""
+    """Returns each notice when something has changed, and the conditions as long as they hold."""
 
     def __init__(
         self, aircraft: Aircraft, queries: AutopilotQueries, operator: GcsRequests, settings: Settings
@@ -25,13 +33,14 @@ class OperatorNotices:
         self._settings = settings
         self._announced_role = Role.FLY  # the usual role is not announced
 
-    def tick(self, now_s: float) -> list[Notice]:
+    def tick(self) -> list[Notice]:
         """The notices of this tick."""
-        problems = (*self._advice(), *self._other_systems(now_s))
-        notices = [
-            Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {problem}", once=True) for problem in problems
-        ]
-        return notices + self._role() + self._settings_changed()
+        return self._role() + self._settings_changed()
+
+    def conditions(self, readiness: Readiness, now_s: float, *, threatened: bool) -> list[Condition]:
+        """The conditions that hold now; `threatened`: there is a conflict."""
+        hindered = self._hindered(readiness, now_s, threatened=threatened)
+        return [*self._advice(threatened=threatened), *self._other_systems(now_s), *hindered]
 
     def other_avoider(self) -> str | None:
         """The autopilot's own avoidance, where it acts."""
@@ -53,26 +62,72 @@ class OperatorNotices:
         refused = [Notice(mavlink.MAV_SEVERITY_WARNING, text) for text in refusals]
         return refused + [Notice(mavlink.MAV_SEVERITY_INFO, text, log_only=True) for text in changes]
 
-    def _advice(self) -> list[str]:
-        """Settings of the autopilot that the operator should know or change."""
+    def _advice(self, *, threatened: bool) -> Iterator[Condition]:
+        """Settings of the autopilot to know or change; most of them cannot be changed in flight."""
         adapter, other = self._aircraft.adapter, self.other_avoider()
-        texts = [] if adapter is None else adapter.advice(self._queries.parameters)
+        if adapter is None:
+            return
+        for text in adapter.advice(self._queries.parameters):
+            yield _condition(text, text, matters=False)
+        for text in self._queries.limits.warnings:
+            yield _condition(text, text, matters=False, after_s=_LIMITS_SETTLED_S)
         if other is not None:
             advising = self._settings.supervisor.beside_other_avoider == "advise"
             consequence = ", advising only" if advising else ""
-            texts.append(f"autopilot avoids too ({other}){consequence}")
-        return texts
+            yield _condition(
+                "other avoider",
+                f"autopilot avoids too ({other}){consequence}",
+                "autopilot does not avoid any more",
+                matters=self._aircraft.armed or threatened,
+            )
 
-    def _other_systems(self, now_s: float) -> list[str]:
+    def _other_systems(self, now_s: float) -> Iterator[Condition]:
         """Systems that are heard and should not be, and an aircraft of the wrong type."""
         aircraft = self._aircraft
         if aircraft.adapter is not None:
             if aircraft.others:
-                return [f"another autopilot, system {min(aircraft.others)}"]
-            return [] if aircraft.fixed_wing else ["not a fixed wing, advising only"]
+                text = f"another autopilot, system {min(aircraft.others)}"
+                yield _condition(text, text, matters=False)
+            elif not aircraft.fixed_wing:
+                yield _condition("type", "not a fixed wing, advising only", matters=False)
+            return
         if len(aircraft.others) > 1:
-            return ["several autopilots, set autopilot_system_id"]
-        waited = (
-            s for s, since_s in aircraft.unwanted_since_s.items() if now_s - since_s >= _CONFIGURED_AWAITED_S
-        )
-        return [f"system {number} is heard, not the autopilot configured" for number in waited][:1]
+            yield _condition(
+                "several autopilots",
+                "several autopilots, set autopilot_system_id",
+                "only one autopilot is left",
+            )
+            return
+        for number, since_s in aircraft.unwanted_since_s.items():
+            if now_s - since_s >= _CONFIGURED_AWAITED_S:
+                yield _condition(
+                    "unwanted autopilot",
+                    f"system {number} is heard, not the autopilot configured",
+                    "the autopilot configured is heard",
+                )
+                return
+
+    def _hindered(self, readiness: Readiness, now_s: float, *, threatened: bool) -> Iterator[Condition]:
+        """The reasons why an aircraft in the air, in a mode to take over from, would not be taken over."""
+        aircraft, role = self._aircraft, self._operator.role
+        in_the_air = aircraft.armed and aircraft.flight_state.may_be_in_the_air
+        if role is not Role.FLY or not in_the_air or aircraft.taking_off_or_landing():
+            return
+        if aircraft.mode not in self._settings.supervisor.take_over_from:
+            return
+        for reason in readiness.hindrances(now_s, role):
+            yield Condition(
+                f"hindered: {re.sub('[0-9]+', '', reason)}",
+                mavlink.MAV_SEVERITY_WARNING,
+                f"Avoidance off: {reason}",
+                "Avoidance on again",
+                after_s=0.0 if threatened else _HINDERED_S,
+            )
+
+
+def _condition(
+    key: str, text: str, ended: str | None = None, *, matters: bool = True, after_s: float = 0.0
+) -> Condition:
+    """A condition of the severity WARNING; a warning that never changes is its own key."""
+    ended = None if ended is None else f"Avoidance: {ended}"
+    return Condition(key, mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {text}", ended, matters, after_s)

@@ -17,6 +17,22 @@ class Notice(NamedTuple):
     log_only: bool = False
 
 
+class Condition(NamedTuple):
+    """Something that keeps the aircraft from being flown, is odd or was given up, while it holds.
+
+    It is announced when it has held for `after_s`, again every half minute while it `matters`, and its end by
+    the text `ended`, unless another condition with the same `ended` holds. The `key` identifies it: the text
+    may change, as with a height in it.
+    """
+
+    key: str
+    severity: int
+    text: str
+    ended: str | None = None
+    matters: bool = True
+    after_s: float = 0.0
+
+
 class ConflictNotice(NamedTuple):
     """The most urgent threat, and what is flown against it; without `flying`, what is advised."""
 

@@ -123,14 +123,11 @@ class AutopilotQueries:
         return messages, notices
 
     def _limit_notices(self) -> list[Notice]:
-        notices = []
         text = f"Aircraft: {', '.join(map(str, self.limits.sourced))}"
-        if text != self._announced:
-            self._announced = text
-            notices.append(_to_log(text))
-        for warning in self.limits.warnings:
-            notices.append(Notice(mavlink.MAV_SEVERITY_WARNING, f"Avoidance: {warning}", once=True))
-        return notices
+        if text == self._announced:
+            return []
+        self._announced = text
+        return [_to_log(text)]
 
     def reread_mission(self, now_s: float) -> None:
         """Read the mission again, as the autopilot flies elsewhere than the known one leads."""

@@ -103,7 +103,8 @@ STATE = Topic(
                 | {"system_id": _INTEGER | _NULLABLE, "armed": _BOOLEAN}
             ),
             "companion": _object(
-                {"role": _TEXT, "state": _TEXT, "flying": _BOOLEAN, "last_text": _TEXT},
+                {"role": _TEXT, "state": _TEXT, "flying": _BOOLEAN, "last_text": _TEXT}
+                | {"conditions": _list({"severity": _INTEGER, "text": _TEXT})},
             ),
             "own": _object(
                 _numbers("lat_deg lon_deg north_m east_m altitude_m")

@@ -101,7 +101,10 @@ class _Handlers:
             return JSONResponse({"status": "the flying loop is silent"}, status_code=503)
         snapshot = self._source.snapshot
         known = snapshot is not None and snapshot.autopilot is not None
-        return JSONResponse({"status": "ok", "kind": "live", "autopilot_known": known})
+        conditions = [] if snapshot is None else [one.text for one in snapshot.conditions]
+        return JSONResponse(
+            {"status": "ok", "kind": "live", "autopilot_known": known, "conditions": conditions}
+        )
 
     async def _prometheus(self, _: Request) -> Response:
         if self._metrics is None:

@@ -11,6 +11,7 @@ from companion.avoidance import AvoidanceParams, Envelope
 from companion.engine import Engine
 from companion.geodesy import LocalFrame
 from companion.model import Snapshot
+from companion.output.notice import Condition
 from companion.ownship.mission import Mission
 from companion.web.health import Health
 
@@ -35,6 +36,7 @@ class LiveSnapshot:
     zones: tuple[FenceZone, ...]
     engagements: int
     rejections: int
+    conditions: tuple[Condition, ...]
     health: Health
 
 
@@ -58,5 +60,6 @@ def live_snapshot_of(engine: Engine, now_s: float, health: Health) -> LiveSnapsh
         zones=engine.queries.zones,
         engagements=engine.engagements,
         rejections=engine.rejections,
+        conditions=engine.conditions,
         health=health,
     )

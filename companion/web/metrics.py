@@ -1,5 +1,6 @@
 """Metrics for Prometheus, computed from the newest snapshot on request."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 
 from prometheus_client import CollectorRegistry, generate_latest
@@ -65,6 +66,13 @@ class Metrics(Collector):
         yield layers
         yield _gauge("flying", "1 while the companion flies the aircraft", float(live.flying))
         yield _gauge("position_age_seconds", "Age of our own position", live.position_age_s)
+        held = Counter(one.severity for one in live.conditions)
+        conditions = GaugeMetricFamily(
+            "companion_conditions", "Conditions that hold, by MAV_SEVERITY", labels=["severity"]
+        )
+        for severity in range(8):
+            conditions.add_metric([str(severity)], float(held[severity]))
+        yield conditions
         recording = float(health.recording_problem is not None)
         yield _gauge("recording_failed", "1 when data is missing from the record", recording)
         yield _gauge("uptime_seconds", "Time since the service started", health.uptime_s)

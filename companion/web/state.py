@@ -46,6 +46,7 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
             "state": snapshot.state,
             "flying": live.flying,
             "last_text": snapshot.last_text,
+            "conditions": [{"severity": one.severity, "text": one.text} for one in live.conditions],
         },
         "own": _own(snapshot.ownship, live),
         "goal": _goal(snapshot),

@@ -166,7 +166,11 @@ async def test_in_the_air_it_would_fly_but_commands_nothing(
 async def test_it_would_not_fly_beside_another_active_avoidance() -> None:
     found, said, _ = await preflight(in_the_air(FakePx4, parameters={"NAV_TRAFF_AVOID": 2}), 10.0)
     assert said["other avoidance"] == "NAV_TRAFF_AVOID 2"
-    assert said["check setting"].startswith("COM_OBL_RC_ACT 0: set 5 (Hold)")
+    conditions = [finding.text for finding in found.findings if finding.topic == "condition"]
+    assert set(conditions) >= {
+        "COM_OBL_RC_ACT 0: set 5 (Hold)",
+        "autopilot avoids too (NAV_TRAFF_AVOID 2), advising only",
+    }
     assert found.reasons_not_to_fly == ("another avoider acts: NAV_TRAFF_AVOID 2",)
 
 

@@ -12,6 +12,7 @@ import websockets
 import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
+from companion.output.notice import Condition
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS, STATIC
 from companion.web.live_snapshot import LiveSnapshot
@@ -38,11 +39,19 @@ async def test_the_state_is_served_after_the_first_snapshot() -> None:
     async with site(source) as at:
         assert (await at.ask("/api/state")).status == 503
         assert (await at.ask("/healthz")).status == 503
-        source.show(SNAPSHOT)
+        condition = Condition("low", 4, "Avoidance off: low")
+        source.show(replace(SNAPSHOT, conditions=(condition,)))
         answer = await at.ask("/api/state")
         assert answer.status == 200
         assert answer.json["decision"]["layer"] == "outer"
-        assert (await at.ask("/healthz")).json == {"status": "ok", "kind": "live", "autopilot_known": True}
+        assert answer.json["companion"]["conditions"] == [{"severity": 4, "text": "Avoidance off: low"}]
+        assert (await at.ask("/healthz")).json == {
+            "status": "ok",
+            "kind": "live",
+            "autopilot_known": True,
+            "conditions": ["Avoidance off: low"],
+        }
+        assert b'companion_conditions{severity="4"} 1.0' in (await at.ask("/metrics")).body
         info = (await at.ask("/api/info")).json
         assert info == {
             "kind": "live",

@@ -119,14 +119,42 @@ def test_the_only_autopilot_is_adopted_after_a_moment() -> None:
     assert engine.aircraft.sender == AUTOPILOT
 
 
-def test_neither_of_two_autopilots_is_adopted_and_the_operator_is_warned_once() -> None:
+def test_neither_of_two_autopilots_is_adopted_and_the_operator_is_warned_every_half_minute() -> None:
     engine = new_engine("auto")
     sent = []
     for second in range(60):
         sent += run(engine, [heartbeat(), heartbeat(OTHER)], T0 + second)
     assert engine.aircraft.adapter is None
     texts = [message.text for message in of(sent, "STATUSTEXT")]
-    assert "".join(texts) == "Avoidance: several autopilots, set autopilot_system_id"
+    assert "".join(texts) == 2 * "Avoidance: several autopilots, set autopilot_system_id"
+    assert [condition.key for condition in engine.conditions] == ["several autopilots"]
+
+
+def low(engine: Engine, seconds: float, height_m: float, *, after_s: float = 0.0) -> list[str]:
+    """The texts while the mission is flown at this height, without traffic."""
+    sent = []
+    for tick in range(round(after_s * 10), round((after_s + seconds) * 10)):
+        now_s = T0 + tick / 10
+        facts: list[Fact] = [position(now_s, height_m=height_m), AirData(AUTOPILOT, 22.0)]
+        if tick % 10 == 0:
+            facts += [heartbeat(), LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR)]
+        sent += run(engine, facts, now_s)
+    return [message.text for message in of(sent, "STATUSTEXT")]
+
+
+@pytest.mark.parametrize("height_m", [20.0, -40.0])
+def test_in_the_air_the_reason_why_it_would_not_fly_is_announced_until_it_ends(height_m: float) -> None:
+    engine = new_engine(1)
+    reason = f"Avoidance off: it is {height_m:.0f} m above home, below 30 m"
+    assert low(engine, 75.0, height_m) == 3 * [reason]
+    assert [condition.text for condition in engine.conditions] == [reason]
+    assert low(engine, 10.0, 100.0, after_s=75.0) == ["Avoidance on again"]
+    assert engine.conditions == ()
+
+
+def test_a_climb_through_the_lowest_height_is_not_announced() -> None:
+    engine = new_engine(1)
+    assert low(engine, 8.0, 20.0) + low(engine, 20.0, 100.0, after_s=8.0) == []
 
 
 def test_a_later_second_autopilot_is_announced_and_ignored() -> None:

@@ -172,12 +172,12 @@ def test_unanswered_requests_are_given_up_until_a_restart() -> None:
     assert talk.queries.envelope.max_airspeed_mps == 30.0
 
 
-def test_an_implausible_value_is_announced_and_the_assumed_limit_applies() -> None:
+def test_an_implausible_value_is_a_warning_and_the_assumed_limit_applies() -> None:
     responder = complete()
     responder.parameters["ROLL_LIMIT_DEG"] = 0.0
     talk = Talk(responder).run(60.0)
     assert talk.queries.envelope.max_bank_rad == Envelope().max_bank_rad
-    assert talk.announced.count("Avoidance: ROLL_LIMIT_DEG 0 implausible, not used") == 1
+    assert list(talk.queries.limits.warnings) == ["ROLL_LIMIT_DEG 0 implausible, not used"]
 
 
 def test_px4_is_queried_by_its_own_names() -> None:
