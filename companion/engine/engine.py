@@ -373,7 +373,8 @@ class Engine:
     def _present_conditions(self, now_s: float) -> list[Condition]:
         """The conditions that hold now, of every room that reports any."""
         threatened = bool(self.decision.threats)
-        return self._notices.conditions(self._readiness, now_s, threatened=threatened)
+        conditions = self._notices.conditions(self._readiness, now_s, threatened=threatened)
+        return conditions + self.queries.conditions()
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

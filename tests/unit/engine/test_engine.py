@@ -12,6 +12,7 @@ from companion.engine import Engine, EngineConfig, EngineParams, Keep, Record, S
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
+    CommandResult,
     Fact,
     Heartbeat,
     LandedState,
@@ -138,6 +139,7 @@ def low(engine: Engine, seconds: float, height_m: float, *, after_s: float = 0.0
         facts: list[Fact] = [position(now_s, height_m=height_m), AirData(AUTOPILOT, 22.0)]
         if tick % 10 == 0:
             facts += [heartbeat(), LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR)]
+            facts.append(CommandResult(AUTOPILOT, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, None))
         sent += run(engine, facts, now_s)
     return [message.text for message in of(sent, "STATUSTEXT")]
 
@@ -155,6 +157,12 @@ def test_in_the_air_the_reason_why_it_would_not_fly_is_announced_until_it_ends(h
 def test_a_climb_through_the_lowest_height_is_not_announced() -> None:
     engine = new_engine(1)
     assert low(engine, 8.0, 20.0) + low(engine, 20.0, 100.0, after_s=8.0) == []
+
+
+def test_an_autopilot_that_answers_no_request_is_reported_every_half_minute() -> None:
+    engine = new_engine(1)
+    texts = [message.text for message in of(fly(engine, 75.0, meet_s=1000.0), "STATUSTEXT")]
+    assert texts.count("Avoidance: autopilot answers no request") == 3
 
 
 def test_a_later_second_autopilot_is_announced_and_ignored() -> None:
