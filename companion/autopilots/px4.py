@@ -61,6 +61,7 @@ _INVALID_FOR_S = 0.3
 _INVALID_KNOWN_S = 2.0
 _RECOVERY_S = 1.6
 _SPEED_CHANGE_MPS = 0.5
+_LOWEST_TRIM_MPS, _HIGHEST_TRIM_MPS = 3.0, 150.0
 # The speed is changed only when it differs by more than gusts and climbs make it vary.
 _SPEED_KEPT_MPS = 1.0
 
@@ -264,8 +265,8 @@ class Px4FixedWing(Adapter):
         return {} if self._trim.original is None else {_TRIM: self._trim.original}
 
     def restore_parameters(self, values: dict[str, float]) -> None:
-        """Restore what a former run changed and did not restore."""
-        if _TRIM in values:
+        """Restore what a former run changed and did not restore, if it is a speed that can be flown."""
+        if _LOWEST_TRIM_MPS <= values.get(_TRIM, 0.0) <= _HIGHEST_TRIM_MPS:
             self._trim.restore(values[_TRIM])
 
     def _stream(

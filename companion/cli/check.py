@@ -27,6 +27,8 @@ from companion.control.state_machine import printed, printed_data
 from companion.errors import CompanionError, ConfigError
 from companion.links import open_link
 from companion.preflight import DEFAULT_SECONDS, run_preflight
+from companion.recording.folder import recording_problem
+from companion.small_file import writing_problem
 
 
 def check(
@@ -73,6 +75,7 @@ def check(
     saved = load_saved(config)
     if link:
         _check_link(console, apply_saved(config, saved), seconds)
+        _warn_of_files(console, config)
     else:
         console.print(describe(config), markup=False, end="")
         if config.obstacle_files:
@@ -81,7 +84,29 @@ def check(
             console.print(f"# {config.settings_file}: {line}", markup=False, style="yellow")
         if saved.problem is not None:
             console.print(f"# {saved.problem}", markup=False, style="yellow")
-        console.print(f"{config_file}: good to fly with", markup=False, style="green")
+        if not _warn_of_files(console, config):
+            console.print(f"{config_file}: good to fly with", markup=False, style="green")
+
+
+def _warn_of_files(console: Console, config: Config) -> bool:
+    """Print what cannot be written at the paths of the configuration; true if there is any."""
+    problems = [
+        f"{key}: {path}: cannot be written: {problem}"
+        for key, path, problem in (
+            ("state_file", config.state_file, writing_problem(config.state_file)),
+            ("settings_file", config.settings_file, writing_problem(config.settings_file)),
+            ("recording", config.recording.directory, _recording_problem(config)),
+        )
+        if problem is not None
+    ]
+    for problem in problems:
+        console.print(problem, markup=False, style="yellow")
+    return bool(problems)
+
+
+def _recording_problem(config: Config) -> str | None:
+    recording = config.recording
+    return recording_problem(recording.directory) if recording.enabled else None
 
 
 def _check_link(console: Console, config: Config, seconds: float) -> None:

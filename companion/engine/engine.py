@@ -118,6 +118,7 @@ class Engine:
         self._answers: list[Message] = []
         self._left: PersistedState | None = None  # state of a former run, until its parameters are restored
         self._kept_s: float | None = None
+        self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -374,7 +375,7 @@ class Engine:
         """The conditions that hold now, of every room that reports any."""
         threatened = bool(self.decision.threats)
         conditions = self._notices.conditions(self._readiness, now_s, threatened=threatened)
-        return conditions + self.queries.conditions()
+        return [*conditions, *self.queries.conditions(), *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from companion.mavlink.append_file import is_being_written
+from companion.small_file import writing_problem
 
 SUFFIXES = (".tlog", ".jsonl", ".mcap")
 _PATTERN = re.compile(
@@ -97,6 +98,17 @@ def later_parts(path: Path) -> list[Path]:
             break
         later.append(following)
     return later
+
+
+def recording_problem(directory: Path) -> str | None:
+    """The reason why nothing can be recorded in a folder, `None` when it can; nothing is left behind.
+
+    A folder that is missing would be made, so that its nearest parent counts.
+    """
+    nearest = next((each for each in (directory, *directory.absolute().parents) if each.exists()), directory)
+    if not nearest.is_dir():
+        return "not a folder"
+    return writing_problem(nearest / "companion-recording")
 
 
 def remove_oldest(directory: Path, max_total_bytes: int, keep: Collection[Path] = ()) -> list[Path]:
