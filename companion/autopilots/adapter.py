@@ -10,7 +10,7 @@ from companion.autopilots.parameters import ParameterTable
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Fact, Sender
+from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Sender
 from companion.model import Guidance, PriorFlightState, Vec3
 
 
@@ -170,6 +170,10 @@ class Adapter(ABC):
         if not self.guided_mode_unsupported:
             return None
         return f"it does not support {self.mode_name(self.guided_mode)}"
+
+    def is_own_target(self, target: NavigationTarget) -> bool:  # noqa: ARG002
+        """Whether a reported navigation target is a place that we have commanded the autopilot to fly to."""
+        return False
 
     def restarted(self) -> None:
         """Forget what the autopilot refused: it has restarted, perhaps with another firmware."""

@@ -7,17 +7,17 @@ course and speed; the message is sent complete for its height and for other read
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
+from companion.autopilots.refused_commands import RefusedCommands
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Fact, Sender
+from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Sender
 from companion.model import PriorFlightState
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
 
@@ -64,10 +64,10 @@ _POINT_AHEAD_M = 500.0
 _PLACE_AHEAD_M = 10_000.0
 _PLACE_WITHIN_FENCE_M = 1_500.0  # a place beyond the autopilot's fence is refused
 _PLACE_REPEAT_S = 10.0
+# The target is reported twice a second: it may be a place before the newest one.
+_PLACES_KNOWN, _SAME_PLACE_M = 8, 50.0
 # The speed is commanded only when it differs by more than gusts and climbs make it vary.
 _SPEED_KEPT_MPS = 1.5
-# A command that is refused this many times in a row, with several values, is refused altogether.
-_REFUSED_ALTOGETHER = 6
 # A refused value is moderated by this. A speed at the limit may be refused because the autopilot rounds it.
 _SPEED_STEP_MPS = 1.0
 _HEIGHT_STEP_M = 2.0  # 0 and -1 m above mean sea level mean "none" and are denied
@@ -125,14 +125,6 @@ class _Sent(NamedTuple):
     at_s: float
 
 
-@dataclass(slots=True)
-class _Refused:
-    """A refused value: it is sent once more, moderated, and given up when it is refused again."""
-
-    value: float
-    given_up: bool = False
-
-
 class ArduPlane(Adapter):
     """Guidance for ArduPlane 4.1 and later."""
 
@@ -164,10 +156,8 @@ class ArduPlane(Adapter):
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
         self._sent: dict[int, _Sent] = {}
-        self._refused: dict[int, _Refused] = {}
-        self._given_up: list[RefusedValue] = []
-        self._refused_in_a_row: dict[int, int] = {}
-        self._off: set[int] = set()  # commands that are refused altogether, until the autopilot restarts
+        self._refusals = RefusedCommands()
+        self._places: deque[GeoPoint] = deque(maxlen=_PLACES_KNOWN)
         self._setpoints_s: deque[float] = deque(maxlen=_MAX_SETPOINTS_PER_S)
 
     @staticmethod
@@ -205,14 +195,13 @@ class ArduPlane(Adapter):
         """Drop all commands under way, and what is known of those sent."""
         super().drop_commands()
         self._sent.clear()
-        self._refused.clear()
-        self._given_up.clear()
-        self._refused_in_a_row.clear()
+        self._refusals.forget_values()
+        self._places.clear()
 
     def restarted(self) -> None:
         """Forget what the autopilot refused."""
         super().restarted()
-        self._off.clear()
+        self._refusals.off.clear()
 
     @property
     def lost_controls(self) -> frozenset[Control]:
@@ -221,9 +210,9 @@ class ArduPlane(Adapter):
         The height is never lost: position targets, which are not acknowledged, command it too.
         """
         lost = set()
-        if {mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_CMD_DO_REPOSITION} <= self._off:
+        if {mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_CMD_DO_REPOSITION} <= self._refusals.off:
             lost.add(Control.HEADING)
-        if mavlink.MAV_CMD_GUIDED_CHANGE_SPEED in self._off:
+        if mavlink.MAV_CMD_GUIDED_CHANGE_SPEED in self._refusals.off:
             lost.add(Control.SPEED)
         return frozenset(lost)
 
@@ -238,31 +227,18 @@ class ArduPlane(Adapter):
             return
         outcome = self.commands.outcome(fact.command)
         if outcome is Outcome.ACCEPTED:
-            self._refused_in_a_row.pop(fact.command, None)
+            self._refusals.accepted(fact.command)
         elif outcome is Outcome.REFUSED and fact.result == mavlink.MAV_RESULT_UNSUPPORTED:
-            self._off.add(fact.command)
-        elif outcome is Outcome.REFUSED and fact.command in self._sent:
-            self._value_refused(fact)
+            self._refusals.off.add(fact.command)
+        elif outcome is Outcome.REFUSED and (sent := self._sent.get(fact.command)) is not None:
+            again = self._refusals.refused(fact.command, sent.value)
+            if again:
+                del self._sent[fact.command]  # so that it is sent again
 
     def leaving(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
         """Nothing; a course that is still under way must not arrive after the mode was changed."""
         self.commands.drop(mavlink.MAV_CMD_DO_REPOSITION)
         return []
-
-    def _value_refused(self, fact: CommandResult) -> None:
-        in_a_row = self._refused_in_a_row.get(fact.command, 0) + 1
-        self._refused_in_a_row[fact.command] = in_a_row
-        if in_a_row >= _REFUSED_ALTOGETHER:
-            self._off.add(fact.command)
-            return
-        refused = self._refused.get(fact.command)
-        wanted = self._sent[fact.command].value
-        if refused is None or refused.value != wanted:
-            self._refused[fact.command] = _Refused(wanted)
-            del self._sent[fact.command]  # so that it is sent again
-        elif not refused.given_up:
-            refused.given_up = True
-            self._given_up.append(RefusedValue(_CONTROLS[fact.command], wanted))
 
     def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
         """AP_Avoidance, if it does more than report."""
@@ -275,8 +251,7 @@ class ArduPlane(Adapter):
 
     def refused_values(self) -> list[RefusedValue]:
         """Values that were refused since the last call, also when moderated."""
-        given_up, self._given_up = self._given_up, []
-        return given_up
+        return [RefusedValue(_CONTROLS[kind], value) for kind, value in self._refusals.take_given_up()]
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
         """Course, speed and height commands when they changed, and the stream of position targets."""
@@ -294,7 +269,7 @@ class ArduPlane(Adapter):
     def _course(self, command: GuidanceCommand, now_s: float) -> list[Message]:
         """A course command if it is due; by a place far ahead where heading commands are unsupported."""
         kind, repeat_s = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, _HEADING_REPEAT_S
-        if kind in self._off:
+        if kind in self._refusals.off:
             kind, repeat_s = mavlink.MAV_CMD_DO_REPOSITION, _PLACE_REPEAT_S
         course_rad = command.guidance.course_rad
         if not self._is_due(kind, course_rad, now_s, _HEADING_CHANGE_RAD, repeat_s, circular=True):
@@ -326,7 +301,7 @@ class ArduPlane(Adapter):
 
         Never for a command that is refused altogether.
         """
-        if command in self._off:
+        if command in self._refusals.off:
             return False
         sent = self._sent.get(command)
         if sent is not None and now_s - sent.at_s < repeat_s:
@@ -357,9 +332,15 @@ class ArduPlane(Adapter):
 
     def _go_far_ahead(self, command: GuidanceCommand) -> Message:
         """A reposition along the course; outside GUIDED, as after a pilot's mode change, it is refused."""
-        refused = self._was_refused(mavlink.MAV_CMD_DO_REPOSITION, command.guidance.course_rad)
-        ahead_m = _PLACE_WITHIN_FENCE_M if refused else _PLACE_AHEAD_M
-        return self.reposition(self._ahead(command, ahead_m), change_mode=False)
+        refused = self._refusals.was_refused(mavlink.MAV_CMD_DO_REPOSITION, command.guidance.course_rad)
+        place = self._ahead(command, _PLACE_WITHIN_FENCE_M if refused else _PLACE_AHEAD_M)
+        self._places.append(place)
+        return self.reposition(place, change_mode=False)
+
+    def is_own_target(self, target: NavigationTarget) -> bool:
+        """Whether a reported navigation target is one of our newest places far ahead."""
+        here = LocalFrame(target.lat_deg, target.lon_deg)
+        return any(math.hypot(*here.to_ned_m(place)[:2]) <= _SAME_PLACE_M for place in self._places)
 
     @staticmethod
     def _ahead(command: GuidanceCommand, distance_m: float) -> GeoPoint:
@@ -373,7 +354,7 @@ class ArduPlane(Adapter):
 
     def _change_speed(self, command: GuidanceCommand) -> Message:
         wanted_mps = command.guidance.airspeed_mps
-        refused = self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps)
+        refused = self._refusals.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps)
         if refused and command.airspeed_mps is not None:
             wanted_mps = _towards(command.airspeed_mps, wanted_mps, _SPEED_STEP_MPS)
         airspeed, full_acceleration = 0, 0.0
@@ -381,13 +362,9 @@ class ArduPlane(Adapter):
 
     def _change_height(self, command: GuidanceCommand) -> Message:
         wanted_m = command.guidance.altitude_m
-        if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
+        if self._refusals.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
             wanted_m = _towards(command.position.altitude_m, wanted_m, _HEIGHT_STEP_M)
         return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=wanted_m)
-
-    def _was_refused(self, command: int, value: float) -> bool:
-        refused = self._refused.get(command)
-        return refused is not None and refused.value == value
 
     def _position_target(self, command: GuidanceCommand, now_s: float) -> Message:
         """A point ahead on the commanded course at the commanded height, with velocity and yaw along it."""

@@ -41,4 +41,9 @@ class PilotOverrides:
             progress = data.request.progress(aircraft.custom_mode, aircraft.heartbeat_s)
             return progress is Progress.OVERRULED
         was_guided = adapter is not None and data.prior.mode == adapter.guided_mode
-        return not aircraft.guided or (was_guided and aircraft.redirected_from(data.prior.target))
+        if not aircraft.guided:
+            return True
+        target = aircraft.target_while_ours
+        if adapter is not None and target is not None and adapter.is_own_target(target):
+            return False
+        return was_guided and aircraft.redirected_from(data.prior.target)

@@ -10,7 +10,7 @@ from companion.autopilots.adapter import GuidanceCommand, RefusedValue
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
-from companion.mavlink.facts import CommandResult, Sender
+from companion.mavlink.facts import CommandResult, NavigationTarget, Sender
 from companion.model import Guidance, PriorFlightState
 
 TARGET = Sender(1, 1)
@@ -297,6 +297,8 @@ def test_a_course_by_place_is_far_ahead_at_the_commanded_height_and_obeyed_in_gu
     assert math.hypot(north_m, east_m) > 5_000.0
     assert math.degrees(math.atan2(east_m, north_m)) == pytest.approx(40.0, abs=0.3)
     assert course.z == GUIDANCE.altitude_m
+    assert adapter.is_own_target(NavigationTarget(TARGET, course.x / 1e7, course.y / 1e7, None))
+    assert not adapter.is_own_target(NavigationTarget(TARGET, PLACE.lat_deg, PLACE.lon_deg, None))
     adapter.observe(CommandResult(TARGET, REPOSITION, 0, None), 200.0)
     repeated = sum(
         kinds(adapter.command(guidance_command(), 200.0 + tick / 10, urgent=False))["COMMAND_INT 192"]
