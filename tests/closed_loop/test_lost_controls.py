@@ -63,6 +63,7 @@ def test_without_an_airspeed_sensor_no_speed_is_commanded_and_it_keeps_clear(
     assert flight.engagements >= 1
     assert not is_near_miss(flight)
     assert loop.commanded[SPEED] == loop.commanded["FW_AIRSPD_TRIM"] == 0
+    assert flight.texts.count("Avoidance: no airspeed sensor, speed not commanded") == 1
 
 
 @pytest.mark.parametrize("autopilot", BOTH)
@@ -119,6 +120,7 @@ def test_without_any_course_command_the_height_alone_is_flown() -> None:
     assert not is_near_miss(flight)
     assert flight.resumed
     assert loop.engine.rejections <= 4
+    assert "Avoidance: courses refused, height only" in flight.texts
 
 
 def test_what_is_refused_is_tried_again_after_a_restart_of_the_autopilot() -> None:
