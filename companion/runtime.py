@@ -6,13 +6,13 @@ Every task has an owner and a name. When the service ends for any reason, the ai
 import asyncio
 import contextlib
 import logging
-import signal
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import replace
 from functools import partial
 
+from companion import signals
 from companion.clock import Clock, SteadyClock
 from companion.control.emergency import EmergencyRelease
 from companion.control.state_machine import State
@@ -108,26 +108,27 @@ class Runtime:
         self._stop.set()
 
     async def run(self, *, on_signals: bool = False) -> None:
-        """Run until `stop` (`on_signals`: also SIGINT, SIGTERM); `CompanionError` when it cannot go on."""
-        try:
-            await open_all(self.links)
-            with contextlib.ExitStack() as undo:
-                if on_signals:
-                    self._catch_signals(undo)
+        """Run until `stop`, with `on_signals` also as `signals` says; `CompanionError` if it cannot go on."""
+        with signals.handled(self.stop) if on_signals else contextlib.nullcontext():
+            try:
+                await open_all(self.links)
                 await self._run_tasks()
-        finally:
-            for link in self.links:
-                link.close()
-            self._sum_up()
-            if self.recorder is not None:
-                self.recorder.close()
-            if self._settings is not None:
-                self._settings.close()
+            finally:
+                self._close()
         if self._failure is not None:
             raise self._failure
         if not self.engine.finished:
             what = "its own speed" if self.engine.supervisor.state is State.STOPPED else "the aircraft"
             raise CompanionError(f"the autopilot did not confirm that it took {what} back")
+
+    def _close(self) -> None:
+        for link in self.links:
+            link.close()
+        self._sum_up()
+        if self.recorder is not None:
+            self.recorder.close()
+        if self._settings is not None:
+            self._settings.close()
 
     async def _run_tasks(self) -> None:
         with ungrouped():
@@ -156,10 +157,7 @@ class Runtime:
             self._stop.set()
 
     async def _tick_until_stopped(self) -> None:
-        kept = None if self._state_file is None else self._state_file.read()
-        if kept is not None:
-            text, age_s = kept
-            self.engine.recover(text, self.clock.now_us() / 1e6, age_s)
+        self._recover()
         self._watchdog.ready()
         while not self._stop.is_set():
             self._guarded(self._tick)
@@ -174,6 +172,22 @@ class Runtime:
         if self._failure is not None:
             await self._give_back_in_emergency()
 
+    def _recover(self) -> None:
+        """Read what the former run left; find out now whether this run can leave something, too."""
+        for file in (self._state_file, self._settings):
+            if file is not None:
+                file.try_writing()
+        if self._state_file is None:
+            return
+        kept = self._state_file.read()
+        if kept is None:
+            return
+        text, age_s = kept
+        if PersistedState.from_text(text) is None:
+            self._state_file.set_aside("damaged")
+        else:
+            self.engine.recover(text, self.clock.now_us() / 1e6, age_s)
+
     def _tick(self) -> None:
         """Make the ticks that are due, and report to the watchdog."""
         self._advance(self.clock.now_us())
@@ -181,11 +195,19 @@ class Runtime:
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""
+        files = (file for file in (self._state_file, self._settings) if file is not None)
+        self.engine.shell_conditions = tuple(one for file in files for one in file.conditions())
         ticks, begun_s = self._stepper.ticks, time.perf_counter()
         self._stepper.advance(now_us)
         if self._stepper.ticks > ticks:
+            self._tell_links_who_is_ours()
             self._times.observe(time.perf_counter() - begun_s)
             self._observers.look(self.engine, now_us, self._health)
+
+    def _tell_links_who_is_ours(self) -> None:
+        own = self.engine.aircraft.sender
+        for link in self.links:
+            link.ours = None if own is None else (own.system_id, own.component_id)
 
     def _health(self) -> Health:
         return Health.of(
@@ -397,12 +419,6 @@ class Runtime:
             self.engine.foreign,
             refused,
         )
-
-    def _catch_signals(self, undo: contextlib.ExitStack) -> None:
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, self.stop)
-            undo.callback(loop.remove_signal_handler, number)
 
 
 async def _optional(work: Coroutine[None, None, None]) -> None:

@@ -10,18 +10,21 @@ from companion.autopilots.parameters import ParameterTable
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Fact, Sender
+from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Sender
 from companion.model import Guidance, PriorFlightState, Vec3
 
 
 @dataclass(frozen=True, slots=True)
 class GuidanceCommand:
-    """Guidance, and what else a setpoint needs: own position, ground velocity (NED), airspeed, bank limit."""
+    """Guidance, and what else a setpoint needs: own position, ground velocity (NED), airspeed, bank limit.
+
+    `airspeed_mps` is measured; `None` without a sensor: then no speed is commanded.
+    """
 
     guidance: Guidance
     position: GeoPoint
     velocity_mps: Vec3
-    airspeed_mps: float
+    airspeed_mps: float | None
     max_bank_rad: float
 
 
@@ -62,6 +65,7 @@ class Adapter(ABC):
     def __init__(self, target: Sender) -> None:
         self.target = target
         self.commands = CommandRetrier()
+        self.guided_mode_unsupported = False  # a request for the guided mode was answered UNSUPPORTED
 
     @staticmethod
     @abstractmethod
@@ -162,6 +166,26 @@ class Adapter(ABC):
         """Values that were refused twice since the last call, the second time moderated."""
         return []
 
+    @property
+    def lost_controls(self) -> frozenset[Control]:
+        """The controls that cannot be flown: this autopilot refuses them, or what they need is unknown."""
+        return frozenset()
+
+    @property
+    def cannot_fly(self) -> str | None:
+        """The reason why this autopilot cannot be flown at all, in words; `None` when it can."""
+        if not self.guided_mode_unsupported:
+            return None
+        return f"it does not support {self.mode_name(self.guided_mode)}"
+
+    def is_own_target(self, target: NavigationTarget) -> bool:  # noqa: ARG002
+        """Whether a reported navigation target is a place that we have commanded the autopilot to fly to."""
+        return False
+
+    def restarted(self) -> None:
+        """Forget what the autopilot refused: it has restarted, perhaps with another firmware."""
+        self.guided_mode_unsupported = False
+
     def drop_commands(self) -> None:
         """Drop all commands under way, because the aircraft is no longer ours."""
         self.commands.forget()
@@ -221,9 +245,17 @@ class Adapter(ABC):
             z_m if place is None else place.altitude_m,
         )
 
-    def reposition(self, place: GeoPoint) -> Message:
-        """MAV_CMD_DO_REPOSITION with a change of mode: fly to the place and circle there."""
-        present_speed, change_mode, default_radius, clockwise = -1.0, 1.0, 0.0, 0.0
+    def reposition(self, place: GeoPoint, *, change_mode: bool = True) -> Message:
+        """MAV_CMD_DO_REPOSITION: fly to the place and circle there.
+
+        Without `change_mode` it is refused outside the guided mode.
+        """
+        present_speed, default_radius, clockwise = -1.0, 0.0, 0.0
         return self.command_int(
-            mavlink.MAV_CMD_DO_REPOSITION, present_speed, change_mode, default_radius, clockwise, place=place
+            mavlink.MAV_CMD_DO_REPOSITION,
+            present_speed,
+            float(change_mode),
+            default_radius,
+            clockwise,
+            place=place,
         )

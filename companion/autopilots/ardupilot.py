@@ -7,17 +7,17 @@ course and speed; the message is sent complete for its height and for other read
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.commands import Outcome
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
+from companion.autopilots.refused_commands import RefusedCommands
 from companion.avoidance.envelope import Control
-from companion.geodesy import LocalFrame
+from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Fact, Parameter, Sender
+from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Parameter, Sender
 from companion.model import PriorFlightState
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
 
@@ -59,6 +59,15 @@ _SPEED_AND_HEIGHT_REPEAT_S = 10.0
 _SETPOINT_INTERVAL_S = 0.2
 _MAX_SETPOINTS_PER_S = 10
 _POINT_AHEAD_M = 500.0
+# A course by DO_REPOSITION: so far ahead that the aircraft never gets there to circle, and that the course
+# to the point stays the one commanded.
+_PLACE_AHEAD_M = 10_000.0
+_PLACE_WITHIN_FENCE_M = 1_500.0  # a place beyond the autopilot's fence is refused
+_PLACE_REPEAT_S = 10.0
+# The target is reported twice a second: it may be a place before the newest one.
+_PLACES_KNOWN, _SAME_PLACE_M = 8, 50.0
+# The speed is commanded only when it differs by more than gusts and climbs make it vary.
+_SPEED_KEPT_MPS = 1.5
 # A refused value is moderated by this. A speed at the limit may be refused because the autopilot rounds it.
 _SPEED_STEP_MPS = 1.0
 _HEIGHT_STEP_M = 2.0  # 0 and -1 m above mean sea level mean "none" and are denied
@@ -70,10 +79,12 @@ _TYPE_MASK = (
 )
 _AVOIDANCE_ACTS_FROM = 2.0  # AVD_F_ACTION: 0 does nothing, 1 reports
 
+# The options of the firmware that Companion flies by. A build may lack the first three.
 _CONTROLS = {
     mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: Control.HEADING,
     mavlink.MAV_CMD_GUIDED_CHANGE_SPEED: Control.SPEED,
     mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: Control.HEIGHT,
+    mavlink.MAV_CMD_DO_REPOSITION: Control.HEADING,
 }
 
 
@@ -116,14 +127,6 @@ class _Sent(NamedTuple):
     at_s: float
 
 
-@dataclass(slots=True)
-class _Refused:
-    """A refused value: it is sent once more, moderated, and given up when it is refused again."""
-
-    value: float
-    given_up: bool = False
-
-
 class ArduPlane(Adapter):
     """Guidance for ArduPlane 4.1 and later."""
 
@@ -133,6 +136,7 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_HEARTBEAT: 0.2,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
@@ -156,8 +160,8 @@ class ArduPlane(Adapter):
         super().__init__(target)
         self._restarts_mission = False
         self._sent: dict[int, _Sent] = {}
-        self._refused: dict[int, _Refused] = {}
-        self._given_up: list[RefusedValue] = []
+        self._refusals = RefusedCommands()
+        self._places: deque[GeoPoint] = deque(maxlen=_PLACES_KNOWN)
         self._setpoints_s: deque[float] = deque(maxlen=_MAX_SETPOINTS_PER_S)
 
     @staticmethod
@@ -195,26 +199,52 @@ class ArduPlane(Adapter):
         """Drop all commands under way, and what is known of those sent."""
         super().drop_commands()
         self._sent.clear()
-        self._refused.clear()
-        self._given_up.clear()
+        self._refusals.forget_values()
+        self._places.clear()
+
+    def restarted(self) -> None:
+        """Forget what the autopilot refused."""
+        super().restarted()
+        self._refusals.off.clear()
+
+    @property
+    def lost_controls(self) -> frozenset[Control]:
+        """The course without heading commands and repositions, and the speed without speed commands.
+
+        The height is never lost: position targets, which are not acknowledged, command it too.
+        """
+        lost = set()
+        if {mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_CMD_DO_REPOSITION} <= self._refusals.off:
+            lost.add(Control.HEADING)
+        if mavlink.MAV_CMD_GUIDED_CHANGE_SPEED in self._refusals.off:
+            lost.add(Control.SPEED)
+        return frozenset(lost)
 
     def observe(self, fact: Fact, now_s: float) -> None:
-        """Process answers: a refused guided command is sent once more, moderated, and then given up."""
+        """Process answers: a refused guided command is sent once more, moderated, and then given up.
+
+        A command that is unsupported, or refused with every value, is not sent again.
+        """
+        under_way = isinstance(fact, CommandResult) and self.commands.is_pending(fact.command)
         super().observe(fact, now_s)
         if isinstance(fact, Parameter) and fact.name == _MISSION_RESTART:
             self._restarts_mission = fact.value >= 1.0
-        if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS:
+        if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS or not under_way:
             return
-        if self.commands.outcome(fact.command) is not Outcome.REFUSED or fact.command not in self._sent:
-            return
-        refused = self._refused.get(fact.command)
-        wanted = self._sent[fact.command].value
-        if refused is None or refused.value != wanted:
-            self._refused[fact.command] = _Refused(wanted)
-            del self._sent[fact.command]  # so that it is sent again
-        elif not refused.given_up:
-            refused.given_up = True
-            self._given_up.append(RefusedValue(_CONTROLS[fact.command], wanted))
+        outcome = self.commands.outcome(fact.command)
+        if outcome is Outcome.ACCEPTED:
+            self._refusals.accepted(fact.command)
+        elif outcome is Outcome.REFUSED and fact.result == mavlink.MAV_RESULT_UNSUPPORTED:
+            self._refusals.off.add(fact.command)
+        elif outcome is Outcome.REFUSED and (sent := self._sent.get(fact.command)) is not None:
+            again = self._refusals.refused(fact.command, sent.value)
+            if again:
+                del self._sent[fact.command]  # so that it is sent again
+
+    def leaving(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
+        """Nothing; a course that is still under way must not arrive after the mode was changed."""
+        self.commands.drop(mavlink.MAV_CMD_DO_REPOSITION)
+        return []
 
     @property
     def restarts_mission(self) -> bool:
@@ -232,26 +262,41 @@ class ArduPlane(Adapter):
 
     def refused_values(self) -> list[RefusedValue]:
         """Values that were refused since the last call, also when moderated."""
-        given_up, self._given_up = self._given_up, []
-        return given_up
+        return [RefusedValue(_CONTROLS[kind], value) for kind, value in self._refusals.take_given_up()]
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
-        """Heading, speed and height commands when they changed, and the stream of position targets."""
-        wanted = command.guidance
-        heading = (mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, wanted.course_rad)
-        speed = (mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted.airspeed_mps)
-        height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted.altitude_m)
-        messages = []
-        if self._is_due(*heading, now_s, _HEADING_CHANGE_RAD, _HEADING_REPEAT_S, circular=True):
-            messages.append(self.commands.ask(self._change_heading(command), now_s))
-        if self._is_due(*speed, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S):
+        """Course, speed and height commands when they changed, and the stream of position targets."""
+        messages = [*self._course(command, now_s)]
+        if self._speed_is_due(command, now_s):
             messages.append(self.commands.ask(self._change_speed(command), now_s))
+        height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, command.guidance.altitude_m)
         if self._is_due(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
             messages.append(self.commands.ask(self._change_height(command), now_s))
         if self._setpoint_due(now_s, urgent=urgent):
             self._setpoints_s.append(now_s)
             messages.append(self._position_target(command, now_s))
         return messages
+
+    def _course(self, command: GuidanceCommand, now_s: float) -> list[Message]:
+        """A course command if it is due; by a place far ahead where heading commands are unsupported."""
+        kind, repeat_s = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, _HEADING_REPEAT_S
+        if kind in self._refusals.off:
+            kind, repeat_s = mavlink.MAV_CMD_DO_REPOSITION, _PLACE_REPEAT_S
+        course_rad = command.guidance.course_rad
+        if not self._is_due(kind, course_rad, now_s, _HEADING_CHANGE_RAD, repeat_s, circular=True):
+            return []
+        by_place = kind == mavlink.MAV_CMD_DO_REPOSITION
+        message = self._go_far_ahead(command) if by_place else self._change_heading(command)
+        return [self.commands.ask(message, now_s)]
+
+    def _speed_is_due(self, command: GuidanceCommand, now_s: float) -> bool:
+        """Whether to command the speed: never without a sensor, and not while the present one is wanted."""
+        kind, wanted_mps = mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, command.guidance.airspeed_mps
+        if command.airspeed_mps is None:
+            return False
+        if kind not in self._sent and abs(wanted_mps - command.airspeed_mps) <= _SPEED_KEPT_MPS:
+            return False
+        return self._is_due(kind, wanted_mps, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S)
 
     def _is_due(
         self,
@@ -263,7 +308,12 @@ class ArduPlane(Adapter):
         *,
         circular: bool = False,
     ) -> bool:
-        """Whether to send a value, because it changed or was sent long ago; if so, stores it as sent."""
+        """Whether to send a value, because it changed or was sent long ago; if so, stores it as sent.
+
+        Never for a command that is refused altogether.
+        """
+        if command in self._refusals.off:
+            return False
         sent = self._sent.get(command)
         if sent is not None and now_s - sent.at_s < repeat_s:
             off = value - sent.value
@@ -291,30 +341,47 @@ class ArduPlane(Adapter):
             lateral_mps2,
         )
 
+    def _go_far_ahead(self, command: GuidanceCommand) -> Message:
+        """A reposition along the course; outside GUIDED, as after a pilot's mode change, it is refused."""
+        refused = self._refusals.was_refused(mavlink.MAV_CMD_DO_REPOSITION, command.guidance.course_rad)
+        place = self._ahead(command, _PLACE_WITHIN_FENCE_M if refused else _PLACE_AHEAD_M)
+        self._places.append(place)
+        return self.reposition(place, change_mode=False)
+
+    def is_own_target(self, target: NavigationTarget) -> bool:
+        """Whether a reported navigation target is one of our newest places far ahead."""
+        here = LocalFrame(target.lat_deg, target.lon_deg)
+        return any(math.hypot(*here.to_ned_m(place)[:2]) <= _SAME_PLACE_M for place in self._places)
+
+    @staticmethod
+    def _ahead(command: GuidanceCommand, distance_m: float) -> GeoPoint:
+        """The place this far ahead on the commanded course, at the commanded height."""
+        guidance, position = command.guidance, command.position
+        return LocalFrame(position.lat_deg, position.lon_deg).to_geo(
+            distance_m * math.cos(guidance.course_rad),
+            distance_m * math.sin(guidance.course_rad),
+            -guidance.altitude_m,
+        )
+
     def _change_speed(self, command: GuidanceCommand) -> Message:
         wanted_mps = command.guidance.airspeed_mps
-        if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps):
+        refused = self._refusals.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps)
+        if refused and command.airspeed_mps is not None:
             wanted_mps = _towards(command.airspeed_mps, wanted_mps, _SPEED_STEP_MPS)
         airspeed, full_acceleration = 0, 0.0
         return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, airspeed, wanted_mps, full_acceleration)
 
     def _change_height(self, command: GuidanceCommand) -> Message:
         wanted_m = command.guidance.altitude_m
-        if self._was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
+        if self._refusals.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
             wanted_m = _towards(command.position.altitude_m, wanted_m, _HEIGHT_STEP_M)
         return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=wanted_m)
-
-    def _was_refused(self, command: int, value: float) -> bool:
-        refused = self._refused.get(command)
-        return refused is not None and refused.value == value
 
     def _position_target(self, command: GuidanceCommand, now_s: float) -> Message:
         """A point ahead on the commanded course at the commanded height, with velocity and yaw along it."""
         guidance, position = command.guidance, command.position
         north, east = math.cos(guidance.course_rad), math.sin(guidance.course_rad)
-        ahead = LocalFrame(position.lat_deg, position.lon_deg).to_geo(
-            _POINT_AHEAD_M * north, _POINT_AHEAD_M * east, -guidance.altitude_m
-        )
+        ahead = self._ahead(command, _POINT_AHEAD_M)
         ground_speed_mps = math.hypot(command.velocity_mps[0], command.velocity_mps[1])
         climb_mps = max(-2.0, min(2.0, 0.5 * (guidance.altitude_m - position.altitude_m)))
         return mavlink.MAVLink_set_position_target_global_int_message(

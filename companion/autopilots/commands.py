@@ -70,6 +70,10 @@ class CommandRetrier:
         """The outcome of the last command of this kind; `None` when none was sent."""
         return self._outcomes.get(command)
 
+    def is_pending(self, command: int) -> bool:
+        """Whether a command of this kind is under way."""
+        return command in self._pending
+
     def answered(self, fact: CommandResult, now_s: float) -> None:
         """Process an acknowledgement; one without a command under way is ignored."""
         pending = self._pending.get(fact.command)
@@ -106,6 +110,10 @@ class CommandRetrier:
             pending.next_s = now_s + _RESEND_S
             messages.append(pending.message)
         return messages
+
+    def drop(self, command: int) -> None:
+        """Drop the command of this kind that is under way, if any."""
+        self._pending.pop(command, None)
 
     def forget(self) -> None:
         """Drop all commands under way and all outcomes."""

@@ -20,6 +20,7 @@ from companion.airspace.fences import px4_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
 from companion.autopilots.temporary_parameter import TemporaryParameter
+from companion.avoidance.envelope import Control
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, Fact, Parameter, Sender
 from companion.model import PriorFlightState
@@ -60,6 +61,9 @@ _INVALID_FOR_S = 0.3
 _INVALID_KNOWN_S = 2.0
 _RECOVERY_S = 1.6
 _SPEED_CHANGE_MPS = 0.5
+_LOWEST_TRIM_MPS, _HIGHEST_TRIM_MPS = 3.0, 150.0
+# The speed is changed only when it differs by more than gusts and climbs make it vary.
+_SPEED_KEPT_MPS = 1.0
 
 PARAMETERS = ParameterTable(
     limits=(
@@ -94,6 +98,7 @@ class Px4FixedWing(Adapter):
     intervals_s: ClassVar[dict[int, float]] = {
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0.1,
         mavlink.MAVLINK_MSG_ID_VFR_HUD: 0.25,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
         mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 0.2,
         mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: 1.0,
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 1.0,
@@ -119,6 +124,7 @@ class Px4FixedWing(Adapter):
         self._version: tuple[int, int] | None = None
         self._parameters: dict[str, float] = {}
         self._trim = TemporaryParameter()
+        self._refusal_reported = False
 
     @staticmethod
     def mode_name(custom_mode: int) -> str:
@@ -171,8 +177,35 @@ class Px4FixedWing(Adapter):
             self._guided_since_s = now_s
         if now_s - self._guided_since_s < _SETTLED_S - 1e-3 or self._recovering(now_s):
             return self._stream(command, _VELOCITY_ONLY, now_s)
-        self._trim.change(command.guidance.airspeed_mps, _SPEED_CHANGE_MPS)
+        if self._speed_is_wanted(command):
+            self._trim.change(command.guidance.airspeed_mps, _SPEED_CHANGE_MPS)
         return self._stream(command, _POSITION_AND_VELOCITY, now_s, urgent=urgent)
+
+    def _speed_is_wanted(self, command: GuidanceCommand) -> bool:
+        """Whether to change the speed: never without a sensor, and not while the present one is wanted."""
+        if command.airspeed_mps is None or Control.SPEED in self.lost_controls:
+            return False
+        differs = abs(command.guidance.airspeed_mps - command.airspeed_mps) > _SPEED_KEPT_MPS
+        return differs or self._trim.original is not None
+
+    @property
+    def lost_controls(self) -> frozenset[Control]:
+        """The speed, while FW_AIRSPD_TRIM is unknown or after PX4 did not accept it."""
+        unknown = self._trim.value is None
+        return frozenset({Control.SPEED}) if unknown or self._trim.refused else frozenset()
+
+    def restarted(self) -> None:
+        """Forget what the autopilot refused."""
+        super().restarted()
+        self._trim.refused = False
+
+    def refusals(self) -> list[str]:
+        """Commands, and the speed parameter, that were refused since the last call, in words."""
+        refusals = super().refusals()
+        if self._trim.refused and not self._refusal_reported:
+            refusals.append(f"{_TRIM} not accepted")
+        self._refusal_reported = self._trim.refused
+        return refusals
 
     def setpoint_invalid(self, now_s: float) -> bool:
         """Whether the attitude setpoint has been NaN for a while: then only the sticks fly the aircraft."""
@@ -232,8 +265,8 @@ class Px4FixedWing(Adapter):
         return {} if self._trim.original is None else {_TRIM: self._trim.original}
 
     def restore_parameters(self, values: dict[str, float]) -> None:
-        """Restore what a former run changed and did not restore."""
-        if _TRIM in values:
+        """Restore what a former run changed and did not restore, if it is a speed that can be flown."""
+        if _LOWEST_TRIM_MPS <= values.get(_TRIM, 0.0) <= _HIGHEST_TRIM_MPS:
             self._trim.restore(values[_TRIM])
 
     def _stream(

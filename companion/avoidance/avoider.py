@@ -1,6 +1,7 @@
 """The avoider: two layers, one decision, and all state between decisions (cones entered, guidance flown)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from companion.avoidance.assess import (
     TrafficAssessment,
@@ -12,7 +13,7 @@ from companion.avoidance.assess import (
     threats_of,
 )
 from companion.avoidance.cone import TransitionDomain, any_of
-from companion.avoidance.constraints import Constraints, Refusals
+from companion.avoidance.constraints import Constraints, HeightReference, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
 from companion.avoidance.envelope import Control
 from companion.avoidance.fence import Fence
@@ -26,6 +27,8 @@ from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Tr
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
 _OVERTIME_S = 10.0
+# A mission at the present height to the millimetre states none of its own, as where no waypoint is known.
+_STATES_NONE_M = 1e-3
 # After that, this share of the margin itself is given up too, so that we follow no track along its edge.
 _GIVEN_UP = 0.05
 
@@ -45,6 +48,9 @@ class Avoider:
         self.fence: Fence | None = None
         self.prefers_turns = False
         self._refusals = Refusals()
+        self._height = HeightReference()
+        self._bounded = params.envelope  # the envelope within the bound on changes of height
+        self._lost: frozenset[Control] = frozenset()
         self._policy = policy_of(params)
         self._domain = TransitionDomain(self._policy.outer.widening_rad)
         self._inner = InnerLayer(params.controls)
@@ -59,12 +65,19 @@ class Avoider:
     def retune(self, params: AvoidanceParams) -> None:
         """Use other parameters from now on. The conflict at hand goes on, and the envelope stays."""
         self.params = params
-        self._policy = policy_of(params)
+        controls = params.controls - self._lost
+        self._policy = policy_of(replace(params, controls=controls), self._lost)
         self._domain.delta_beta_rad = self._policy.outer.widening_rad
-        self._inner.retune(params.controls)
-        self._cooperation.retune(
-            params.formation, params.release_margin, enabled=self._policy.layers.cooperates
-        )
+        self._inner.retune(controls)
+        # A joint response relies on every control of every member.
+        enabled = self._policy.layers.cooperates and not self._lost
+        self._cooperation.retune(params.formation, params.release_margin, enabled=enabled)
+
+    def withhold(self, lost: frozenset[Control]) -> None:
+        """Use only rows without these controls, which cannot be flown at present."""
+        if lost != self._lost:
+            self._lost = lost
+            self.retune(self.params)
 
     def refuse(self, control: Control, value: float, now_s: float) -> None:
         """Note that the autopilot refused a course [rad], an airspeed [m/s] or a height [m].
@@ -94,6 +107,7 @@ class Avoider:
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
+        self._bound_heights(flight)
         if not relevant or (
             self._policy.has_fast_path
             and needs_no_assessment(flight, now_s, relevant, self.params, self._domain)
@@ -111,9 +125,18 @@ class Avoider:
             return self._without_conflict(now_s, flight)
         return self._avoid(now_s, flight, assessment, relevant)
 
+    def _bound_heights(self, flight: OwnFlight) -> None:
+        """Limit the heights to the permitted change, from the mission's heights."""
+        own_m, change_m = -flight.state.position_m[2], self.params.largest_height_change_m
+        mission_m: float | None = flight.mission.altitude_m
+        if abs(flight.mission.altitude_m - own_m) < _STATES_NONE_M:
+            mission_m = None
+        self._height.update(own_m, mission_m, change_m, avoiding=self._last_guidance is not None)
+        self._bounded = self._height.limit(self.envelope, mission_m, change_m)
+
     @property
     def _constraints(self) -> Constraints:
-        return Constraints(self.envelope, self.fence, self._refusals, self.params.fence_look_ahead_turns)
+        return Constraints(self._bounded, self.fence, self._refusals, self.params.fence_look_ahead_turns)
 
     def _assess(self, now_s: float, flight: OwnFlight, relevant: Sequence[Track]) -> TrafficAssessment:
         """Measure the traffic; the release margin shrinks in overtime."""
@@ -122,7 +145,7 @@ class Avoider:
             flight,
             protected_tracks(now_s, relevant, self.params),
             self.params,
-            self.envelope,
+            self._bounded,
             self._policy,
             self._domain,
             release_margin=None if self._last_guidance is None else margin,
@@ -141,7 +164,7 @@ class Avoider:
         self._clear_since_s = None
         if self._avoiding_since_s is None or now_s < self._avoiding_since_s:
             self._avoiding_since_s = now_s
-        constraints, last = self._constraints, self._last_guidance
+        constraints, last = self._constraints, self._last_that_can_be_flown(flight)
         context = conflict_context(
             flight,
             assessment,
@@ -163,6 +186,17 @@ class Avoider:
         self._last_layer, self._last_guidance = layer, guidance
         found = threats_of(assessment, relevant, self.params.priced_tracks)
         return Decision(layer, guidance, found, reason(found[0], guidance, flight.state))
+
+    def _last_that_can_be_flown(self, flight: OwnFlight) -> Guidance | None:
+        """The last guidance, with the mission's value in place of each one whose control is lost since."""
+        last, mission = self._last_guidance, flight.mission
+        if last is None or not self._lost:
+            return last
+        return Guidance(
+            mission.course_rad if Control.HEADING in self._lost else last.course_rad,
+            mission.airspeed_mps if Control.SPEED in self._lost else last.airspeed_mps,
+            mission.altitude_m if Control.HEIGHT in self._lost else last.altitude_m,
+        )
 
     def _fly_jointly(
         self,

@@ -51,8 +51,8 @@ class CostContext(NamedTuple):
 
     own: OwnState
     mission: Guidance
-    over_m: float  # the height that passes above every threat [m], limited to the permitted change
-    under_m: float  # the height that passes below every threat [m], limited likewise
+    over_m: float  # the height that passes above every threat [m]
+    under_m: float  # the height that passes below every threat [m]
     right_preferred: bool
     horizon_s: float  # how far ahead rows are judged
     goal_distance: float  # in radii of the outer layer; 1 where the goal is only a direction
@@ -99,16 +99,13 @@ def conflict_context(
     """The context of at least one conflict."""
     state, mission, goal = flight.state, flight.mission, flight.goal
     over_m, under_m, passed_s = heights_to_pass(assessment.tracks, assessment.motion, assessment.conflict)
-    usual_m = (-state.position_m[2], mission.altitude_m)
-    highest_m = max(usual_m) + params.largest_height_change_m
-    lowest_m = min(usual_m) - params.largest_height_change_m
     to_goal_m = params.outer_radius_m if goal.position_m is None else state.distance_m(goal.position_m)
     margin = 1.0 + min(params.horizontal_margin, params.vertical_margin)
     return CostContext(
         own=state,
         mission=mission,
-        over_m=min(over_m, highest_m),
-        under_m=max(under_m, lowest_m),
+        over_m=over_m,
+        under_m=under_m,
         horizon_s=assessment.horizon_s,
         goal_distance=to_goal_m / params.outer_radius_m,
         breach_ratio=min(1.0 + params.lost_margin, margin) / margin,

@@ -119,10 +119,17 @@ def resultant_command(context: CostContext, tracks: RepellingTracks, params: Fie
 
 
 def field_commands(
-    context: CostContext, tracks: RepellingTracks, params: FieldParams, *, heights: bool, speeds: bool
+    context: CostContext,
+    tracks: RepellingTracks,
+    params: FieldParams,
+    *,
+    turns: bool = True,
+    heights: bool,
+    speeds: bool,
 ) -> Commands:
     """Rows of the field: the mission's course, the resultant, the gain steps; with `heights` over and under.
 
+    Without `turns` the mission's course alone.
     With `speeds` also the mission's course faster and slower: the way past an aircraft beside us that is as
     fast as we are.
     """
@@ -130,6 +137,8 @@ def field_commands(
     pushes, limit_rad = _pushes(tracks, params), params.largest_deflection_rad
     resultant = wrap_pi(_resultant_rad(course_rad, 1.0, tracks, pushes, params) - course_rad)
     deflections_rad = [0.0, resultant, *_stepped_deflections_rad(course_rad, tracks, pushes)]
+    if not turns:
+        deflections_rad = [0.0]
     courses_rad = [course_rad + min(max(turn_rad, -limit_rad), limit_rad) for turn_rad in deflections_rad]
     speeds_mps = [speed_mps(Speed.MISSION, context)] * len(courses_rad)
     if speeds:

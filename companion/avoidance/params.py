@@ -118,7 +118,7 @@ class AvoidanceParams:
     patience_s: Annotated[float, Gt(0), Le(600)] = 75.0
     # If the fence blocks the way back to the mission, the aircraft flies along it for at most this long.
     return_within_s: Annotated[float, Ge(0), Le(600)] = 90.0
-    # An avoidance changes height by no more than this, from the present height or the mission's.
+    # Avoidances, also several in a row, leave the mission's height by no more than this.
     largest_height_change_m: Annotated[float, Ge(30), Le(1000)] = 300.0
     # No row may leave the fence within this many times the time to turn around. Once is enough to stay
     # inside: an aircraft that turns around never gets further ahead than one that flies on for the same time,

@@ -80,9 +80,11 @@ class Policy(NamedTuple):
         return self.layers.conflict(outer, emergency)
 
 
-def policy_of(params: AvoidanceParams) -> Policy:
-    """The policy that the parameters ask for."""
+def policy_of(params: AvoidanceParams, lost: frozenset[Control] = frozenset()) -> Policy:
+    """The policy that the parameters ask for, without the controls that are `lost`."""
     outer = _OUTER[params.outer_method](params)
+    if isinstance(outer, PricedField):
+        outer.turns = Control.HEADING not in lost
     clears_sphere = params.weights.nearness > 0.0
     emergency = ClearedSphere(params.inner_radius_m) if clears_sphere else PredictedBreach()
     by_default = params.outer_method is OuterMethod.PRICED and not clears_sphere
@@ -101,6 +103,7 @@ class PricedField:
     def __init__(self, params: AvoidanceParams) -> None:
         self.widening_rad = params.delta_beta_rad
         self._gains, self._controls = params.field_gains, params.controls
+        self.turns = True  # whether courses can be commanded
 
     def in_cone(
         self,
@@ -129,6 +132,7 @@ class PricedField:
             context,
             repelling_tracks(conflict.assessment),
             self._gains,
+            turns=self.turns,
             heights=Control.HEIGHT in self._controls,
             speeds=context.overtime > 0.0 and Control.SPEED in self._controls,
         )

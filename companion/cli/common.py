@@ -1,5 +1,6 @@
 """What the commands share: arguments, exit codes, and the progress bar."""
 
+import contextlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +35,8 @@ def run_app(app: typer.Typer) -> int:
     try:
         app()
     except CompanionError as error:
-        sys.stderr.write(f"{error}\n")
+        with contextlib.suppress(OSError):  # the terminal may be gone
+            sys.stderr.write(f"{error}\n")
         return 2 if isinstance(error, ConfigError) else 1
     except SystemExit as leave:
         return leave.code if isinstance(leave.code, int) else 1

@@ -3,9 +3,7 @@
 import asyncio
 import logging
 import os
-import sys
 import time
-from collections.abc import Iterator
 from typing import Annotated
 
 import typer
@@ -14,13 +12,11 @@ from companion import __version__
 from companion.airspace.obstacles import Obstacle
 from companion.cli.common import ConfigFile, note_if_slow
 from companion.cli.display import display_settings_in_flight
-from companion.cli.storage import storage_problems
+from companion.cli.logs import log_without_waiting
 from companion.config import Config, describe_saved, load_config, load_obstacles, load_saved
 from companion.engine import Engine
 from companion.errors import LogError
 from companion.links import open_all, open_link
-from companion.mavlink.dialect import mavlink
-from companion.output.notice import Condition
 from companion.recording.recorder import MB, Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.runtime import Runtime
@@ -40,7 +36,7 @@ def run(
     serial:DEVICE:BAUD. Nothing is sent on a link that ends in ?listen. A link that fails is opened again.
     """
     config = load_config(config_file)
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    log_without_waiting()
     display = None if no_web or not config.web.enabled else Display(display_settings_in_flight(config))
     note_if_slow()
     asyncio.run(_run(config, load_obstacles(config), display))
@@ -51,13 +47,14 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
     await open_all(links)
     _log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder, not_recorded = _recorder(config)
-    saved = load_saved(config)
+    saved, settings = load_saved(config), DurableStateFile(config.settings_file)
     if saved.problem is not None:
         _log.warning(saved.problem)
+    if saved.damaged:
+        settings.set_aside("damaged")
     for line in describe_saved(config, saved):
         _log.info("%s: %s", config.settings_file, line)
     engine = Engine(config.for_engine(obstacles), saved=saved.values)
-    engine.shell_conditions = tuple(_storage_conditions(config))
     runtime = Runtime(
         engine,
         links,
@@ -65,19 +62,10 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
         not_recorded=not_recorded,
         watchdog=Watchdog(os.environ),
         state_file=StateFile(config.state_file),
-        settings=DurableStateFile(config.settings_file),
+        settings=settings,
         display=display,
     )
     await runtime.run(on_signals=True)
-
-
-def _storage_conditions(config: Config) -> Iterator[Condition]:
-    """The files that cannot be written; a restart in flight goes on without them, and says so."""
-    for problem in storage_problems(config):
-        if problem.key != "recording.directory":  # the recorder reports that
-            _log.error("%s %s: cannot be written: %s", *problem)
-            text = f"Avoidance: {problem.key} cannot be written: {problem.why}"
-            yield Condition(problem.key, mavlink.MAV_SEVERITY_WARNING, text)
 
 
 def _recorder(config: Config) -> tuple[Recorder | None, str | None]:

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from companion.config import Config, line_of
-from companion.recording.writable import why_no_new_file, why_not_replaceable
+from companion.recording.writable import why_no_new_file
+from companion.small_file import writing_problem
 
 
 class StorageProblem(NamedTuple):
@@ -25,7 +26,7 @@ class StorageProblem(NamedTuple):
 def storage_problems(config: Config) -> Iterator[StorageProblem]:
     """What could not be written in a flight with this configuration."""
     for key, path in (("state_file", config.state_file), ("settings_file", config.settings_file)):
-        if (why := why_not_replaceable(path)) is not None:
+        if (why := writing_problem(path)) is not None:
             yield StorageProblem(key, path, why)
     recording = config.recording
     if recording.enabled and (why := why_no_new_file(recording.directory, made=True)) is not None:

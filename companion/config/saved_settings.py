@@ -13,33 +13,35 @@ from companion.config.document import quoted
 from companion.config.keys import file_key
 from companion.config.schema import Config
 from companion.gcs.parameters import BY_NAME, values_changed, with_values
-
-_MAX_BYTES = 1 << 16
+from companion.small_file import read_small, reason
 
 
 @dataclass(frozen=True, slots=True)
 class SavedSettings:
-    """Values by name that differ from the configuration; `problem` is one line about unusable values."""
+    """Values by name that differ from the configuration; `problem` is one line about unusable values.
+
+    `damaged`: the whole file is unusable.
+    """
 
     values: Mapping[str, float] = field(default_factory=dict)
     problem: str | None = None
+    damaged: bool = False
 
 
 def load_saved(config: Config, path: Path | None = None) -> SavedSettings:
     """The usable values in a settings file (default: the file named in the configuration)."""
     path = path or config.settings_file
     try:
-        with path.open("rb") as file:
-            raw = file.read(_MAX_BYTES + 1)
-        values = json.loads(raw.decode("ascii")) if len(raw) <= _MAX_BYTES else None
-    except FileNotFoundError:
+        values = json.loads(read_small(path).decode("ascii"))
+    except (FileNotFoundError, NotADirectoryError):
         return SavedSettings()
     except OSError as error:
-        return SavedSettings(problem=f"{path}: cannot be read, not used: {error.strerror}")
+        why = f"cannot be read, not used: {reason(error)}"
+        return SavedSettings(problem=f"{path}: {why}", damaged=True)
     except (ValueError, RecursionError):
         values = None
     if not isinstance(values, dict):
-        return SavedSettings(problem=f"{path}: damaged, not used")
+        return SavedSettings(problem=f"{path}: damaged, not used", damaged=True)
     configured = config.for_engine()
     changed, refused = with_values(configured, values)
     problem = f"{path}: not used: {quoted('; '.join(refused), 200)}" if refused else None

@@ -43,6 +43,9 @@ def _is_redirected(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
     adapter = aircraft.adapter
     if adapter is None or not aircraft.guided or not adapter.keeps_guided_target:
         return False
+    target = aircraft.navigation.target_while_ours
+    if target is not None and adapter.is_own_target(target):
+        return False
     was_guided = data.prior.mode == adapter.guided_mode
     return aircraft.redirected_from(data.prior.target if was_guided else None)
 

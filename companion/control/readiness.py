@@ -38,6 +38,8 @@ class Readiness:
     def _of_the_aircraft(self, now_s: float) -> Iterator[str]:
         aircraft, params = self._aircraft, self.params
         other = self._other_avoider()
+        if aircraft.adapter is not None and aircraft.adapter.cannot_fly is not None:
+            yield aircraft.adapter.cannot_fly
         if not aircraft.heard(now_s):
             yield "the autopilot is not heard"
         elif not aircraft.resynchronized:

@@ -37,7 +37,8 @@ class ModeRequester:
     def answered(self, fact: CommandResult, now_s: float) -> None:
         """Process an acknowledgement; those of commands that change no mode go to the adapter."""
         context, data = self._context, self._context.data
-        if fact.command not in context.adapter.mode_commands:
+        course = context.adapter.commands.is_pending(fact.command)  # a course by DO_REPOSITION
+        if course or fact.command not in context.adapter.mode_commands:
             context.adapter.observe(fact, now_s)
         elif data.request is not None and fact.result == mavlink.MAV_RESULT_ACCEPTED:
             data.request.accepted(now_s)
@@ -46,6 +47,8 @@ class ModeRequester:
 
     def _refused(self, request: ModeRequest, fact: CommandResult, now_s: float) -> None:
         entering = self._context.supervisor.state in ENTERING
+        if entering and fact.result == mavlink.MAV_RESULT_UNSUPPORTED:
+            self._context.adapter.guided_mode_unsupported = True
         if entering and fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             request.postponed(now_s)
             return

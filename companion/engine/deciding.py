@@ -6,6 +6,7 @@ from dataclasses import replace
 from companion.airspace.altitude_limits import HeightLimits, limit_heights
 from companion.airspace.obstacles import ObstacleMap
 from companion.avoidance import Avoider, Envelope
+from companion.avoidance.envelope import Control
 from companion.control.handover import Handover
 from companion.control.state_machine import WATCHING
 from companion.engine_config import EngineConfig
@@ -17,6 +18,8 @@ from companion.traffic import TrafficPicture
 
 # The error of a flat frame grows with the distance from its origin; within this it is negligible.
 _FRAME_REACH_M = 5_000.0
+# After an avoidance the aircraft is back at its mission's speed within this time.
+_SPEED_RETURNS_S = 20.0
 
 
 class Deciding:
@@ -45,6 +48,7 @@ class Deciding:
         self._obstacles = obstacles
         self._handover = handover
         self._conflict_over = False
+        self._held_s = -math.inf  # when the aircraft was ours last
         self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
 
     def forget_conflict(self) -> None:
@@ -87,8 +91,14 @@ class Deciding:
 
     def _goal_now(self, frame: LocalFrame, now_s: float) -> Goal:
         """The goal of the mission; while the aircraft is ours, the goal at the take-over."""
-        if self.goal is None or self._handover.supervisor.state in WATCHING:
+        watching = self._handover.supervisor.state in WATCHING
+        if not watching:
+            self._held_s = now_s
+        if self.goal is None or watching:
             goal = self._aircraft.goal(frame, now_s)
+            if self.goal is not None and now_s - self._held_s <= _SPEED_RETURNS_S:
+                # The present speed is still that of the avoidance.
+                goal = replace(goal, airspeed_mps=self.goal.airspeed_mps)
             if self._aircraft.mission_outdated(now_s):
                 self._queries.reread_mission(now_s)
             return goal
@@ -118,6 +128,7 @@ class Deciding:
         """Give the avoider the aircraft's envelope, with floor, ceiling and fence of this place."""
         aircraft, adapter = self._aircraft, self._aircraft.adapter
         self.avoider.prefers_turns = adapter is not None and adapter.invalid_after_climbs
+        self.avoider.withhold(_lost_controls(aircraft))
         home_m = aircraft.home_altitude_m()
         if home_m is None:
             return
@@ -127,6 +138,12 @@ class Deciding:
         if limits != self._limits:  # on most ticks they are the same
             self._limits, self.avoider.envelope = limits, limit_heights(*limits)
         self.avoider.fence = self._queries.local_fence(frame, home_m, now_s)
+
+
+def _lost_controls(aircraft: Aircraft) -> frozenset[Control]:
+    """The controls that cannot be flown: those that the autopilot refuses, and speed without airspeed."""
+    lost = frozenset() if aircraft.adapter is None else aircraft.adapter.lost_controls
+    return lost if aircraft.airspeed_measured else lost | {Control.SPEED}
 
 
 def _checked(decision: Decision) -> Decision:

@@ -97,7 +97,6 @@ class Engine:
         self._statustext = StatusText()
         self._maneuvers = ManeuverNotices()
         self._conditions = Conditions()
-        self.shell_conditions: tuple[Condition, ...] = ()  # that the shell has found
         self._broadcasts = Broadcasts()
         self._readiness = Readiness(
             self.aircraft,
@@ -122,6 +121,7 @@ class Engine:
         self._answers: list[Message] = []
         self._left: PersistedState | None = None  # state of a former run, until its parameters are restored
         self._kept_s: float | None = None
+        self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -288,6 +288,8 @@ class Engine:
             case OwnPosition():
                 if fact.boot_time_s < self._boot_time_s - 1.0:
                     self._ask_again()
+                    if self.aircraft.adapter is not None:
+                        self.aircraft.adapter.restarted()
                 self._boot_time_s = fact.boot_time_s
             case CommandResult() if fact.target in (None, self.sender):
                 self._handover.answered(fact, now_s)
@@ -398,6 +400,7 @@ class Engine:
                 requests, notices = self.queries.tick(adapter, now_s)
                 outgoing += [*requests, *notices]
                 self.aircraft.note_mission(self.queries.mission, now_s)
+                self.aircraft.kinematics.airspeed.cruise_mps = self.queries.limits.cruise_airspeed_mps
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
@@ -412,7 +415,7 @@ class Engine:
         threatened = bool(self.decision.threats)
         alarms = self._handover.conditions(now_s)
         own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
-        return [*alarms, *own, *self.shell_conditions]
+        return [*alarms, *own, *self.queries.conditions(), *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

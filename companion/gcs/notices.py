@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 
+from companion.avoidance.envelope import Control
 from companion.control.readiness import Readiness
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
@@ -18,6 +19,8 @@ _CONFIGURED_AWAITED_S = 5.0
 _LIMITS_SETTLED_S = 3.0
 # A climb through the lowest height, or a moment without a position, is no news unless there is traffic.
 _HINDERED_S, _HINDERED_IN_CONFLICT_S = 10.0, 3.0
+# A sensor is calibrated, or not connected yet, while the autopilot starts.
+_SENSOR_AWAITED_S = 10.0
 _ROLES = {Role.OFF: "off", Role.ADVISE: "advise only", Role.FLY: "fly"}
 
 
@@ -40,7 +43,8 @@ class OperatorNotices:
     def conditions(self, readiness: Readiness, now_s: float, *, threatened: bool) -> list[Condition]:
         """The conditions that hold now; `threatened`: there is a conflict."""
         hindered = self._hindered(readiness, now_s, threatened=threatened)
-        return [*self._advice(threatened=threatened), *self._other_systems(now_s), *hindered]
+        advice = self._advice(threatened=threatened)
+        return [*advice, *self._lost_controls(), *self._other_systems(now_s), *hindered]
 
     def other_avoider(self) -> str | None:
         """The autopilot's own avoidance, where it acts."""
@@ -80,6 +84,15 @@ class OperatorNotices:
                 "autopilot does not avoid any more",
                 matters=self._aircraft.armed or threatened,
             )
+
+    def _lost_controls(self) -> Iterator[Condition]:
+        """What an avoidance cannot command."""
+        adapter = self._aircraft.adapter
+        if self._aircraft.kinematics.airspeed.sensor_usable is False:
+            text = "no airspeed sensor, speed not commanded"
+            yield _condition("airspeed", text, matters=False, after_s=_SENSOR_AWAITED_S)
+        if adapter is not None and Control.HEADING in adapter.lost_controls:
+            yield _condition("courses", "courses refused, height only", "courses commanded again")
 
     def _other_systems(self, now_s: float) -> Iterator[Condition]:
         """Systems that are heard and should not be, and an aircraft of the wrong type."""

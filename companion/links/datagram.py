@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from companion.links.queued import QueuedLink
+from companion.links.rank import Rank, rank_of
 from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
 
 MAX_PEERS = 16
@@ -18,13 +19,15 @@ Address = TypeVar("Address", bound=Hashable)
 class _Peer:
     splitter: FrameSplitter
     heard_s: float
+    rank: Rank = Rank.OTHER
 
 
 class Peers(Generic[Address]):
     """The peers that sent a good frame in the last `SILENCE_S`, at most `MAX_PEERS`.
 
-    When the table is full, frames of a newcomer are received but it is not added: a flood of sender addresses
-    cannot displace the autopilot.
+    When the table is full, a newcomer takes the place of the peer of the lowest rank, not above its own, that
+    was not heard for longest. So the newest wins, and neither early senders nor a flood of addresses keep
+    the autopilot out. Frames of a newcomer without a place are received too.
     """
 
     def __init__(self, counters: StreamCounters, clock_s: Callable[[], float] = time.monotonic) -> None:
@@ -32,7 +35,7 @@ class Peers(Generic[Address]):
         self._clock_s = clock_s
         self._peers: dict[Address, _Peer] = {}
 
-    def split(self, address: Address, datagram: bytes) -> list[Frame]:
+    def split(self, address: Address, datagram: bytes, ours: tuple[int, int] | None = None) -> list[Frame]:
         """The frames of a datagram; if it has any, its sender becomes a peer."""
         now_s = self._clock_s()
         peer = self._peers.get(address)
@@ -41,6 +44,7 @@ class Peers(Generic[Address]):
         frames = peer.splitter.feed_datagram(datagram)
         if frames:
             peer.heard_s = now_s
+            peer.rank = max(peer.rank, rank_of(frames, ours))
             if address not in self._peers:
                 self._add(address, peer)
         return frames
@@ -53,8 +57,12 @@ class Peers(Generic[Address]):
     def _add(self, address: Address, peer: _Peer) -> None:
         if len(self._peers) >= MAX_PEERS:
             self._remove_silent()
-        if len(self._peers) < MAX_PEERS:
-            self._peers[address] = peer
+        if len(self._peers) >= MAX_PEERS:
+            last = min(self._peers, key=lambda each: (self._peers[each].rank, self._peers[each].heard_s))
+            if self._peers[last].rank > peer.rank:
+                return
+            del self._peers[last]
+        self._peers[address] = peer
 
     def _remove_silent(self) -> None:
         oldest_s = self._clock_s() - SILENCE_S
@@ -73,4 +81,4 @@ class DatagramLink(QueuedLink[Address], Generic[Address]):
         self.peers: Peers[Address] = Peers(self.counters, clock_s)
 
     def _split(self, source: Address, data: bytes) -> list[Frame]:
-        return self.peers.split(source, data)
+        return self.peers.split(source, data, self.ours)

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from companion.links.rank import Address
 from companion.mavlink.framing import Frame, StreamCounters
 
 
@@ -35,6 +36,7 @@ class Link(ABC):
         self.address = address
         self.listen_only = listen_only
         self.counters = LinkCounters()
+        self.ours: Address | None = None  # the autopilot that is flown: it always keeps its place as a peer
 
     def send(self, data: bytes) -> None:
         """Send one frame to all peers on this link. Never waits, never raises: errors are counted."""

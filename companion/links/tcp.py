@@ -10,10 +10,13 @@ from collections.abc import Callable
 from companion.errors import LinkError
 from companion.links.datagram import MAX_PEERS, SILENCE_S
 from companion.links.queued import QueuedLink
+from companion.links.rank import Rank, rank_of
 from companion.links.sockets import SocketAddress, error_text, resolve
 from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
 
 _READ_BYTES = 16_384
+# How long a client keeps its place against newcomers while it is not heard. Heartbeats come every second.
+_KEPT_UNHEARD_S = {Rank.SILENT: 0.0, Rank.OTHER: 0.0, Rank.VEHICLE: 3.0, Rank.OURS: SILENCE_S}
 _LONGEST_CONNECTING_S = 5.0
 # The kernel buffers this much for a peer that does not read, and closes the connection after this time:
 # setpoints that arrive later do harm. The kernel counts the overhead of each small packet, so that the buffer
@@ -30,6 +33,7 @@ class Connection(asyncio.BufferedProtocol):
     def __init__(self, link: "TcpLink", counters: StreamCounters) -> None:
         self.splitter = FrameSplitter(counters)
         self.heard_s = 0.0
+        self.rank = Rank.SILENT
         self.transport: asyncio.Transport | None = None
         self._link = link
         self._buffer = bytearray(_READ_BYTES)
@@ -111,6 +115,7 @@ class TcpLink(QueuedLink[Connection]):
         frames = source.splitter.feed(data)
         if frames:
             source.heard_s = self._clock_s()
+            source.rank = max(source.rank, rank_of(frames, self.ours))
         return frames
 
     def _disconnect(self) -> None:
@@ -125,8 +130,8 @@ class TcpLink(QueuedLink[Connection]):
 class TcpInLink(TcpLink):
     """Listens, and serves up to `MAX_PEERS` clients; a client that leaves does not end the link.
 
-    When all places are taken, a newcomer replaces a client that sent no good frame in the last `SILENCE_S`,
-    if there is one: a flood of connections cannot displace the autopilot.
+    When all places are taken, a newcomer replaces the client of the lowest rank that was not heard for
+    longest: the autopilot always finds a place. Only autopilots that are heard keep theirs.
     """
 
     _server: asyncio.Server | None = None
@@ -141,7 +146,7 @@ class TcpInLink(TcpLink):
 
     def joined(self, connection: Connection) -> None:
         """Called when a client has connected."""
-        if self.closed or (len(self._connections) >= MAX_PEERS and not self._drop_silent()):
+        if self.closed or (len(self._connections) >= MAX_PEERS and not self._drop_one()):
             self.counters.dropped += 1
             connection.abort()
             return
@@ -152,13 +157,14 @@ class TcpInLink(TcpLink):
         if connection in self._connections:
             self._connections.remove(connection)
 
-    def _drop_silent(self) -> bool:
-        oldest_s = self._clock_s() - SILENCE_S
-        silent = next((each for each in self._connections if each.heard_s < oldest_s), None)
-        if silent is None:
+    def _drop_one(self) -> bool:
+        last = min(self._connections, key=lambda each: (each.rank, each.heard_s))
+        unheard_s = self._clock_s() - last.heard_s
+        if unheard_s < _KEPT_UNHEARD_S[last.rank]:
             return False
-        self._connections.remove(silent)
-        silent.abort()
+        self._connections.remove(last)
+        self.counters.dropped += 1
+        last.abort()
         return True
 
     @property

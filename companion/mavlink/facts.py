@@ -61,6 +61,14 @@ class AirData:
 
 
 @dataclass(frozen=True, slots=True)
+class AirspeedSensor:
+    """SYS_STATUS: whether an airspeed sensor is fitted, in use and healthy."""
+
+    sender: Sender
+    usable: bool
+
+
+@dataclass(frozen=True, slots=True)
 class PressureAltitude:
     """SCALED_PRESSURE: altitude in the standard atmosphere, as transponders report it."""
 
@@ -335,6 +343,7 @@ Fact = (
     Heartbeat
     | OwnPosition
     | AirData
+    | AirspeedSensor
     | PressureAltitude
     | GeoidSeparation
     | Wind

@@ -7,6 +7,7 @@ from companion.autopilots.adapter import GuidanceCommand
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import (
     AirData,
+    AirspeedSensor,
     AutopilotVersion,
     Fact,
     FenceStatus,
@@ -83,6 +84,8 @@ class Aircraft:
                 self.kinematics.observe_position(fact, now_s)
             case AirData():
                 self.kinematics.observe_air_data(fact, now_s)
+            case AirspeedSensor():
+                self.kinematics.airspeed.sensor_usable = fact.usable
             case Wind():
                 self.kinematics.wind.report(fact, now_s)
             case LandedState():
@@ -330,8 +333,13 @@ class Aircraft:
         return self.kinematics.velocity_mps()
 
     def airspeed_mps(self) -> float:
-        """Airspeed; ground speed where no airspeed is measured."""
+        """Airspeed, measured or from the best substitute (see `Kinematics.airspeed_mps`)."""
         return self.kinematics.airspeed_mps()
+
+    @property
+    def airspeed_measured(self) -> bool:
+        """Whether the airspeed is measured by a sensor."""
+        return self.kinematics.measured_airspeed_mps() is not None
 
     def ownship(self, frame: LocalFrame) -> Ownship | None:
         """Ownship in the local frame, valid at the time when the position was received."""

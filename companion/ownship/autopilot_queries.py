@@ -15,6 +15,7 @@ from companion.avoidance import Envelope, Fence
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
+    CommandResult,
     Fact,
     FenceStatus,
     HomePosition,
@@ -23,7 +24,7 @@ from companion.mavlink.facts import (
     Parameter,
     Sender,
 )
-from companion.output.notice import Notice
+from companion.output.notice import Condition, Notice
 from companion.ownship.mission import Mission
 from companion.ownship.mission_reader import FENCE, MISSION, MISSION_PROTOCOL, MissionReader
 from companion.ownship.parameter_reader import ParameterReader
@@ -31,8 +32,13 @@ from companion.ownship.performance_limits import AircraftLimits, PerformanceLimi
 
 # The facts that `AutopilotQueries.observe` processes.
 RELEVANT_FACTS: frozenset[type] = frozenset(
-    (Parameter, FenceStatus, HomePosition, MissionProgress, *MISSION_PROTOCOL)
+    (Parameter, FenceStatus, HomePosition, MissionProgress, CommandResult, *MISSION_PROTOCOL)
 )
+UNANSWERED = "unanswered"  # key of the condition
+# The autopilot sends heartbeats and answers none of our requests for this long; longer once it has answered,
+# as it does not answer a request for a parameter that it does not have.
+_UNANSWERED_S, _UNANSWERED_AGAIN_S = 10.0, 60.0
+_ANSWERS: frozenset[type] = frozenset((Parameter, CommandResult, *MISSION_PROTOCOL))
 _REQUEST_INTERVAL_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot whose fence is enabled.
 _FENCE_HEARD_S = 5.0
@@ -67,6 +73,9 @@ class AutopilotQueries:
         self._reread_s = -math.inf
         self._limits_changed_s: float | None = None  # until they are announced
         self._announced = ""
+        self._asked_s: float | None = None  # the first request since the last answer
+        self._answered = False  # since the contact began
+        self._unanswered = False
 
     @property
     def envelope(self) -> Envelope:
@@ -95,6 +104,7 @@ class AutopilotQueries:
         """Request everything again, because the autopilot restarted or was out of contact."""
         self._parameters.restart()
         self._missions.restart()
+        self._asked_s, self._answered = None, False
 
     def observe(self, fact: Fact, adapter: Adapter, us: Sender, now_s: float) -> None:
         """Process a fact from any sender; those that are not `RELEVANT_FACTS` have no effect."""
@@ -102,6 +112,8 @@ class AutopilotQueries:
         self._missions.observe(fact, us, adapter.target, now_s)
         if fact.sender != adapter.target:
             return
+        if type(fact) in _ANSWERS:
+            self._asked_s, self._unanswered, self._answered = None, False, True
         match fact:
             case Parameter():
                 self._learn(fact, adapter, now_s)
@@ -116,6 +128,10 @@ class AutopilotQueries:
         """The messages to send now, and what to announce."""
         self._adopt(adapter, now_s)
         messages = self._requests(adapter, now_s)
+        if messages and self._asked_s is None:
+            self._asked_s = now_s
+        patience_s = _UNANSWERED_AGAIN_S if self._answered else _UNANSWERED_S
+        self._unanswered |= self._asked_s is not None and now_s - self._asked_s >= patience_s
         notices = self._take_lists()
         if self._limits_changed_s is not None and now_s - self._limits_changed_s >= _SETTLED_S:
             self._limits_changed_s = None
@@ -128,6 +144,13 @@ class AutopilotQueries:
             return []
         self._announced = text
         return [_to_log(text)]
+
+    def conditions(self) -> list[Condition]:
+        """An autopilot that is heard but answers nothing: limits, mission and fence are then unknown."""
+        if not self._unanswered:
+            return []
+        text = "Avoidance: autopilot answers no request"
+        return [Condition(UNANSWERED, mavlink.MAV_SEVERITY_ERROR, text, "Avoidance: autopilot answers again")]
 
     def reread_mission(self, now_s: float) -> None:
         """Read the mission again, as the autopilot flies elsewhere than the known one leads."""

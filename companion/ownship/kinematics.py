@@ -24,6 +24,16 @@ _POSITION_LOST_S = 5.0
 _OLD_POSITION_S = 0.5
 # A slower airspeed is not measured in flight.
 _LEAST_AIRSPEED_MPS = 1.0
+# VFR_HUD comes four times a second.
+_AIR_DATA_FRESH_S = 3.0
+# The statement about the sensor, and the wind, come every second; an autopilot that makes none in this time,
+# counted from its first airspeed, is believed to have a sensor.
+_SENSOR_AWAITED_S = 5.0
+# Without a sensor some firmware reports the ground speed as airspeed: it equals the ground speed, and differs
+# from what the reported wind makes of it.
+_SAME_SPEED_MPS, _CONTRADICTION_MPS = 0.3, 2.0
+# An airspeed computed from the wind is believed within these shares of the cruise airspeed.
+_PLAUSIBLE_SHARES = 0.6, 1.6
 
 
 class WindEstimator:
@@ -55,17 +65,22 @@ class WindEstimator:
             self._estimate = known[0] + share * (north - known[0]), known[1] + share * (east - known[1])
         self._estimate_s = now_s
 
+    def reported_mps(self, now_s: float) -> Vec2 | None:
+        """The wind of a fresh report, north and east; `None` without one."""
+        report = self._report
+        if report is None or not 0.0 <= now_s - self._report_s <= _WIND_REPORT_FRESH_S:
+            return None
+        return report.north_mps, report.east_mps
+
     def wind_mps(self, airspeed_mps: float, now_s: float) -> Vec2 | None:
         """Velocity of the air over the ground, north and east; `None` when unknown or too strong.
 
         A fresh report takes precedence over the estimate.
         """
-        report = self._report
-        if report is not None and 0.0 <= now_s - self._report_s <= _WIND_REPORT_FRESH_S:
+        reported = self.reported_mps(now_s)
+        if reported is not None:
             # The prediction needs an aircraft that makes headway against the wind.
-            if math.hypot(report.north_mps, report.east_mps) < airspeed_mps:
-                return report.north_mps, report.east_mps
-            return None
+            return reported if math.hypot(*reported) < airspeed_mps else None
         estimate = self._estimate
         if estimate is None or now_s - self._estimate_s > _WIND_ESTIMATE_FRESH_S:
             return None
@@ -96,6 +111,66 @@ class Terrain:
         return self._altitude_m if 0.0 <= now_s - self._at_s <= _TERRAIN_FRESH_S else None
 
 
+class Airspeed:
+    """The airspeed as reported, and whether a sensor measures it.
+
+    `sensor_usable` is the autopilot's own statement, `None` while unknown; `cruise_mps` is the airspeed that
+    the autopilot's parameters prescribe for the cruise.
+    """
+
+    def __init__(self) -> None:
+        self.sensor_usable: bool | None = None
+        self.cruise_mps: float | None = None
+        self._reported_mps: float | None = None
+        self._reported_s = -math.inf
+        self._first_s: float | None = None
+
+    def observe(self, airspeed_mps: float | None, now_s: float) -> None:
+        """Store a reported airspeed, `None` when the report has none."""
+        if self._first_s is None:
+            self._first_s = now_s
+        self._reported_mps, self._reported_s = airspeed_mps, now_s
+
+    def reported_mps(self, position: OwnPosition | None, wind_mps: Vec2 | None, now_s: float) -> float | None:
+        """The reported airspeed at `now_s`, unless it is known to be none; `wind_mps` is a reported wind."""
+        airspeed_mps = self._reported_mps
+        if airspeed_mps is None or airspeed_mps <= _LEAST_AIRSPEED_MPS or self.sensor_usable is False:
+            return None
+        if now_s - self._reported_s > _AIR_DATA_FRESH_S:
+            return None
+        return None if _is_ground_speed(airspeed_mps, position, wind_mps) else airspeed_mps
+
+    def sensor_awaited(self, now_s: float) -> bool:
+        """Whether the autopilot may still say that it has no sensor."""
+        if self.sensor_usable is not None or self._first_s is None:
+            return False
+        return now_s - self._first_s < _SENSOR_AWAITED_S
+
+    def substitute_mps(self, position: OwnPosition | None, wind_mps: Vec2 | None) -> float:
+        """The airspeed by the reported wind, otherwise the cruise airspeed, otherwise the ground speed."""
+        if position is None:
+            return self.cruise_mps or 0.0
+        if wind_mps is not None:
+            through_air_mps = _through_air_mps(position, wind_mps)
+            low, high = _PLAUSIBLE_SHARES
+            if self.cruise_mps is None or low <= through_air_mps / self.cruise_mps <= high:
+                return through_air_mps
+        return self.cruise_mps or math.hypot(*position.velocity_mps[:2])
+
+
+def _through_air_mps(position: OwnPosition, wind_mps: Vec2) -> float:
+    return math.hypot(position.velocity_mps[0] - wind_mps[0], position.velocity_mps[1] - wind_mps[1])
+
+
+def _is_ground_speed(airspeed_mps: float, position: OwnPosition | None, wind_mps: Vec2 | None) -> bool:
+    """Whether a reported airspeed is only the ground speed."""
+    if position is None or wind_mps is None:
+        return False
+    if abs(airspeed_mps - math.hypot(*position.velocity_mps[:2])) > _SAME_SPEED_MPS:
+        return False
+    return abs(airspeed_mps - _through_air_mps(position, wind_mps)) > _CONTRADICTION_MPS
+
+
 class Kinematics:
     """The newest position and air data; without a position, velocity and heights are 0."""
 
@@ -103,7 +178,7 @@ class Kinematics:
         self.position: OwnPosition | None = None
         self.position_s = -math.inf
         self.wind = WindEstimator()
-        self._airspeed_mps: float | None = None
+        self.airspeed = Airspeed()
         # From VFR_HUD. It may have an offset, so that only its change since the last position is used.
         self._altitude_m: float | None = None
         self._altitude_at_position_m: float | None = None
@@ -113,11 +188,13 @@ class Kinematics:
         """Store a position, received at `now_s`."""
         self.position, self.position_s = fact, now_s
         self._altitude_at_position_m = self._altitude_m
-        self.wind.observe(fact, self._airspeed_mps, now_s)
+        airspeed_mps = self._reported_airspeed_mps()
+        # Without a sensor the autopilot cruises at about its cruise airspeed.
+        self.wind.observe(fact, self.airspeed.cruise_mps if airspeed_mps is None else airspeed_mps, now_s)
 
     def observe_air_data(self, fact: AirData, now_s: float) -> None:
         """Store airspeed and altitude."""
-        self._airspeed_mps = fact.airspeed_mps
+        self.airspeed.observe(fact.airspeed_mps, now_s)
         self._altitude_m, self._altitude_s = fact.altitude_m, now_s
 
     def position_lost(self, now_s: float) -> bool:
@@ -149,11 +226,23 @@ class Kinematics:
         north_mps, east_mps, _ = self.velocity_mps()
         return math.atan2(east_mps, north_mps)
 
+    def measured_airspeed_mps(self) -> float | None:
+        """Airspeed as a sensor measures it; `None` without one: then no speed may be commanded."""
+        return None if self.airspeed.sensor_awaited(self.position_s) else self._reported_airspeed_mps()
+
     def airspeed_mps(self) -> float:
-        """Airspeed; ground speed where no airspeed is measured."""
-        if self._airspeed_mps is not None and self._airspeed_mps > _LEAST_AIRSPEED_MPS:
-            return self._airspeed_mps
-        return math.hypot(*self.velocity_mps()[:2])
+        """Airspeed for predictions: as reported, or what the wind or the cruise airspeed make likely.
+
+        Ground speed is used only where nothing else is known: in a wind it is no airspeed.
+        """
+        reported_mps = self._reported_airspeed_mps()
+        if reported_mps is not None:
+            return reported_mps
+        return self.airspeed.substitute_mps(self.position, self.wind.reported_mps(self.position_s))
+
+    def _reported_airspeed_mps(self) -> float | None:
+        wind_mps = self.wind.reported_mps(self.position_s)
+        return self.airspeed.reported_mps(self.position, wind_mps, self.position_s)
 
     def ownship(self, frame: LocalFrame) -> Ownship | None:
         """Ownship in the local frame, valid at the time when the position was received."""
@@ -180,7 +269,8 @@ class Kinematics:
             return None
         altitude_m = position.altitude_m + self._climbed_since_position_m()
         place = GeoPoint(position.lat_deg, position.lon_deg, altitude_m)
-        return GuidanceCommand(guidance, place, self.velocity_mps(), self.airspeed_mps(), max_bank_rad)
+        airspeed_mps = self.measured_airspeed_mps()
+        return GuidanceCommand(guidance, place, self.velocity_mps(), airspeed_mps, max_bank_rad)
 
     def _climbed_since_position_m(self) -> float:
         """The climb since the last position [m] from VFR_HUD, if that position is old; otherwise 0."""

@@ -7,6 +7,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     OWN_ICAO_PARAMETER,
     AirData,
+    AirspeedSensor,
     Fact,
     GeoidSeparation,
     Heartbeat,
@@ -23,6 +24,7 @@ _MEASURED: dict[type, int] = {
     Heartbeat: mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     OwnPosition: mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
     AirData: mavlink.MAVLINK_MSG_ID_VFR_HUD,
+    AirspeedSensor: mavlink.MAVLINK_MSG_ID_SYS_STATUS,
     LandedState: mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
     PressureAltitude: mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,
     GeoidSeparation: mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,

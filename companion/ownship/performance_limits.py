@@ -63,6 +63,7 @@ class PerformanceLimits:
     sourced: tuple[SourcedLimit, ...] = ()
     loiter_radius_m: float | None = None
     warnings: tuple[str, ...] = ()
+    cruise_airspeed_mps: float | None = None  # as reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,13 @@ def limits_in_effect(
         max_sink_mps=sink.value,
     )
     beyond = _beyond_reported(configured, attainable)
-    return PerformanceLimits(envelope, tuple(sourced), radius_m, (*reported.warnings, *warnings, *beyond))
+    return PerformanceLimits(
+        envelope,
+        tuple(sourced),
+        radius_m,
+        (*reported.warnings, *warnings, *beyond),
+        reported.limits.cruise_airspeed_mps,
+    )
 
 
 def _attainable(reported: ReportedLimits) -> ReportedLimits:

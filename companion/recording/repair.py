@@ -44,7 +44,8 @@ def repair_all(
     """
     repaired: list[Path] = []
     for left in directory.glob(f"companion-*.mcap{_TEMPORARY_SUFFIX}"):
-        left.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # a folder of that name
+            left.unlink(missing_ok=True)
     for paths in parts_in(directory).values():
         for path in paths:
             if path.suffix == ".mcap" and path not in skip and not is_being_written(path):

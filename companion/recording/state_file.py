@@ -1,31 +1,69 @@
 """State files: small files that one run leaves to the next, replaced as a whole, so never read in part."""
 
 import logging
-import os
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+from companion.mavlink.dialect import mavlink
+from companion.output.notice import Condition
+from companion.small_file import read_small, reason, replace_small, set_aside, writing_problem
 
 _log = logging.getLogger("companion")
 
 
 class StateFile:
-    """A text file that is replaced as a whole. The first disk error is logged; none is raised."""
+    """A text file that is replaced as a whole. The first disk error is logged; none is raised.
+
+    `problem` is the reason why it cannot be written, `set_aside_because` why the file of the former run was
+    not used; both are `None` without a problem. What is at the path cannot keep the caller waiting.
+    """
+
+    _durable, _kind = False, "state"
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._failed = False
+        self.problem: str | None = None
+        self.set_aside_because: str | None = None
+
+    def try_writing(self) -> None:
+        """Find out now whether it can be written, and not when it is needed."""
+        problem = writing_problem(self._path)
+        if problem is not None:
+            self._failed(problem)
 
     def read(self) -> tuple[str, float] | None:
-        """The text and its age [s]; `None` if there is no readable file.
+        """The text and its age [s]; `None` if there is no usable file. An unusable one is set aside.
 
         The age is that of the file, because the clock may have been set since the last run.
         """
         try:
             age_s = time.time() - self._path.stat().st_mtime
-            return self._path.read_text(encoding="utf-8"), age_s
-        except (OSError, UnicodeDecodeError):
+            return read_small(self._path).decode("utf-8"), age_s
+        except (FileNotFoundError, NotADirectoryError):
             return None
+        except OSError as error:
+            self.set_aside(reason(error))
+        except UnicodeDecodeError:
+            self.set_aside("damaged")
+        return None
+
+    def set_aside(self, why: str) -> None:
+        """Rename the file, as its content cannot be used."""
+        bad = set_aside(self._path)
+        self.set_aside_because = why
+        _log.error("%s: %s, not used%s", self._path, why, "" if bad is None else f"; it is now {bad.name}")
+
+    def conditions(self) -> Iterator[Condition]:
+        """What the operator should know of this file."""
+        severity = mavlink.MAV_SEVERITY_WARNING
+        if self.problem is not None:
+            text = f"Avoidance: {self._kind} not saved: {self.problem}"
+            yield Condition(f"{self._kind} not saved", severity, text, f"Avoidance: {self._kind} saved again")
+        if self.set_aside_because is not None:
+            text = f"Avoidance: old {self._kind} not used: {self.set_aside_because}"
+            yield Condition(f"old {self._kind}", severity, text, matters=False)
 
     def write(self, text: str | None) -> None:
         """Replace the text; `None` removes the file."""
@@ -33,16 +71,16 @@ class StateFile:
             if text is None:
                 self._path.unlink(missing_ok=True)
                 return
-            new = self._path.with_name(f"{self._path.name}.new")
-            self._write_new(new, text)
-            os.replace(new, self._path)  # noqa: PTH105 - documented to be atomic
+            replace_small(self._path, text.encode(), durable=self._durable)
         except OSError as error:
-            if not self._failed:
-                _log.error("%s: cannot be written: %s", self._path, error.strerror)
-            self._failed = True
+            self._failed(reason(error))
+        else:
+            self.problem = None
 
-    def _write_new(self, path: Path, text: str) -> None:
-        path.write_text(text, encoding="utf-8")
+    def _failed(self, why: str) -> None:
+        if self.problem is None:
+            _log.error("%s: cannot be written: %s", self._path, why)
+        self.problem = why
 
 
 class DurableStateFile(StateFile):
@@ -50,6 +88,8 @@ class DurableStateFile(StateFile):
 
     This may take seconds on a memory card, so a thread does it, in order, and the flight does not wait.
     """
+
+    _durable, _kind = True, "settings"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -62,9 +102,3 @@ class DurableStateFile(StateFile):
     def close(self) -> None:
         """Wait until everything is written."""
         self._writer.shutdown()
-
-    def _write_new(self, path: Path, text: str) -> None:
-        with path.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())

@@ -26,13 +26,6 @@ def why_not_writable(path: Path) -> str | None:
     return None
 
 
-def why_not_replaceable(path: Path) -> str | None:
-    """The reason why a file cannot be replaced as a whole, as state files are; `None` if it can."""
-    if path.is_dir():
-        return "this is a folder, not a file"
-    return why_no_new_file(path.parent)
-
-
 def why_no_new_file(folder: Path, *, made: bool = False) -> str | None:
     """The reason why no file can be created in a folder; `made`: the folder itself may be missing yet."""
     if made:

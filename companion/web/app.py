@@ -8,7 +8,7 @@
 | `GET /api/info` | `kind` (live, replay), `title`, `duration_s`, `height_unit`, `may_command` |
 | `GET /api/timeline` | of a replay: each change of layer or manoeuvre, with time and words |
 | `POST /api/role` | `{"role": "off"|"advise"|"fly"}` with `Authorization: Bearer TOKEN` |
-| `GET /healthz` | 200 while the flying loop sends snapshots, else 503 |
+| `GET /healthz` | 200 while the flying loop sends snapshots and the autopilot answers, else 503 |
 | `GET /metrics` | metrics for Prometheus |
 """
 
@@ -28,6 +28,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from companion.model import Role
+from companion.ownship.autopilot_queries import UNANSWERED
 from companion.web.access_control import AccessControl, has_token
 from companion.web.metrics import Metrics
 from companion.web.settings import Settings
@@ -101,9 +102,16 @@ class _Handlers:
             return JSONResponse({"status": "the flying loop is silent"}, status_code=503)
         snapshot = self._source.snapshot
         known = snapshot is not None and snapshot.autopilot is not None
-        conditions = [] if snapshot is None else [one.text for one in snapshot.conditions]
+        holding = () if snapshot is None else snapshot.conditions
+        unanswered = next((one.text for one in holding if one.key == UNANSWERED), None)
         return JSONResponse(
-            {"status": "ok", "kind": "live", "autopilot_known": known, "conditions": conditions}
+            {
+                "status": unanswered or "ok",
+                "kind": "live",
+                "autopilot_known": known,
+                "conditions": [one.text for one in holding],
+            },
+            status_code=200 if unanswered is None else 503,
         )
 
     async def _prometheus(self, _: Request) -> Response:

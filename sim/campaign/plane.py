@@ -16,6 +16,7 @@ from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
+    AirspeedSensor,
     CommandResult,
     Fact,
     Heartbeat,
@@ -127,6 +128,7 @@ class Plane:
         """The facts that change slowly or never."""
         return [
             AirData(AUTOPILOT, self._wing.airspeed_mps),
+            AirspeedSensor(AUTOPILOT, True),
             Wind(AUTOPILOT, 0.0, 0.0),
             LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR),
             NavigationTarget(AUTOPILOT, self._end.lat_deg, self._end.lon_deg, self._end.altitude_m),

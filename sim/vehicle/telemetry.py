@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.units import course_deg, wrap_pi
@@ -20,7 +20,11 @@ _TEMPERATURE_UNKNOWN = 32767
 _FENCE_BOUNDARY = 3
 _RSSI_UNKNOWN = 255
 
+_DIFFERENTIAL_PRESSURE = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
+
 Builder = Callable[[float], Message]
+# "fitted", or what an autopilot without a sensor puts into VFR_HUD: 0, NaN, ground speed, an estimate.
+AirspeedSensor = Literal["fitted", "zero", "nan", "ground speed", "estimate"]
 
 
 class Telemetry(ABC):
@@ -44,6 +48,8 @@ class Telemetry(ABC):
         self._boot_s = boot_s
         self._geoid_height_m = geoid_height_m
         self.clock_error_s = 0.0  # error of the Unix time in SYSTEM_TIME
+        # What VFR_HUD and SYS_STATUS show of the airspeed.
+        self.airspeed_sensor: AirspeedSensor = "fitted"
         self.vtol_state = 0  # MAV_VTOL_STATE in EXTENDED_SYS_STATE; 0 for an aircraft without rotors
         self._battery = Battery()
         self._builders = self._all_builders()
@@ -163,7 +169,7 @@ class Telemetry(ABC):
         """VFR_HUD."""
         flight = self._flight
         return mavlink.MAVLink_vfr_hud_message(
-            airspeed=flight.aircraft.airspeed_mps,
+            airspeed=self._shown_airspeed_mps(),
             groundspeed=flight.ground_speed_mps,
             heading=int(course_deg(flight.aircraft.heading_rad)),
             throttle=self.throttle_percent(),
@@ -171,12 +177,17 @@ class Telemetry(ABC):
             climb=flight.aircraft.climb_mps,
         )
 
+    def _shown_airspeed_mps(self) -> float:
+        substitutes = {"zero": 0.0, "nan": math.nan, "ground speed": self._flight.ground_speed_mps}
+        return substitutes.get(self.airspeed_sensor, self._flight.aircraft.airspeed_mps)
+
     def sys_status(self, _time_s: float) -> Message:
         """SYS_STATUS."""
+        missing = 0 if self.airspeed_sensor == "fitted" else _DIFFERENTIAL_PRESSURE
         return mavlink.MAVLink_sys_status_message(
-            onboard_control_sensors_present=self.sensors,
-            onboard_control_sensors_enabled=self.sensors,
-            onboard_control_sensors_health=self.sensors_healthy,
+            onboard_control_sensors_present=self.sensors & ~missing,
+            onboard_control_sensors_enabled=self.sensors & ~missing,
+            onboard_control_sensors_health=self.sensors_healthy & ~missing,
             load=0,
             voltage_battery=self._battery.voltage_mv,
             current_battery=self._battery.current_ca,

@@ -15,7 +15,7 @@ from sim.vehicle.parameter_protocol import ParameterCoding, ParameterProtocol
 from sim.vehicle.parameters import Parameters
 from sim.vehicle.peripherals import Sticks
 from sim.vehicle.streams import Streams
-from sim.vehicle.telemetry import Telemetry
+from sim.vehicle.telemetry import AirspeedSensor, Telemetry
 from sim.vehicle.traffic import HeardTraffic
 
 BOOTED_BEFORE_S = 30.0
@@ -203,6 +203,10 @@ class FakeVehicle(ABC):
     def set_clock(self, error_s: float) -> None:
         """Make the Unix time in SYSTEM_TIME wrong by `error_s`."""
         self._telemetry.clock_error_s = error_s
+
+    def remove_airspeed_sensor(self, shown: AirspeedSensor) -> None:
+        """Fly without an airspeed sensor; `shown` is what VFR_HUD shows as airspeed instead."""
+        self._telemetry.airspeed_sensor = shown
 
     def show_vtol_state(self, vtol_state: int) -> None:
         """Report this MAV_VTOL_STATE; the flight itself stays that of a wing."""

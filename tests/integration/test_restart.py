@@ -1,96 +1,22 @@
 """Faults of the companion itself: killed, terminated, and a step of its computer's clock."""
 
 import asyncio
-import contextlib
 import signal
-import sys
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from companion.clock import SteadyClock
-from companion.links import open_link
-from sim.clock import ScaledClock
 from sim.scenario import Autopilot
-from sim.server import VehicleServer
-from sim.vehicle import FakeVehicle
-from tests.support.faulty_flight import GUIDED, MISSION, START_S, faulty_flight, free_ports, world_of
+from tests.support.companion_process import aircraft
+from tests.support.faulty_flight import GUIDED, MISSION, START_S, faulty_flight
 from tests.support.virtual_time import VirtualTimeLoop, in_virtual_time
 
 pytestmark = pytest.mark.wire
 
 both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-
-
-class Aircraft:
-    """A vehicle in real time, and the companion as a process that can be killed."""
-
-    vehicle: FakeVehicle
-
-    def __init__(self, config: Path) -> None:
-        self._config = config
-        self._process: asyncio.subprocess.Process | None = None
-
-    async def start(self) -> float:
-        """Start the companion, and wait for its first line of log; returns how long that took [s]."""
-        began_s = time.monotonic()
-        self._process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "companion", "run", str(self._config),
-            stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
-        )  # fmt: skip
-        assert self._process.stderr is not None
-        await asyncio.wait_for(self._process.stderr.readline(), 30.0)
-        return time.monotonic() - began_s
-
-    async def end(self, number: int) -> tuple[int | None, str]:
-        """Send a signal to the companion; returns its exit code and its log."""
-        assert self._process is not None
-        self._process.send_signal(number)
-        _, errors = await asyncio.wait_for(self._process.communicate(), 20.0)
-        return self._process.returncode, errors.decode()
-
-    async def kill_if_running(self) -> None:
-        if self._process is not None and self._process.returncode is None:
-            await self.end(signal.SIGKILL)
-
-    async def until(self, condition: Callable[[], bool], limit_s: float = 30.0) -> None:
-        async with asyncio.timeout(limit_s):
-            while not condition():  # noqa: ASYNC110 - a simulated vehicle sets no events
-                await asyncio.sleep(0.02)
-
-    async def flown(self) -> None:
-        """Wait until the companion has flown the aircraft for a second."""
-        await self.until(lambda: self.vehicle.truth.companion_flies)
-        await asyncio.sleep(1.0)
-        assert self.vehicle.truth.companion_flies
-
-
-@contextlib.asynccontextmanager
-async def aircraft(
-    autopilot: Autopilot, folder: Path, *, below_m: float = 0.0, options: str = ""
-) -> AsyncIterator[Aircraft]:
-    (port,) = free_ports(1)
-    config = folder / "companion.yaml"
-    config.write_text(
-        f"links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\n"
-        f"state_file: {folder / 'state'}\n{options}"
-    )
-    flight = Aircraft(config)
-    await flight.start()
-    start_s = time.time()
-    world, receiver = world_of(autopilot, below_m=below_m, start_s=start_s)
-    flight.vehicle = world.vehicle
-    links = [open_link(f"udpout:127.0.0.1:{port}")]
-    server = VehicleServer(world.vehicle, links, ScaledClock(1.0, start_s=start_s), receiver=receiver)
-    flying = asyncio.create_task(server.run())
-    try:
-        yield flight
-    finally:
-        await flight.kill_if_running()
-        server.close()
-        await flying
 
 
 def longest_recovery_s(start_s: float) -> float:

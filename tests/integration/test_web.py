@@ -51,6 +51,12 @@ async def test_the_state_is_served_after_the_first_snapshot() -> None:
             "autopilot_known": True,
             "conditions": ["Avoidance off: low"],
         }
+        silent = Condition("unanswered", 3, "Avoidance: autopilot answers no request")
+        source.show(replace(SNAPSHOT, conditions=(condition, silent)))
+        answer = await at.ask("/healthz")
+        assert answer.status == 503
+        assert answer.json["status"] == silent.text
+        source.show(replace(SNAPSHOT, conditions=(condition,)))
         assert b'companion_conditions{severity="4"} 1.0' in (await at.ask("/metrics")).body
         info = (await at.ask("/api/info")).json
         assert info == {

@@ -5,6 +5,7 @@ import math
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
+    AirspeedSensor,
     AttitudeTarget,
     AutopilotVersion,
     Fact,
@@ -30,6 +31,7 @@ _MIN_PRESSURE_HPA, _MAX_PRESSURE_HPA = 230.0, 1_100.0  # 11 km, and below the De
 # The geoid lies 106 m below the ellipsoid south of India and 85 m above it in New Guinea (EGM96).
 _MAX_GEOID_SEPARATION_M = 120.0
 _LARGEST_ROLE = max(Role)
+_DIFFERENTIAL_PRESSURE = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 _NO_PULSE = (0, 65_535)
 _CHANNELS = tuple(f"chan{number}_raw" for number in range(1, 19))
 _YEAR_2015_S = 1_420_070_400.0  # a clock that shows an earlier time was never set
@@ -102,6 +104,16 @@ def _air_data(message: Message, sender: Sender, _received_s: float) -> Fact:
     return AirData(sender, airspeed_mps if measured else None, altitude_m)
 
 
+def _airspeed_sensor(message: Message, sender: Sender, _received_s: float) -> Fact:
+    """Without a usable sensor both autopilots put an estimate, 0 or NaN into VFR_HUD instead."""
+    masks = (
+        message.onboard_control_sensors_present,
+        message.onboard_control_sensors_enabled,
+        message.onboard_control_sensors_health,
+    )
+    return AirspeedSensor(sender, all(mask & _DIFFERENTIAL_PRESSURE for mask in masks))
+
+
 def _wind(message: Message, sender: Sender, _received_s: float) -> Fact | None:
     """`direction` is the direction that the wind comes from [deg]."""
     if not (math.isfinite(message.direction) and math.isfinite(message.speed)):
@@ -166,6 +178,7 @@ TRANSLATIONS: dict[int, Translation] = {
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: _navigation_target,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: _air_data,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: _airspeed_sensor,
     mavlink.MAVLINK_MSG_ID_WIND: _wind,
     mavlink.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
     mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: _pressure_altitude,

@@ -14,6 +14,11 @@ from sim.vehicle.streams import Streams
 from sim.vehicle.telemetry import Telemetry
 
 _CHANGE_MODE = 1  # DO_REPOSITION's flag
+GUIDED_COMMANDS = (
+    mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
+    mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+    mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+)
 
 
 class ArduPlaneCommands(Commands):
@@ -29,8 +34,15 @@ class ArduPlaneCommands(Commands):
         super().__init__(flight, telemetry, streams, send)
         self._flight: ArduPlaneFlight = flight
 
+    def leave_out_guided_commands(self) -> None:
+        """Be a build without the 4300x commands."""
+        for command in GUIDED_COMMANDS:
+            del self._actions[command]
+
     def run(self, call: Call) -> Result:
         """Execute a command; returns its result."""
+        if call.command not in self._actions:
+            return Result.UNSUPPORTED
         if call.frame is None and call.command in _WITH_FRAME_ONLY:
             return Result.COMMAND_INT_ONLY
         return super().run(call)

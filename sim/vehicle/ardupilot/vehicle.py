@@ -42,10 +42,13 @@ class FakeArduPlane(FakeVehicle):
         firmware: Firmware = "4.7",
         parameters: Mapping[str, float] | None = None,
         geoid_height_m: float = 0.0,
+        guided_commands: bool = True,
     ) -> None:
         """Start disarmed in MANUAL at home at `now_s` [s, Unix]; `mission` has no home item.
 
         `firmware` is the imitated version, with its parameter names; `parameters` override its defaults.
+        Without `guided_commands` it is a build without the 4300x commands
+        (AP_PLANE_OFFBOARD_GUIDED_SLEW_ENABLED 0): they are unsupported.
         """
         values = parameters_of(firmware)
         for name, value in (parameters or {}).items():
@@ -61,6 +64,8 @@ class FakeArduPlane(FakeVehicle):
         self._traffic = TrafficList(values)
         self._avoidance = ArduPlaneAvoidance(flight, self._heard)
         self._commands: ArduPlaneCommands = ArduPlaneCommands(flight, telemetry, self._streams, self._send)
+        if not guided_commands:
+            self._commands.leave_out_guided_commands()
 
     @classmethod
     def airborne(

@@ -10,7 +10,7 @@ from companion.autopilots.adapter import GuidanceCommand, RefusedValue
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
-from companion.mavlink.facts import CommandResult, Sender
+from companion.mavlink.facts import CommandResult, NavigationTarget, Sender
 from companion.model import Guidance, PriorFlightState
 
 TARGET = Sender(1, 1)
@@ -18,8 +18,10 @@ PLACE = GeoPoint(-35.0, 149.0, 600.0)
 GUIDANCE = Guidance(math.radians(40.0), 22.0, 680.0)
 
 
-def guidance_command(guidance: Guidance = GUIDANCE) -> GuidanceCommand:
-    return GuidanceCommand(guidance, PLACE, (24.0, 0.0, 0.0), 22.0, math.radians(30.0))
+def guidance_command(
+    guidance: Guidance = GUIDANCE, airspeed_mps: float | None = 22.0, place: GeoPoint = PLACE
+) -> GuidanceCommand:
+    return GuidanceCommand(guidance, place, (24.0, 0.0, 0.0), airspeed_mps, math.radians(30.0))
 
 
 def kinds(messages: list[Message]) -> Counter[str]:
@@ -45,21 +47,40 @@ def stream(adapter: ArduPlane, seconds: float, *, urgent: bool = False) -> list[
     return sent
 
 
-def test_the_first_command_sends_heading_speed_height_and_position() -> None:
+def test_the_first_command_sends_heading_height_and_position() -> None:
     messages = ArduPlane(TARGET).command(guidance_command(), 100.0, urgent=False)
     assert kinds(messages) == {
         "COMMAND_INT 43002": 1,
-        "COMMAND_INT 43000": 1,
         "COMMAND_INT 43001": 1,
         "SET_POSITION_TARGET_GLOBAL_INT": 1,
     }
+
+
+def test_another_speed_than_the_present_one_is_commanded_and_then_every_change_of_it() -> None:
+    adapter = ArduPlane(TARGET)
+    faster = Guidance(GUIDANCE.course_rad, 28.0, 680.0)
+    assert kinds(adapter.command(guidance_command(faster), 100.0, urgent=False))["COMMAND_INT 43000"] == 1
+    assert (
+        kinds(adapter.command(guidance_command(faster, 27.5), 100.1, urgent=False))["COMMAND_INT 43000"] == 0
+    )
+    back = adapter.command(guidance_command(GUIDANCE, 22.5), 100.2, urgent=False)
+    assert kinds(back)["COMMAND_INT 43000"] == 1, "the command stands until another one"
+
+
+def test_no_speed_is_commanded_without_a_sensor() -> None:
+    adapter = ArduPlane(TARGET)
+    for tick in range(300):
+        wanted = Guidance(GUIDANCE.course_rad, 16.0 + tick % 12, 680.0)
+        sent = adapter.command(guidance_command(wanted, None), 100.0 + tick / 10, urgent=False)
+        assert "COMMAND_INT 43000" not in kinds(sent)
 
 
 def test_steady_guidance_is_streamed_at_5_hz_and_the_heading_every_two_seconds() -> None:
     counts = kinds(stream(ArduPlane(TARGET), 10.0))
     assert counts["SET_POSITION_TARGET_GLOBAL_INT"] == 50
     assert counts["COMMAND_INT 43002"] == 5
-    assert counts["COMMAND_INT 43000"] == counts["COMMAND_INT 43001"] == 1
+    assert counts["COMMAND_INT 43000"] == 0
+    assert counts["COMMAND_INT 43001"] == 1
 
 
 def test_urgent_setpoints_stay_below_10_hz() -> None:
@@ -227,3 +248,87 @@ def test_the_heartbeat_selects_the_adapter() -> None:
     assert isinstance(choose(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, TARGET), ArduPlane)
     assert isinstance(choose(mavlink.MAV_AUTOPILOT_PX4, TARGET), Px4FixedWing)
     assert choose(mavlink.MAV_AUTOPILOT_GENERIC, TARGET) is None
+
+
+UNSUPPORTED, DENIED = 3, 2
+HEADING, SPEED, HEIGHT, REPOSITION = 43002, 43000, 43001, 192
+
+
+def answer(adapter: ArduPlane, results: dict[int, int], *, seconds: float = 20.0) -> Counter[str]:
+    """Fly a guidance that turns, climbs and speeds up; counts of what was sent."""
+    counts: Counter[str] = Counter()
+    for tick in range(round(seconds * 10)):
+        now_s = 100.0 + tick / 10
+        wanted = Guidance(math.radians(5.0 * tick), 16.0 + tick % 10, 500.0 + tick)
+        messages = adapter.command(guidance_command(wanted), now_s, urgent=False) + adapter.tick(now_s)
+        for message in messages:
+            if (command := getattr(message, "command", None)) is not None:
+                adapter.observe(CommandResult(TARGET, command, results.get(command, 0), None), now_s)
+        counts += kinds(messages)
+    return counts
+
+
+def test_unsupported_commands_are_sent_once_and_flown_in_another_way() -> None:
+    adapter = ArduPlane(TARGET)
+    counts = answer(adapter, dict.fromkeys((HEADING, SPEED, HEIGHT), UNSUPPORTED))
+    assert counts["COMMAND_INT 43002"] == counts["COMMAND_INT 43000"] == counts["COMMAND_INT 43001"] == 1
+    assert counts["SET_POSITION_TARGET_GLOBAL_INT"] == 100, "the height"
+    assert counts["COMMAND_INT 192"] > 10, "the course"
+    assert len(adapter.refusals()) == 3
+    assert adapter.lost_controls == {Control.SPEED}
+    adapter.drop_commands()
+    assert answer(adapter, {HEADING: UNSUPPORTED})["COMMAND_INT 43002"] == 0, "for the whole flight"
+    adapter.restarted()
+    assert adapter.lost_controls == set()
+    assert answer(adapter, {}, seconds=1.0)["COMMAND_INT 43002"] == 10
+
+
+def test_a_course_by_place_is_far_ahead_at_the_commanded_height_and_obeyed_in_guided_only() -> None:
+    adapter = ArduPlane(TARGET)
+    answer(adapter, {HEADING: UNSUPPORTED}, seconds=0.1)
+    (course,) = [
+        message
+        for message in adapter.command(guidance_command(), 200.0, urgent=False)
+        if getattr(message, "command", None) == REPOSITION
+    ]
+    assert course.param2 == 0, "no change of mode"
+    north_m = (course.x / 1e7 - PLACE.lat_deg) * 110_940.0
+    east_m = (course.y / 1e7 - PLACE.lon_deg) * 91_290.0
+    assert math.hypot(north_m, east_m) > 5_000.0
+    assert math.degrees(math.atan2(east_m, north_m)) == pytest.approx(40.0, abs=0.3)
+    assert course.z == GUIDANCE.altitude_m
+    assert adapter.is_own_target(NavigationTarget(TARGET, course.x / 1e7, course.y / 1e7, None))
+    assert not adapter.is_own_target(NavigationTarget(TARGET, PLACE.lat_deg, PLACE.lon_deg, None))
+    adapter.observe(CommandResult(TARGET, REPOSITION, 0, None), 200.0)
+    repeated = sum(
+        kinds(adapter.command(guidance_command(), 200.0 + tick / 10, urgent=False))["COMMAND_INT 192"]
+        for tick in range(1, 250)
+    )
+    assert repeated == 2
+
+
+def test_a_control_that_is_refused_with_every_value_is_lost() -> None:
+    adapter = ArduPlane(TARGET)
+    counts = answer(adapter, dict.fromkeys((HEADING, SPEED, HEIGHT, REPOSITION), DENIED))
+    assert all(counts[f"COMMAND_INT {command}"] <= 6 for command in (HEADING, SPEED, HEIGHT, REPOSITION))
+    assert adapter.lost_controls == {Control.HEADING, Control.SPEED}
+
+
+def test_one_refused_value_does_not_lose_the_control() -> None:
+    adapter = ArduPlane(TARGET)
+    for value in range(10):
+        result = DENIED if value % 3 else 0
+        wanted = Guidance(math.radians(20.0 * value), 22.0, 680.0)
+        for _ in range(2):
+            adapter.command(guidance_command(wanted), 100.0 + value, urgent=False)
+            adapter.observe(CommandResult(TARGET, HEADING, result, None), 100.0 + value)
+    assert adapter.lost_controls == set()
+    assert kinds(adapter.command(guidance_command(), 200.0, urgent=False))["COMMAND_INT 43002"] == 1
+
+
+def test_leaving_guided_drops_a_course_that_is_under_way() -> None:
+    adapter = ArduPlane(TARGET)
+    answer(adapter, {HEADING: UNSUPPORTED}, seconds=0.1)
+    assert kinds(adapter.command(guidance_command(), 200.0, urgent=False))["COMMAND_INT 192"] == 1
+    assert adapter.leaving(guidance_command(), 200.1) == []
+    assert "COMMAND_INT 192" not in kinds(adapter.tick(201.0))

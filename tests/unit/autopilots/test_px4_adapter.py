@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
 from companion.autopilots import Px4FixedWing
 from companion.autopilots.adapter import GuidanceCommand
+from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, CommandResult, Parameter, Sender
@@ -203,3 +205,41 @@ def test_up_to_version_1_16_climbs_may_invalidate_the_setpoint(
     if version is not None:
         adapter.observe(AutopilotVersion(TARGET, "", *version, capabilities=0), 1.0)
     assert adapter.invalid_after_climbs is loses
+
+
+def speeds(adapter: Px4FixedWing, command: GuidanceCommand, first_s: float, seconds: float) -> int:
+    """Number of changes of FW_AIRSPD_TRIM that are sent; each is answered with the present value."""
+    sent = 0
+    for now_s in ticks(first_s, seconds):
+        adapter.command(command, now_s, urgent=False)
+        for message in adapter.tick(now_s):
+            assert message.get_type() == "PARAM_SET"
+            sent += 1
+            adapter.observe(Parameter(TARGET, "FW_AIRSPD_TRIM", 15.0), now_s)
+    return sent
+
+
+def test_no_speed_is_commanded_without_a_sensor_or_when_the_present_one_is_wanted(
+    adapter: Px4FixedWing,
+) -> None:
+    assert speeds(adapter, replace(COMMAND, airspeed_mps=None), 10.0, 20.0) == 0
+    assert speeds(adapter, replace(COMMAND, airspeed_mps=17.5), 40.0, 20.0) == 0
+    assert adapter.changed_parameters == {}
+
+
+def test_a_speed_that_px4_does_not_accept_is_lost_and_reported_once(adapter: Px4FixedWing) -> None:
+    assert speeds(adapter, COMMAND, 10.0, 30.0) == 5
+    assert adapter.lost_controls == {Control.SPEED}
+    assert adapter.changed_parameters == {}, "it still has the original"
+    assert adapter.refusals() == ["FW_AIRSPD_TRIM not accepted"]
+    assert speeds(adapter, COMMAND, 50.0, 30.0) == 0
+    assert adapter.refusals() == []
+    adapter.restarted()
+    assert adapter.lost_controls == set()
+    assert speeds(adapter, COMMAND, 90.0, 1.0) == 1
+
+
+def test_the_speed_cannot_be_flown_while_its_parameter_is_unknown() -> None:
+    adapter = Px4FixedWing(TARGET)
+    assert adapter.lost_controls == {Control.SPEED}
+    assert speeds(adapter, COMMAND, 10.0, 5.0) == 0

@@ -67,12 +67,15 @@ def test_nothing_is_saved_once_the_configured_value_is_set_again() -> None:
 def test_a_damaged_file_is_reported_in_one_line_and_not_used(tmp_path: Path, text: str | bytes) -> None:
     saved = load_saved(config_in(tmp_path, text))
     assert saved.values == {}
-    assert saved.problem == f"{tmp_path}/companion.settings: damaged, not used"
+    path = f"{tmp_path}/companion.settings"
+    too_large = f"{path}: cannot be read, not used: larger than 65536 bytes"
+    assert saved.problem == (too_large if len(text) > 65536 else f"{path}: damaged, not used")
+    assert saved.damaged
 
 
 def test_an_unreadable_file_is_reported(tmp_path: Path) -> None:
     config = Config(links=("udpin:127.0.0.1:0",), settings_file=tmp_path)
-    assert load_saved(config).problem == f"{tmp_path}: cannot be read, not used: Is a directory"
+    assert load_saved(config).problem == f"{tmp_path}: cannot be read, not used: a folder"
 
 
 def test_unusable_values_are_named_and_the_rest_is_used(tmp_path: Path) -> None:

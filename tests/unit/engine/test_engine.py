@@ -12,6 +12,7 @@ from companion.engine import Engine, EngineConfig, EngineParams, Keep, Record, S
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
+    CommandResult,
     Fact,
     Heartbeat,
     LandedState,
@@ -142,6 +143,7 @@ def low(engine: Engine, seconds: float, height_m: float, *, after_s: float = 0.0
         facts: list[Fact] = [position(now_s, height_m=height_m), AirData(AUTOPILOT, 22.0)]
         if tick % 10 == 0:
             facts += [heartbeat(), LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR)]
+            facts.append(CommandResult(AUTOPILOT, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, None))
         facts += empty_missions(sent[-9:], AUTOPILOT, engine.sender)
         sent += run(engine, facts, now_s)
     return [message.text for message in of(sent, "STATUSTEXT")]
@@ -160,6 +162,12 @@ def test_in_the_air_the_reason_why_it_would_not_fly_is_announced_until_it_ends(h
 def test_a_climb_through_the_lowest_height_is_not_announced() -> None:
     engine = new_engine(1)
     assert low(engine, 8.0, 20.0) + low(engine, 20.0, 100.0, after_s=8.0) == []
+
+
+def test_an_autopilot_that_answers_no_request_is_reported_every_half_minute() -> None:
+    engine = new_engine(1)
+    texts = [message.text for message in of(fly(engine, 75.0, meet_s=1000.0), "STATUSTEXT")]
+    assert texts.count("Avoidance: autopilot answers no request") == 3
 
 
 def test_a_later_second_autopilot_is_announced_and_ignored() -> None:
@@ -217,7 +225,7 @@ def test_once_the_mode_is_confirmed_commands_and_collisions_are_sent() -> None:
     fly(engine, 3.0)
     sent = run(engine, [heartbeat(mode=15), position(T0 + 3.1)], T0 + 3.1)
     assert engine.supervisor.flying
-    assert len(of(sent, "COMMAND_INT")) == 3
+    assert len(of(sent, "COMMAND_INT")) == 2, "course and height; the speed stays"
     assert len(of(sent, "SET_POSITION_TARGET_GLOBAL_INT")) == 1
     later = [m for tick in range(32, 60) for m in run(engine, [position(T0 + tick / 10)], T0 + tick / 10)]
     collisions = of(later, "COLLISION")

@@ -9,6 +9,7 @@ from companion.engine import Engine
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import (
     AirData,
+    AirspeedSensor,
     Fact,
     HeightAbove,
     MissionCount,
@@ -40,9 +41,14 @@ def test_the_envelope_follows_the_parameters_even_while_flying() -> None:
     engine = new_engine()
     fly(engine, 3.0)
     now_s = T0 + 3.1
-    sent = run(
-        engine, [heartbeat(mode=15), position(now_s), Parameter(AUTOPILOT, "AIRSPEED_MAX", 20.0)], now_s
-    )
+    facts: list[Fact] = [
+        heartbeat(mode=15),
+        position(now_s),
+        AirspeedSensor(AUTOPILOT, True),
+        AirData(AUTOPILOT, 22.0),
+        Parameter(AUTOPILOT, "AIRSPEED_MAX", 20.0),
+    ]
+    sent = run(engine, facts, now_s)
     speeds = [m.param2 for m in of(sent, "COMMAND_INT") if m.command == 43000]
     assert engine.supervisor.flying
     assert speeds

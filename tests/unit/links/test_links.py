@@ -339,16 +339,69 @@ def test_only_senders_of_recent_good_frames_are_peers() -> None:
     assert peers.present() == ["station"]
 
 
-def test_a_flood_of_newcomers_does_not_displace_the_autopilot() -> None:
+def heartbeat(vehicle_type: int = 1, autopilot: int = 3, system: int = 1, component: int = 1) -> bytes:
+    message = mavlink.MAVLink_heartbeat_message(vehicle_type, autopilot, 0, 0, 4, 3)
+    return Encoder().encode(message, system, component)
+
+
+def station(number: int) -> bytes:
+    return heartbeat(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 200 + number % 50, 190)
+
+
+FULL = 3 * MAX_PEERS
+
+
+@pytest.mark.parametrize("ours", [None, (1, 1)])
+def test_a_flood_of_newcomers_does_not_displace_the_autopilot(ours: tuple[int, int] | None) -> None:
     clock = Clock()
     peers: Peers[int] = Peers(StreamCounters(), clock)
-    peers.split(0, frame())
+    peers.split(0, heartbeat(), ours)
     for newcomer in range(1, 1000):
-        assert len(peers.split(newcomer, frame())) == 1
-    assert peers.present() == list(range(MAX_PEERS))
+        clock.now_s += 0.001
+        assert len(peers.split(newcomer, station(newcomer), ours)) == 1
+    assert peers.present() == [0, *range(1000 - MAX_PEERS + 1, 1000)]
     clock.now_s += SILENCE_S + 1.0
     peers.split(2000, frame())
     assert peers.present() == [2000]
+
+
+@pytest.mark.parametrize("others", ["stations", "receivers", "vehicles", "strange autopilots"])
+def test_an_autopilot_that_comes_last_finds_a_place(others: str) -> None:
+    clock = Clock()
+    peers: Peers[int] = Peers(StreamCounters(), clock)
+    first = {
+        "stations": station,
+        "receivers": lambda n: heartbeat(mavlink.MAV_TYPE_ADSB, 0, 50 + n, 156),
+        "vehicles": lambda n: heartbeat(1, 3, 2 + n),
+        "strange autopilots": lambda n: heartbeat(2, 0, 2 + n),
+    }[others]
+    for number in range(FULL):
+        clock.now_s += 0.01
+        peers.split(number, first(number))
+    peers.split(1000, heartbeat())
+    assert 1000 in peers.present()
+
+
+def test_no_one_displaces_the_autopilot_that_is_flown_and_it_moves_to_any_port() -> None:
+    clock = Clock()
+    peers: Peers[int] = Peers(StreamCounters(), clock)
+    for port in range(40):
+        peers.split(port, frame(), (1, 1))  # any message of it will do
+        assert port in peers.present()
+        clock.now_s += 0.05
+    for other in range(100, 300):
+        peers.split(other, heartbeat(1, 3, 2 + other % 200), (1, 1))
+    assert 39 in peers.present()
+
+
+def test_the_newest_wins_among_equals_at_once() -> None:
+    clock = Clock()
+    peers: Peers[int] = Peers(StreamCounters(), clock)
+    for port in range(40):
+        clock.now_s += 0.1
+        peers.split(port, station(1))
+        assert port in peers.present()
+        assert len(peers.present()) <= MAX_PEERS
 
 
 def test_the_sequence_numbers_of_two_peers_do_not_mix() -> None:

@@ -10,6 +10,7 @@ from companion.errors import LinkDownError, LinkError
 from companion.links import LinkState, Reconnect, open_link, tcp
 from companion.links.datagram import MAX_PEERS, SILENCE_S
 from companion.links.tcp import TcpInLink, TcpOutLink
+from companion.mavlink.dialect import Encoder, mavlink
 from tests.support.inbox import Inbox, frame, until
 
 pytestmark = pytest.mark.wire
@@ -265,3 +266,29 @@ async def test_closing_while_it_connects_leaves_nothing_open() -> None:
     assert client.clients == 0
     await client.run(Inbox())
     server.close()
+
+
+@pytest.mark.parametrize("kind", [mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ADSB])
+async def test_an_autopilot_that_connects_last_finds_a_place(kind: int) -> None:
+    server = await listening()
+    heard = Inbox()
+    running = asyncio.create_task(server.run(heard))
+    hello = Encoder().encode(mavlink.MAVLink_heartbeat_message(kind, 0, 0, 0, 4, 3), 250, 190)
+    others = [out(server.local_port) for _ in range(MAX_PEERS)]
+    for number, other in enumerate(others):
+        await other.open()
+        other.send(hello)
+        await heard.until(number + 1)
+    autopilot = out(server.local_port)
+    await autopilot.open()
+    autopilot.send(Encoder().encode(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3), 1, 1))
+    await heard.until(MAX_PEERS + 1)
+    for _ in range(MAX_PEERS):  # and keeps it
+        newcomer = out(server.local_port)
+        await newcomer.open()
+        others.append(newcomer)
+    autopilot.send(frame())
+    await heard.until(MAX_PEERS + 2)
+    for link in (autopilot, server, *others):
+        link.close()
+    await running

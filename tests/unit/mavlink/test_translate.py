@@ -12,6 +12,7 @@ from companion.mavlink import translate
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.facts import (
     AirData,
+    AirspeedSensor,
     CommandResult,
     Fact,
     GeoidSeparation,
@@ -417,6 +418,17 @@ def test_landed_state(wire: int, expected: int | None) -> None:
 def test_vtol_state(wire: int, expected: int | None) -> None:
     assert max(mavlink.enums["MAV_VTOL_STATE"]) == 5  # the end marker
     assert fact_of(mavlink.MAVLink_extended_sys_state_message(wire, 2)) == LandedState(SENDER, 2, expected)
+
+
+@pytest.mark.parametrize(
+    ("present", "enabled", "healthy", "usable"),
+    [(16, 16, 16, True), (0, 0, 0, False), (16, 0, 16, False), (16, 16, 0, False), (47, 63, 63, False)],
+)
+def test_the_airspeed_sensor_is_usable_when_present_enabled_and_healthy(
+    present: int, enabled: int, healthy: int, usable: bool
+) -> None:
+    message = mavlink.MAVLink_sys_status_message(present, enabled, healthy, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    assert fact_of(message) == AirspeedSensor(SENDER, usable)
 
 
 def target(frame: int = 5, mask: int = 0, lat: int = 10_000_000, alt: float = 250.0) -> Fact | None:

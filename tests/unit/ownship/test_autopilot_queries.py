@@ -10,7 +10,8 @@ from companion.avoidance import Envelope, Fence
 from companion.engine import AircraftLimits
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
-from companion.ownship.autopilot_queries import AutopilotQueries
+from companion.mavlink.facts import Sender
+from companion.ownship.autopilot_queries import UNANSWERED, AutopilotQueries
 from tests.support.responder import AUTOPILOT, FENCE, GCS, MISSION, US, Item, Line, Responder, as_fact
 
 PARAMETERS = {
@@ -343,3 +344,42 @@ def test_a_configured_inclusion_zone_is_not_loosened_by_those_of_the_autopilot()
     fence = local_fence(talk)
     assert not fence.any_inclusion
     assert [(zone.radius_m, zone.max_altitude_m) for zone in fence.zones] == [(500.0, 620.0)]
+
+
+# --- an autopilot that answers nothing
+
+
+class _Mute(Responder):
+    silent = True
+
+    def answer(self, message: Message, asker: Sender = US) -> list[Message]:
+        return [] if self.silent else super().answer(message, asker)
+
+
+def test_silence_to_all_requests_is_a_condition_until_there_is_an_answer() -> None:
+    mute = _Mute(dict(PARAMETERS), {MISSION: ROUTE, FENCE: ZONES})
+    talk = Talk(mute).run(8.0)
+    assert talk.queries.conditions() == []
+    talk.run(5.0)
+    (condition,) = talk.queries.conditions()
+    assert condition.key == UNANSWERED
+    assert condition.matters
+    assert len(condition.text) <= 50
+    talk.run(300.0)
+    assert talk.queries.conditions() == [condition], "also when all requests are given up"
+    talk.receive(mavlink.MAVLink_command_ack_message(511, 0, 0, 0, US.system_id, US.component_id))
+    assert talk.queries.conditions() == []
+
+
+def test_unknown_parameters_alone_are_no_silence() -> None:
+    few = Responder({"AIRSPEED_MIN": 12.0}, {MISSION: ROUTE, FENCE: ZONES})
+    talk = Talk(few)
+    for _ in range(300):
+        talk.run(1.0)
+        assert talk.queries.conditions() == []
+
+
+def test_answers_for_others_are_none_for_us() -> None:
+    talk = Talk(_Mute(dict(PARAMETERS))).run(20.0)
+    talk.receive(mavlink.MAVLink_param_value_message(b"AIRSPEED_MIN", 12.0, 9, 1, 0), Sender(7, 1))
+    assert len(talk.queries.conditions()) == 1

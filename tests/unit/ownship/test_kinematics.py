@@ -5,7 +5,7 @@ import math
 import pytest
 
 from companion.geodesy import GeoPoint, LocalFrame
-from companion.mavlink.facts import AirData, OwnPosition, Sender
+from companion.mavlink.facts import AirData, OwnPosition, Sender, Wind
 from companion.ownship.kinematics import Kinematics
 
 AUTOPILOT = Sender(1, 1)
@@ -69,3 +69,73 @@ def test_a_command_starts_from_the_height_by_air_data_when_the_position_is_old(
     command = kinematics.command(kinematics.guidance(), 0.5)
     assert command is not None
     assert command.position.altitude_m == altitude_m
+
+
+# --- airspeed: measured, or a substitute for predictions that is never commanded
+
+
+def flying_north(ground_mps: float = 30.0) -> Kinematics:
+    own = Kinematics()
+    own.observe_position(
+        OwnPosition(AUTOPILOT, 10.0, 47.0, 8.0, 500.0, 100.0, (ground_mps, 0.0, 0.0), 0.0), 10.0
+    )
+    return own
+
+
+def shown(own: Kinematics, airspeed_mps: float | None, *, usable: bool | None = True) -> Kinematics:
+    own.observe_air_data(AirData(AUTOPILOT, airspeed_mps, 500.0), 4.0)
+    own.observe_air_data(AirData(AUTOPILOT, airspeed_mps, 500.0), 9.9)
+    own.airspeed.sensor_usable = usable
+    return own
+
+
+def test_a_sensor_measures_the_airspeed() -> None:
+    own = shown(flying_north(), 22.0)
+    assert own.measured_airspeed_mps() == own.airspeed_mps() == 22.0
+
+
+@pytest.mark.parametrize(
+    ("airspeed_mps", "usable"), [(0.0, None), (None, None), (22.0, False), (30.0, False)]
+)
+def test_without_a_sensor_the_airspeed_follows_from_the_wind_or_the_cruise(
+    airspeed_mps: float | None, usable: bool | None
+) -> None:
+    own = shown(flying_north(), airspeed_mps, usable=usable)
+    own.airspeed.cruise_mps = 21.0
+    assert own.measured_airspeed_mps() is None
+    assert own.airspeed_mps() == 21.0
+    own.wind.report(Wind(AUTOPILOT, 8.0, 0.0), 9.5)
+    assert own.airspeed_mps() == pytest.approx(22.0)
+    command = own.command(own.guidance(), 0.5)
+    assert command is not None
+    assert command.airspeed_mps is None
+
+
+def test_ground_speed_shown_as_airspeed_is_no_airspeed() -> None:
+    own = shown(flying_north(), 30.0, usable=None)
+    assert own.measured_airspeed_mps() == 30.0, "without a wind nothing contradicts it"
+    own.wind.report(Wind(AUTOPILOT, 8.0, 0.0), 9.5)
+    assert own.measured_airspeed_mps() is None
+    assert own.airspeed_mps() == pytest.approx(22.0)
+
+
+def test_an_old_airspeed_does_not_count() -> None:
+    own = shown(flying_north(), 22.0)
+    own.observe_position(OwnPosition(AUTOPILOT, 15.0, 47.0, 8.0, 500.0, 100.0, (30.0, 0.0, 0.0), 0.0), 15.0)
+    assert own.measured_airspeed_mps() is None
+
+
+def test_the_statement_about_the_sensor_is_awaited_before_a_speed_is_commanded() -> None:
+    own = flying_north()
+    own.observe_air_data(AirData(AUTOPILOT, 22.0, 500.0), 9.0)
+    assert own.measured_airspeed_mps() is None
+    assert own.airspeed_mps() == 22.0, "for predictions"
+    own.airspeed.sensor_usable = True
+    assert own.measured_airspeed_mps() == 22.0
+
+
+def test_a_wind_that_makes_no_sense_is_not_used_for_the_airspeed() -> None:
+    own = shown(flying_north(), 0.0, usable=False)
+    own.airspeed.cruise_mps = 21.0
+    own.wind.report(Wind(AUTOPILOT, 25.0, 0.0), 9.5)
+    assert own.airspeed_mps() == 21.0

@@ -34,7 +34,23 @@ def test_a_text_is_read_back_with_its_age(tmp_path: Path) -> None:
 def test_a_file_that_is_not_text_reads_as_none(tmp_path: Path) -> None:
     path = tmp_path / "companion.state"
     path.write_bytes(b"\xff\xfe\x00")
-    assert StateFile(path).read() is None
+    state_file = StateFile(path)
+    assert state_file.read() is None
+    assert state_file.set_aside_because == "damaged"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["companion.state.bad"]
+    (condition,) = state_file.conditions()
+    assert condition.text == "Avoidance: old state not used: damaged"
+
+
+def test_what_cannot_be_written_is_found_at_the_start_and_ends_when_it_can(tmp_path: Path) -> None:
+    path = tmp_path / "later" / "companion.state"
+    state_file = StateFile(path)
+    state_file.try_writing()
+    (condition,) = state_file.conditions()
+    assert condition.text == "Avoidance: state not saved: No such file or directory"
+    path.parent.mkdir()
+    state_file.write("one")
+    assert list(state_file.conditions()) == []
 
 
 def test_an_unwritable_path_is_logged_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -3,9 +3,7 @@
 import os
 from pathlib import Path
 
-import pytest
-
-from companion.recording.writable import why_no_new_file, why_not_replaceable, why_not_writable
+from companion.recording.writable import why_no_new_file, why_not_writable
 
 
 def test_a_file_that_can_be_written_is_left_as_it_is(tmp_path: Path) -> None:
@@ -13,7 +11,6 @@ def test_a_file_that_can_be_written_is_left_as_it_is(tmp_path: Path) -> None:
     kept.write_text("old")
     assert why_not_writable(kept) is None
     assert why_not_writable(tmp_path / "new") is None
-    assert why_not_replaceable(tmp_path / "state") is None
     assert why_no_new_file(tmp_path / "a" / "b", made=True) is None
     assert [path.name for path in tmp_path.iterdir()] == ["kept"]
     assert kept.read_text() == "old"
@@ -25,10 +22,9 @@ def test_a_fifo_is_not_opened(tmp_path: Path) -> None:
     assert why_not_writable(tmp_path / "fifo") is None
 
 
-@pytest.mark.parametrize("check", [why_not_writable, why_not_replaceable])
-def test_the_reason_is_named(check: type, tmp_path: Path) -> None:
-    assert check(tmp_path / "no" / "file") == f"there is no folder {tmp_path}/no"
-    assert check(tmp_path) == "this is a folder, not a file"
-    assert check(Path("/proc/a file")) is not None
+def test_the_reason_is_named(tmp_path: Path) -> None:
+    assert why_not_writable(tmp_path / "no" / "file") == f"there is no folder {tmp_path}/no"
+    assert why_not_writable(tmp_path) == "this is a folder, not a file"
+    assert why_not_writable(Path("/proc/a file")) is not None
     assert why_no_new_file(Path("/proc/recordings"), made=True) is not None
     assert why_no_new_file(tmp_path / "no") == f"there is no folder {tmp_path}/no"

@@ -1,0 +1,144 @@
+"""What cannot be flown: no airspeed sensor, controls that the autopilot refuses, a guided mode it lacks."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from companion.control.state_machine import State
+from companion.engine import Transmit
+from sim.closed_loop import Flight
+from sim.scenario import Autopilot, Scenario, Wind, load_scenario
+from sim.vehicle.telemetry import AirspeedSensor
+from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop
+from tests.support.overrides import BOTH
+
+SPEED, HEIGHT, HEADING, REPOSITION = 43000, 43001, 43002, 192
+GUIDED_COMMANDS = (SPEED, HEIGHT, HEADING)
+UNSUPPORTED = 3
+VFR_HUD, SYS_STATUS, WIND, WIND_COV = 74, 1, 168, 231
+
+HEAD_ON = load_scenario("head-on")
+SOON = replace(
+    HEAD_ON, duration_s=110.0, intruders=tuple(replace(c, meet_at_s=72.0) for c in HEAD_ON.intruders)
+)
+
+
+class Counting(MonitoredLoop):
+    """Also counts the commands and the parameters that are set."""
+
+    def __init__(self, scenario: Scenario, autopilot: Autopilot = "ardupilot") -> None:
+        self.commanded: Counter[int | str] = Counter()
+        super().__init__(scenario, autopilot=autopilot)
+
+    def _transmit(self, time_us: int, effect: Transmit) -> None:
+        message = effect.message
+        if message.get_type() == "PARAM_SET":
+            self.commanded[message.param_id] += 1
+        elif (command := getattr(message, "command", None)) is not None:
+            self.commanded[command] += 1
+        super()._transmit(time_us, effect)
+
+
+def clear(flight: Flight) -> bool:
+    return not any(e.nmac or e.lowc for e in flight.score.encounters.values())
+
+
+def is_near_miss(flight: Flight) -> bool:
+    return any(e.nmac for e in flight.score.encounters.values())
+
+
+# --- no airspeed sensor
+
+
+@pytest.mark.parametrize("wind_mps", [(15.0, 0.0), (-15.0, 0.0), (0.0, 15.0)], ids=str)
+@pytest.mark.parametrize("shown", ["zero", "nan", "ground speed", "estimate"])
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_without_an_airspeed_sensor_no_speed_is_commanded_and_it_keeps_clear(
+    autopilot: Autopilot, shown: AirspeedSensor, wind_mps: tuple[float, float]
+) -> None:
+    loop = Counting(replace(SOON, wind=Wind(*wind_mps)), autopilot)
+    loop.world.vehicle.remove_airspeed_sensor(shown)
+    flight = loop.run(110.0)
+    assert flight.engagements >= 1
+    assert not is_near_miss(flight)
+    assert loop.commanded[SPEED] == loop.commanded["FW_AIRSPD_TRIM"] == 0
+    assert flight.texts.count("Avoidance: no airspeed sensor, speed not commanded") == 1
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_without_air_data_and_sensor_state_no_speed_is_commanded(autopilot: Autopilot) -> None:
+    loop = Counting(replace(SOON, wind=Wind(9.0, -12.0)), autopilot)
+    for message_id in (VFR_HUD, SYS_STATUS):
+        loop.world.vehicle.withhold(message_id, True)
+    assert clear(loop.run(110.0))
+    assert loop.commanded[SPEED] == loop.commanded["FW_AIRSPD_TRIM"] == 0
+
+
+def test_ground_speed_shown_as_airspeed_is_recognised_by_the_wind() -> None:
+    loop = Counting(replace(SOON, wind=Wind(-12.0, 0.0)))
+    loop.world.vehicle.remove_airspeed_sensor("ground speed")
+    loop.world.vehicle.withhold(SYS_STATUS, True)
+    assert clear(loop.run(110.0))
+    assert loop.commanded[SPEED] == 0
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_without_a_sensor_and_without_a_wind_report_it_keeps_clear(autopilot: Autopilot) -> None:
+    loop = Counting(replace(SOON, wind=Wind(-10.0, 5.0)), autopilot)
+    loop.world.vehicle.remove_airspeed_sensor("zero")
+    for message_id in (WIND, WIND_COV):
+        loop.world.vehicle.withhold(message_id, True)
+    assert clear(loop.run(110.0))
+
+
+# --- controls that are refused
+
+
+def lacking(*commands: int) -> Counting:
+    loop = Counting(SOON)
+    for command in commands:
+        loop.world.vehicle.refuse(command, UNSUPPORTED)
+    return loop
+
+
+def test_a_build_without_guided_commands_is_flown_by_places_and_heights() -> None:
+    loop = lacking(*GUIDED_COMMANDS)
+    flight = loop.run(110.0)
+    assert clear(flight)
+    assert flight.resumed
+    assert loop.engine.rejections <= len(GUIDED_COMMANDS)
+    assert loop.commanded[HEADING] == loop.commanded[HEIGHT] == 1
+    assert loop.commanded[REPOSITION] >= 1
+    texts = [text for text in flight.texts if "unsupported" in text]
+    assert len(texts) == len(set(texts)) == loop.engine.rejections
+
+
+def test_without_any_course_command_the_height_alone_is_flown() -> None:
+    loop = lacking(*GUIDED_COMMANDS, REPOSITION)
+    flight = loop.run(160.0)  # it circles in GUIDED, so that the intruder arrives later
+    assert not is_near_miss(flight)
+    assert flight.resumed
+    assert loop.engine.rejections <= 4
+    assert "Avoidance: courses refused, height only" in flight.texts
+
+
+def test_what_is_refused_is_tried_again_after_a_restart_of_the_autopilot() -> None:
+    loop = lacking(HEADING)
+    loop.until(State.OUTER)
+    loop.run(5.0)
+    assert loop.commanded[HEADING] == 1
+    loop.world.vehicle.refuse(HEADING, None)
+    loop.world.vehicle.reboot(loop.now_us / 1e6)
+    loop.run(30.0)
+    assert loop.commanded[HEADING] > 1
+
+
+@pytest.mark.parametrize("autopilot", BOTH)
+def test_an_unsupported_guided_mode_is_requested_once_and_then_only_advised(autopilot: Autopilot) -> None:
+    loop = Counting(SOON, autopilot)
+    loop.world.vehicle.refuse(DO_SET_MODE, UNSUPPORTED)
+    loop.run(60.0)
+    assert loop.commanded[DO_SET_MODE] == 1
+    name = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}[autopilot]
+    assert f"it does not support {name}" in loop.engine.hindrances(loop.now_us / 1e6)
