@@ -29,7 +29,7 @@ _RESTARTS = 3
 _MOST_ITEMS = 3_000
 # A ground station's transfer is over this long after its last message.
 _QUIET_S = 3.0
-_REREAD_S = 300.0
+_REREAD_S, _CONFIRMED_S = 300.0, 8.0
 _FIRST_RETRY_S, _LONGEST_RETRY_S = 10.0, 300.0
 
 
@@ -149,6 +149,7 @@ class _List:
     items: tuple[MissionItem, ...] | None = None
     due_s: float = -math.inf
     failures: int = 0
+    changed: bool = False  # since it was last read
 
 
 class MissionReader:
@@ -180,7 +181,7 @@ class MissionReader:
         """Read the lists of this type again, as they may have changed; until then the mission is unknown."""
         for kind, one in self._lists.items():
             if mission_type in (kind, _ALL_TYPES):
-                one.due_s, one.failures = now_s, 0
+                one.due_s, one.failures, one.changed = now_s, 0, True
                 if kind == MISSION:
                     one.items = None  # sequence numbers may mean other items now
                 # The mission comes before the fence: until it is known, the aircraft may be about to land.
@@ -228,7 +229,9 @@ class MissionReader:
             one.due_s = now_s + wait_s
             return
         one.items = tuple(download.items)
-        one.failures, one.due_s = 0, now_s + _REREAD_S
+        # Answers from before a change may arrive after it: read once more.
+        one.failures, one.due_s = 0, now_s + (_CONFIRMED_S if one.changed else _REREAD_S)
+        one.changed = False
 
     def _answered(self, fact: _Protocol, now_s: float) -> None:
         if self._download is not None and not isinstance(fact, OtherMissionMessage):
@@ -247,6 +250,10 @@ class MissionReader:
     def _compare(self, fact: MissionProgress, now_s: float) -> None:
         before, self._progress = self._progress, fact
         if before is None:
+            # What was read before may have been of an older mission.
+            under_way = self._download is not None and self._download.mission_type == MISSION
+            if under_way or self._lists[MISSION].items is not None:
+                self.changed(MISSION, now_s)
             return
         if (before.total, before.mission_id) != (fact.total, fact.mission_id):
             self.changed(MISSION, now_s)

@@ -11,8 +11,8 @@ from companion.mavlink.dialect import Message
 _AT_A_TIME = 3
 _ANSWER_S = 1.0
 _LONGEST_WAIT_S = 16.0
-# For each name. With 30 % of the datagrams lost in each direction, one value in two hundred is given up.
-_TRIES = 8
+# For each name. With 30 % of the datagrams lost in each direction, one value in three thousand is given up.
+_TRIES = 12
 # Interval at which one known value after the other is requested again, to find changes whose report was lost.
 _REFRESH_S = 10.0
 

@@ -163,7 +163,7 @@ def test_old_parameter_names_are_found() -> None:
 
 def test_unanswered_requests_are_given_up_until_a_restart() -> None:
     talk = Talk(Responder({}, {})).run(600.0)
-    assert talk.requested_names().count("TECS_CLMB_MAX") == 8
+    assert talk.requested_names().count("TECS_CLMB_MAX") == 12
     assert talk.queries.limits.envelope == Envelope()
     last_s = max(s for s, m in talk.sent if m.get_type() == "PARAM_REQUEST_READ")
     assert last_s < 1000.0 + 400.0
