@@ -151,9 +151,14 @@ class MissionFlight(Flight):
             if self._bearing_rad is not None:
                 self._circled_rad += abs(wrap_pi(bearing_rad - self._bearing_rad))
             self._bearing_rad = bearing_rad
-        turned = item.command == mission_items.NAV_LOITER_TURNS
-        if (turned and self._circled_rad >= max(item.params[0], 0.0) * math.tau) or (item.command == mission_items.NAV_LOITER_TIME and self._circled_s >= item.params[0]):
+        if self._has_circled(item):
             self._finish_item()
+
+    def _has_circled(self, item: MissionItem) -> bool:
+        """Whether the loiter's turns or its time are over."""
+        if item.command == mission_items.NAV_LOITER_TURNS:
+            return self._circled_rad >= max(item.params[0], 0.0) * math.tau
+        return item.command == mission_items.NAV_LOITER_TIME and self._circled_s >= item.params[0]
 
     def _glide_to(self, distance_m: float) -> None:
         """Descend to reach the ground at the landing point, with a flare at the end."""
