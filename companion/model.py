@@ -144,6 +144,10 @@ class Goal:
     `altitude_m` is the height above the zero of the local frame (in flight: mean sea level). `position_m`
     determines course and altitude. With `is_end` the flight ends at the position, and conflicts beyond it do
     not count.
+
+    With `leg_from_m` the position is reached along the straight leg from there, sloped like it: from beside
+    the leg the aircraft first flies back to it. With `loiter_radius_m` it circles the position afterwards,
+    to the left if negative, with a usual radius if 0.
     """
 
     course_rad: float | None = None
@@ -151,6 +155,8 @@ class Goal:
     altitude_m: float | None = None
     position_m: Vec3 | None = None
     is_end: bool = False
+    leg_from_m: Vec3 | None = None
+    loiter_radius_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -145,6 +145,8 @@ class ArduPlane(Adapter):
         mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: 1.0,
     }
     mission_mode: ClassVar[str] = "AUTO"
+    home_is_item_0: ClassVar[bool] = True
+    forgets_mission_speed: ClassVar[bool] = True
     loiter_modes: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
     course_hold_modes: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
     parameters: ClassVar[ParameterTable] = PARAMETERS

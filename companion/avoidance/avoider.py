@@ -19,6 +19,7 @@ from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.intruders import Tracks
+from companion.avoidance.mission_path import mission_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
 from companion.avoidance.trajectory import OwnFlight, require_finite
@@ -96,6 +97,7 @@ class Avoider:
         flight = OwnFlight.at(now_s, own, goal)
         if not relevant or (
             self._policy.has_fast_path
+            and not flight.bends
             and needs_no_assessment(flight, now_s, relevant, self.params, self._domain)
         ):
             self._domain.reset()
@@ -202,6 +204,9 @@ class Avoider:
         constraints, until_s = self._constraints, flight.time_to_goal_s
         if flight.goal.position_m is None:
             until_s = constraints.fence_look_ahead_s(flight.state)
+        if constraints.fence is not None and (flight.bends or flight.beside is not None):
+            paths = mission_path(flight, constraints.envelope)
+            return not constraints.fence.breach(paths, until_s, until_s).deepest_m.any()
         return constraints.keeps_fence(constraints.within_limits(flight.mission), flight.state, until_s)
 
     def _hold(self, guidance: Guidance, words: str) -> Decision:

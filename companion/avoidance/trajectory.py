@@ -9,7 +9,7 @@ reached. The wind carries it along. A command's course is over ground, and holdi
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.cone import Array, position_at
 from companion.avoidance.envelope import Envelope
+from companion.avoidance.leg import ON_LINE_M, BesideLeg, beside_leg
 from companion.compiled import kernels
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
 from companion.units import wrap_two_pi
@@ -37,6 +38,10 @@ _TURN_DECAY_S = 35.0
 # Times the initial turn rate, the change of course by the middle of each step.
 _TURNED_S = _TURN_DECAY_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_DECAY_S))
 KERNEL_TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
+# A circle is flown from this far outside; its radius where none is known; the time of a mean velocity.
+_ON_CIRCLE_M = 60.0
+_USUAL_RADIUS_M = 80.0
+_MEAN_S = 30.0
 
 
 def times_until(time_s: float) -> Array:
@@ -94,21 +99,33 @@ class OwnFlight(NamedTuple):
     """Ownship and what its mission asks for from here.
 
     `mission` is the guidance that leads to `goal`, not limited to what the aircraft can fly; `onward_mps` is
-    the velocity over ground on it, north and east.
+    the velocity over ground on it, north and east. `beside` is set on the way along a leg or back to it, and
+    `circles` when the goal is circled now.
     """
 
     state: OwnState
     mission: Guidance
     onward_mps: Vec2
     goal: Goal
+    beside: BesideLeg | None = None
+    circles: bool = False
 
     @classmethod
     def at(cls, now_s: float, own: Ownship, goal: Goal) -> "OwnFlight":
         """The flight of ownship towards a goal at `now_s`."""
         state = own_state(now_s, own)
+        if goal.leg_from_m is not None or goal.loiter_radius_m is not None:
+            return _on_mission(state, own, goal)
         mission = mission_guidance(state, own, goal)
         onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
         return cls(state, mission, onward_mps, goal)
+
+    @property
+    def bends(self) -> bool:
+        """Whether the mission leads from here by other than one straight line."""
+        if self.beside is None:
+            return self.goal.loiter_radius_m is not None
+        return abs(self.beside.aside_m) > ON_LINE_M or self.goal.loiter_radius_m is not None
 
     @property
     def horizon_s(self) -> float:
@@ -118,7 +135,7 @@ class OwnFlight(NamedTuple):
     @property
     def time_to_goal_s(self) -> float:
         """Time to the goal's position, at most the prediction horizon; the horizon if it has none [s]."""
-        if self.goal.position_m is None:
+        if self.goal.position_m is None or self.circles:
             return HORIZON_S
         north_mps, east_mps = self.onward_mps
         course_rad = self.mission.course_rad
@@ -131,7 +148,9 @@ def require_finite(own: Ownship, goal: Goal) -> None:
     """Raise `ValueError` if ownship or goal is not finite: then no decision is safe."""
     numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
     numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
-    numbers += [x for x in (goal.course_rad, goal.airspeed_mps, goal.altitude_m) if x is not None]
+    numbers += goal.leg_from_m or ()
+    values = goal.course_rad, goal.airspeed_mps, goal.altitude_m, goal.loiter_radius_m
+    numbers += [x for x in values if x is not None]
     if not all(map(math.isfinite, numbers)):
         raise ValueError("ownship or goal is not finite")
 
@@ -156,6 +175,62 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
     # In a wind stronger than the airspeed two headings fly the same course; otherwise the course has one.
     heading = own.heading_rad if math.hypot(*wind) >= airspeed else None
     return OwnState(position_at(own, now_s), course, airspeed, -down_mps, wind, heading)
+
+
+def _on_mission(state: OwnState, own: Ownship, goal: Goal) -> OwnFlight:
+    """The flight along a leg, back to it, or around a circle."""
+    mission = mission_guidance(state, own, goal)
+    speed_mps, end_m = mission.airspeed_mps, goal.position_m
+    circles = is_circling(state, goal)
+    if circles:
+        mission = replace(mission, course_rad=state.course_rad)
+    beside = None
+    if end_m is not None and goal.leg_from_m is not None and not circles:
+        beside = beside_leg(goal.leg_from_m, end_m, state.position_m)
+    if beside is None or beside.is_too_short(speed_mps) or end_m is None or goal.leg_from_m is None:
+        onward_mps = ground_velocity_mps(mission.course_rad, speed_mps, state.wind_mps)
+        return OwnFlight(state, mission, _until_circling(state, goal, onward_mps), goal, None, circles)
+    on_line = abs(beside.aside_m) <= ON_LINE_M
+    course_rad = beside.course_rad if on_line else beside.join_rad(speed_mps)
+    altitude_m = beside.altitude_ahead_m(speed_mps, goal.leg_from_m, end_m)
+    onward_mps = ground_velocity_mps(beside.course_rad, speed_mps, state.wind_mps)
+    if on_line:
+        onward_mps = _until_circling(state, goal, onward_mps)
+    else:
+        onward_mps = _mean_mps(beside, ground_velocity_mps(course_rad, speed_mps, state.wind_mps), onward_mps)
+    return OwnFlight(state, Guidance(course_rad, speed_mps, altitude_m), onward_mps, goal, beside)
+
+
+def is_circling(state: OwnState, goal: Goal) -> bool:
+    """Whether the goal is a circle, and we are on it or within it."""
+    if goal.loiter_radius_m is None or goal.position_m is None:
+        return False
+    return state.distance_m(goal.position_m) <= loiter_radius_m(goal) + _ON_CIRCLE_M
+
+
+def loiter_radius_m(goal: Goal) -> float:
+    """Radius of the circle around the goal, positive; a usual one if it is unknown."""
+    return abs(goal.loiter_radius_m or _USUAL_RADIUS_M)
+
+
+def _until_circling(state: OwnState, goal: Goal, onward_mps: Vec2) -> Vec2:
+    """Mean velocity over the next `_MEAN_S` of a way that then circles the goal: that adds nothing."""
+    if goal.loiter_radius_m is None or goal.position_m is None:
+        return onward_mps
+    left_m = state.distance_m(goal.position_m) - loiter_radius_m(goal) - _ON_CIRCLE_M
+    share = min(max(left_m, 0.0) / max(math.hypot(*onward_mps) * _MEAN_S, 1e-3), 1.0)
+    return share * onward_mps[0], share * onward_mps[1]
+
+
+def _mean_mps(beside: BesideLeg, joining_mps: Vec2, along_mps: Vec2) -> Vec2:
+    """Mean velocity over the next `_MEAN_S` of a way that first joins the leg."""
+    leg_n, leg_e = math.cos(beside.course_rad), math.sin(beside.course_rad)
+    nearing_mps = abs(joining_mps[1] * leg_n - joining_mps[0] * leg_e)
+    share = min(abs(beside.aside_m) / max(nearing_mps, 1e-3) / _MEAN_S, 1.0)
+    return (
+        share * joining_mps[0] + (1.0 - share) * along_mps[0],
+        share * joining_mps[1] + (1.0 - share) * along_mps[1],
+    )
 
 
 def mission_guidance(state: OwnState, own: Ownship, goal: Goal) -> Guidance:

@@ -22,6 +22,7 @@ from companion.mavlink.facts import (
 from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
 from companion.ownship.autopilot_state import Contact, FlightState, Identity, Sticks
 from companion.ownship.kinematics import Kinematics, Terrain
+from companion.ownship.legs import Leg
 from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
 
@@ -53,6 +54,7 @@ class Aircraft:
         self.terrain = Terrain()
         self.sticks = Sticks(stick_us)
         self.ours = False  # our setpoints are flown, or may be
+        self._mode_heard = False
 
     def observe(self, fact: Fact, now_s: float) -> bool:
         """Store a fact; returns whether it came from our autopilot."""
@@ -75,7 +77,7 @@ class Aircraft:
             case TerrainReport():
                 self.terrain.observe(fact, self.place(), now_s)
             case MissionProgress():
-                self.navigation.observe_progress(fact, now_s)
+                self.navigation.observe_progress(fact, now_s, flown=self._in_mission)
             case NavigationTarget():
                 self.navigation.observe_target(fact, now_s, ours=self.ours)
             case AutopilotVersion():
@@ -117,7 +119,11 @@ class Aircraft:
         """Store the mode, as a heartbeat or an accepted request shows it."""
         if self.ours and not (self.adapter is None or self.adapter.is_guided(custom_mode)):
             self.navigation.refresh_target(now_s)
-        self.flight_state.custom_mode = custom_mode
+        was_in_mission, self.flight_state.custom_mode = self._in_mission, custom_mode
+        self.navigation.legs.first = int(self.adapter is not None and self.adapter.home_is_item_0)
+        if self._in_mission and not was_in_mission and self._mode_heard:
+            self.navigation.legs.entered(self.place())
+        self._mode_heard = True
 
     def left_guided_by_itself(self, now_s: float) -> bool:
         """Whether a silence has just ended with the mode that the autopilot enters when our setpoints end."""
@@ -156,6 +162,10 @@ class Aircraft:
         if self.adapter is None or not self.adapter.is_mission(before.mode):
             return None
         return self.navigation.destination(before.sequence)
+
+    def leg(self) -> Leg | None:
+        """The leg of the mission where the aircraft belongs; `None`: unknown, or no mission is flown."""
+        return self.navigation.leg() if self._in_mission else None
 
     def goal(self, frame: LocalFrame, now_s: float) -> Goal:
         """The goal of the mission (see `Navigation.goal`)."""
@@ -305,7 +315,7 @@ class Aircraft:
 
     @mission.setter
     def mission(self, mission: Mission | None) -> None:
-        self.navigation.mission = mission
+        self.navigation.learn_mission(mission, flown=self._in_mission)
 
     @property
     def sequence(self) -> int | None:

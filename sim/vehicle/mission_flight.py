@@ -144,7 +144,8 @@ class MissionFlight(Flight):
         """Fly to the circle and along it, until its turns or its time are over."""
         radius_m = item.params[2] or self.limits.loiter_radius_m or 1.0
         self._fly_circle(radius_m)
-        self.aircraft.hold_altitude(self._leg_altitude_m(item, leg, here_m))
+        if self._bearing_rad is None:  # once the circle is reached, its height is flown
+            self.aircraft.hold_altitude(self._leg_altitude_m(item, leg, here_m))
         if abs(math.dist(here_m, leg.end_m) - abs(radius_m)) <= _ON_CIRCLE_M:
             self._circled_s += STEP_S
             bearing_rad = math.atan2(here_m[1] - leg.end_m[1], here_m[0] - leg.end_m[0])
