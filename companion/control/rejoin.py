@@ -34,7 +34,7 @@ _BEFORE_END_S = 6.0
 # A pause longer than this between two ticks of the way is another avoidance: the time begins again.
 _PAUSE_S = 1.0
 _USUAL_RADIUS_M, _AROUND_CIRCLE_M = 80.0, 60.0
-# How steeply a circle is joined; along it the course changes in steps, as a change of it costs ArduPlane time.
+# How steeply a circle is joined; along it the course is commanded in steps, as each restarts a controller.
 _APPROACH, _STEP_RAD = 2.0, math.radians(5.0)
 # The autopilot's own threshold for a climb in a loiter, and our errors of height.
 _BELOW_CLIMB_M = 2.0
