@@ -147,7 +147,7 @@ class Goal:
 
     With `leg_from_m` the position is reached along the straight leg from there, sloped like it: from beside
     the leg the aircraft first flies back to it. With `loiter_radius_m` it circles the position afterwards,
-    to the left if negative, with a usual radius if 0.
+    to the left if negative, with a usual radius if 0. From the position the flight continues to `then_m`.
     """
 
     course_rad: float | None = None
@@ -157,6 +157,7 @@ class Goal:
     is_end: bool = False
     leg_from_m: Vec3 | None = None
     loiter_radius_m: float | None = None
+    then_m: Vec3 | None = None
 
 
 @dataclass(frozen=True, slots=True)

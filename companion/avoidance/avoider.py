@@ -19,7 +19,7 @@ from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.intruders import Tracks
-from companion.avoidance.mission_path import mission_path
+from companion.avoidance.mission_path import mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
 from companion.avoidance.trajectory import OwnFlight, require_finite
@@ -95,6 +95,8 @@ class Avoider:
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
+        if flight.bends and relevant:
+            flight = with_path(flight, self.envelope)
         if not relevant or (
             self._policy.has_fast_path
             and not flight.bends

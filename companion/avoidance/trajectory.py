@@ -21,7 +21,7 @@ from companion.avoidance.envelope import Envelope
 from companion.avoidance.leg import ON_LINE_M, BesideLeg, beside_leg
 from companion.compiled import kernels
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
-from companion.units import wrap_two_pi
+from companion.units import wrap_pi, wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at a closing speed of 90 m/s a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
@@ -38,10 +38,11 @@ _TURN_DECAY_S = 35.0
 # Times the initial turn rate, the change of course by the middle of each step.
 _TURNED_S = _TURN_DECAY_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_DECAY_S))
 KERNEL_TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
-# A circle is flown from this far outside; its radius where none is known; the time of a mean velocity.
+# A circle is flown from this far outside; its radius where none is known.
 _ON_CIRCLE_M = 60.0
 _USUAL_RADIUS_M = 80.0
-_MEAN_S = 30.0
+# At a smaller corner the mission counts as straight.
+_STRAIGHT_RAD = math.radians(15.0)
 
 
 def times_until(time_s: float) -> Array:
@@ -100,7 +101,8 @@ class OwnFlight(NamedTuple):
 
     `mission` is the guidance that leads to `goal`, not limited to what the aircraft can fly; `onward_mps` is
     the velocity over ground on it, north and east. `beside` is set on the way along a leg or back to it, and
-    `circles` when the goal is circled now.
+    `circles` when the goal is circled now. Where the mission `bends`, `ahead` is its path, and `onward_mps`
+    the mean velocity along it (see `mission_path`).
     """
 
     state: OwnState
@@ -109,23 +111,26 @@ class OwnFlight(NamedTuple):
     goal: Goal
     beside: BesideLeg | None = None
     circles: bool = False
+    bends: bool = False
+    ahead: "Paths | None" = None
 
     @classmethod
     def at(cls, now_s: float, own: Ownship, goal: Goal) -> "OwnFlight":
         """The flight of ownship towards a goal at `now_s`."""
         state = own_state(now_s, own)
-        if goal.leg_from_m is not None or goal.loiter_radius_m is not None:
-            return _on_mission(state, own, goal)
         mission = mission_guidance(state, own, goal)
+        beside, circles = None, is_circling(state, goal)
+        if circles:
+            mission = replace(mission, course_rad=state.course_rad)
+        elif goal.leg_from_m is not None and goal.position_m is not None:
+            beside = beside_leg(goal.leg_from_m, goal.position_m, state.position_m)
+            if beside is not None and beside.is_too_short(mission.airspeed_mps):
+                beside = None
+            if beside is not None:
+                mission = _along(beside, mission, goal.leg_from_m, goal.position_m)
         onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-        return cls(state, mission, onward_mps, goal)
-
-    @property
-    def bends(self) -> bool:
-        """Whether the mission leads from here by other than one straight line."""
-        if self.beside is None:
-            return self.goal.loiter_radius_m is not None
-        return abs(self.beside.aside_m) > ON_LINE_M or self.goal.loiter_radius_m is not None
+        bends = _bends(state, mission, goal, beside)
+        return cls(state, mission, onward_mps, goal, beside, circles, bends)
 
     @property
     def horizon_s(self) -> float:
@@ -148,7 +153,7 @@ def require_finite(own: Ownship, goal: Goal) -> None:
     """Raise `ValueError` if ownship or goal is not finite: then no decision is safe."""
     numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
     numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
-    numbers += goal.leg_from_m or ()
+    numbers += [*(goal.leg_from_m or ()), *(goal.then_m or ())]
     values = goal.course_rad, goal.airspeed_mps, goal.altitude_m, goal.loiter_radius_m
     numbers += [x for x in values if x is not None]
     if not all(map(math.isfinite, numbers)):
@@ -177,28 +182,24 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
     return OwnState(position_at(own, now_s), course, airspeed, -down_mps, wind, heading)
 
 
-def _on_mission(state: OwnState, own: Ownship, goal: Goal) -> OwnFlight:
-    """The flight along a leg, back to it, or around a circle."""
-    mission = mission_guidance(state, own, goal)
-    speed_mps, end_m = mission.airspeed_mps, goal.position_m
-    circles = is_circling(state, goal)
-    if circles:
-        mission = replace(mission, course_rad=state.course_rad)
-    beside = None
-    if end_m is not None and goal.leg_from_m is not None and not circles:
-        beside = beside_leg(goal.leg_from_m, end_m, state.position_m)
-    if beside is None or beside.is_too_short(speed_mps) or end_m is None or goal.leg_from_m is None:
-        onward_mps = ground_velocity_mps(mission.course_rad, speed_mps, state.wind_mps)
-        return OwnFlight(state, mission, _until_circling(state, goal, onward_mps), goal, None, circles)
+def _along(beside: BesideLeg, mission: Guidance, start_m: Vec3, end_m: Vec3) -> Guidance:
+    """Guidance along a leg or onto it, at its height."""
+    speed_mps = mission.airspeed_mps
     on_line = abs(beside.aside_m) <= ON_LINE_M
     course_rad = beside.course_rad if on_line else beside.join_rad(speed_mps)
-    altitude_m = beside.altitude_ahead_m(speed_mps, goal.leg_from_m, end_m)
-    onward_mps = ground_velocity_mps(beside.course_rad, speed_mps, state.wind_mps)
-    if on_line:
-        onward_mps = _until_circling(state, goal, onward_mps)
-    else:
-        onward_mps = _mean_mps(beside, ground_velocity_mps(course_rad, speed_mps, state.wind_mps), onward_mps)
-    return OwnFlight(state, Guidance(course_rad, speed_mps, altitude_m), onward_mps, goal, beside)
+    return Guidance(course_rad, speed_mps, beside.altitude_ahead_m(speed_mps, start_m, end_m))
+
+
+def _bends(state: OwnState, mission: Guidance, goal: Goal, beside: BesideLeg | None) -> bool:
+    """Whether the mission leads from here by other than one straight line, within the horizon."""
+    if goal.loiter_radius_m is not None or (beside is not None and abs(beside.aside_m) > ON_LINE_M):
+        return True
+    if goal.then_m is None or goal.position_m is None:
+        return False
+    if state.distance_m(goal.position_m) > mission.airspeed_mps * HORIZON_S:
+        return False
+    north_m, east_m = goal.then_m[0] - goal.position_m[0], goal.then_m[1] - goal.position_m[1]
+    return abs(wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)) > _STRAIGHT_RAD
 
 
 def is_circling(state: OwnState, goal: Goal) -> bool:
@@ -211,26 +212,6 @@ def is_circling(state: OwnState, goal: Goal) -> bool:
 def loiter_radius_m(goal: Goal) -> float:
     """Radius of the circle around the goal, positive; a usual one if it is unknown."""
     return abs(goal.loiter_radius_m or _USUAL_RADIUS_M)
-
-
-def _until_circling(state: OwnState, goal: Goal, onward_mps: Vec2) -> Vec2:
-    """Mean velocity over the next `_MEAN_S` of a way that then circles the goal: that adds nothing."""
-    if goal.loiter_radius_m is None or goal.position_m is None:
-        return onward_mps
-    left_m = state.distance_m(goal.position_m) - loiter_radius_m(goal) - _ON_CIRCLE_M
-    share = min(max(left_m, 0.0) / max(math.hypot(*onward_mps) * _MEAN_S, 1e-3), 1.0)
-    return share * onward_mps[0], share * onward_mps[1]
-
-
-def _mean_mps(beside: BesideLeg, joining_mps: Vec2, along_mps: Vec2) -> Vec2:
-    """Mean velocity over the next `_MEAN_S` of a way that first joins the leg."""
-    leg_n, leg_e = math.cos(beside.course_rad), math.sin(beside.course_rad)
-    nearing_mps = abs(joining_mps[1] * leg_n - joining_mps[0] * leg_e)
-    share = min(abs(beside.aside_m) / max(nearing_mps, 1e-3) / _MEAN_S, 1.0)
-    return (
-        share * joining_mps[0] + (1.0 - share) * along_mps[0],
-        share * joining_mps[1] + (1.0 - share) * along_mps[1],
-    )
 
 
 def mission_guidance(state: OwnState, own: Ownship, goal: Goal) -> Guidance:

@@ -34,6 +34,7 @@ class Leg:
     start: GeoPoint | None = None
     acceptance_m: float = 0.0
     loiter_radius_m: float | None = None
+    then: GeoPoint | None = None  # where the next leg leads to, if that is known
 
     def goal(self, frame: LocalFrame, goal: Goal) -> Goal:
         """The goal of flying this leg, in a local frame; airspeed as in `goal`."""
@@ -43,6 +44,7 @@ class Leg:
             altitude_m=self.end.altitude_m,
             leg_from_m=None if self.start is None else frame.to_ned_m(self.start),
             loiter_radius_m=self.loiter_radius_m,
+            then_m=None if self.then is None else frame.to_ned_m(self.then),
         )
 
     def straight(self) -> "Leg":
@@ -140,7 +142,9 @@ class Legs:
         item, end = mission.flown_to(sequence), mission.destination(sequence, home_m)
         if item is None or end is None or sequence < self.first or mission.taking_off_or_landing(sequence):
             return None
-        return Leg(sequence, end, None, _acceptance_m(item), loiter_radius_m(item))
+        goes_on_to = mission.goes_on_to(sequence)
+        then = None if goes_on_to is None else mission.destination(goes_on_to, home_m)
+        return Leg(sequence, end, None, _acceptance_m(item), loiter_radius_m(item), then)
 
     def _corner(self, mission: Mission, home_m: float | None) -> GeoPoint | None:
         """The place of the item flown before, if the present one became current near it."""

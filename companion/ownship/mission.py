@@ -105,6 +105,18 @@ class Mission:
                 before.append(self._navigation_before(jump))
         return list(dict.fromkeys(found for found in before if found is not None))
 
+    def goes_on_to(self, sequence: int) -> int | None:
+        """The item that is flown to after this one; `None` at the end, and at a jump of unknown count."""
+        at = self._navigation(sequence)
+        for place in range(len(self.items) if at is None else at + 1, len(self.items)):
+            item = self.items[place]
+            if item.command == mavlink.MAV_CMD_DO_JUMP:
+                endless = item.params[1] == _FOR_EVER and item.params[0] is not None
+                return self._navigation(int(item.params[0] or 0.0)) if endless else None
+            if item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO:
+                return place
+        return None
+
     def speed_changes(self, sequence: int) -> list[MissionItem]:
         """The DO_CHANGE_SPEED items of an airspeed before this item, the last first.
 
