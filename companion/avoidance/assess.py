@@ -200,7 +200,7 @@ def assess_traffic(
     emergency = surface < policy.emergency.reach_m(tracks, inner_reach)
     if any_of(outer) or any_of(emergency):
         ahead = ahead or mission_path(flight, envelope)
-        kept = separation(ahead, tracks, horizon_s=horizon_s)
+        kept = separation(ahead, tracks, horizon_s=min(horizon_s, flight.judged_s))
         too_near = _too_near(kept, tracks, motion, params, release_margin)
         outer = policy.outer.confirmed(outer, too_near)
         emergency = policy.emergency.confirmed(emergency, too_near)

@@ -1,5 +1,6 @@
 """The avoider: two layers, one decision, and all state between decisions (cones entered, guidance flown)."""
 
+import math
 from collections.abc import Sequence
 
 from companion.avoidance.assess import (
@@ -29,6 +30,8 @@ from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Tr
 _OVERTIME_S = 10.0
 # After that, this share of the margin itself is given up too, so that we follow no track along its edge.
 _GIVEN_UP = 0.05
+# The mission is judged for this long after its next position; in overtime, and this long after it, for less.
+_BEYOND_S, _HURRIED_BEYOND_S, _HURRIED_S = 45.0, 4.0, 20.0
 
 
 class Avoider:
@@ -56,6 +59,7 @@ class Avoider:
         self._last_layer = Layer.CLEAR
         self._clear_since_s: float | None = None
         self._avoiding_since_s: float | None = None
+        self._hurried_s = -math.inf  # the last time of an avoidance that lasted too long
 
     def retune(self, params: AvoidanceParams) -> None:
         """Use other parameters from now on. The conflict at hand goes on, and the envelope stays."""
@@ -96,7 +100,7 @@ class Avoider:
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
         if flight.bends and relevant:
-            flight = with_path(flight, self.envelope)
+            flight = with_path(flight, self.envelope, self._beyond_s(now_s))
         if not relevant or (
             self._policy.has_fast_path
             and not flight.bends
@@ -114,6 +118,16 @@ class Avoider:
         if not any_of(assessment.conflict):
             return self._without_conflict(now_s, flight)
         return self._avoid(now_s, flight, assessment, relevant)
+
+    def _beyond_s(self, now_s: float) -> float:
+        """How long the mission is judged after its next position.
+
+        A waypoint is reached only in the autopilot's own mode. If traffic behind it kept us from giving the
+        aircraft back, it would never be reached, and that traffic never passed.
+        """
+        if self._overtime(now_s) > 0.0:
+            self._hurried_s = now_s
+        return _HURRIED_BEYOND_S if 0.0 <= now_s - self._hurried_s <= _HURRIED_S else _BEYOND_S
 
     @property
     def _constraints(self) -> Constraints:

@@ -8,6 +8,7 @@ from companion.avoidance.cone import Array, Mask
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.leg import ON_LINE_M, BesideLeg
 from companion.avoidance.trajectory import (
+    HORIZON_S,
     TIMES_S,
     Commands,
     OwnFlight,
@@ -24,38 +25,46 @@ _LEAST_RATE_MPS = 0.3
 _LEVEL_M = 1.0
 # An item counts as reached within this distance where it is flown to directly.
 _REACHED_M = 90.0
+_TURNING_M = 300.0
 _MEAN_S = 30.0
 
 
-def with_path(flight: OwnFlight, envelope: Envelope) -> OwnFlight:
-    """The flight with its path ahead, and the mean velocity of the next `_MEAN_S` along that."""
-    ahead = mission_path(flight, envelope)
+def with_path(flight: OwnFlight, envelope: Envelope, beyond_s: float = HORIZON_S) -> OwnFlight:
+    """The flight with its path ahead, and the mean velocity of the next `_MEAN_S` along that.
+
+    After the goal's position the path is judged for `beyond_s`.
+    """
+    ahead, reached = _flown(flight, envelope)
     moved_m = ahead.ground_m[0, index_at(_MEAN_S)] - ahead.ground_m[0, 0]
     onward_mps = float(moved_m[0]) / _MEAN_S, float(moved_m[1]) / _MEAN_S
-    return flight._replace(ahead=ahead, onward_mps=onward_mps)
+    judged_s = HORIZON_S if reached is None else min(float(TIMES_S[reached]) + beyond_s, HORIZON_S)
+    return flight._replace(ahead=ahead, onward_mps=onward_mps, judged_s=judged_s)
 
 
 def mission_path(flight: OwnFlight, envelope: Envelope) -> Paths:
     """The path of the mission as one row, at the times of the prediction."""
-    if flight.ahead is not None:
-        return flight.ahead
+    return _flown(flight, envelope)[0] if flight.ahead is None else flight.ahead
+
+
+def _flown(flight: OwnFlight, envelope: Envelope) -> tuple[Paths, int | None]:
+    """The path, and when it reaches the goal's position and goes on, as an index."""
     paths = fly_ahead(flight.state, Commands.of([flight.mission]), envelope)
     goal, beside = flight.goal, flight.beside
     if goal.position_m is None or (beside is None and not flight.bends and goal.then_m is None):
-        return paths
+        return paths, None
     ground_m, altitude_m, reached = paths.ground_m[0], paths.altitude_m[0], None
     if beside is not None and abs(beside.aside_m) > ON_LINE_M:
         ground_m = _joined(ground_m, beside, goal.position_m, _along_mps(flight, beside.course_rad))
     if goal.loiter_radius_m is not None:
         ground_m = _circled(flight, ground_m, goal.position_m)
     elif goal.then_m is not None:
-        reached = _first(_to_go_m(ground_m, goal.position_m, beside) <= 0.0)
+        reached = _reached(ground_m, goal.position_m, beside)
         if reached is not None:
             ground_m = _continued(flight, ground_m, reached, goal.position_m, goal.then_m)
     wanted_m = _wanted_altitudes_m(goal, beside, ground_m, reached)
     if wanted_m is not None:
         altitude_m = _approached(flight, wanted_m, envelope)
-    return Paths(ground_m[None], altitude_m[None], paths.ground_of, paths.height_of)
+    return Paths(ground_m[None], altitude_m[None], paths.ground_of, paths.height_of), reached
 
 
 def _along_mps(flight: OwnFlight, course_rad: float) -> Vec2:
@@ -70,6 +79,19 @@ def _to_go_m(ground_m: Array, end_m: Vec3, beside: BesideLeg | None) -> Array:
     leg_n, leg_e = math.cos(beside.course_rad), math.sin(beside.course_rad)
     along_m: Array = (end_m[0] - ground_m[:, 0]) * leg_n + (end_m[1] - ground_m[:, 1]) * leg_e
     return along_m
+
+
+def _reached(ground_m: Array, end_m: Vec3, beside: BesideLeg | None) -> int | None:
+    """When the end is reached, as an index; `None`: not within the prediction.
+
+    A turn may first lead past a near end: then the way goes on from the closest place.
+    """
+    to_go_m = _to_go_m(ground_m, end_m, beside)
+    found = _first(to_go_m <= 0.0)
+    if found is None and beside is None:
+        closest = int(to_go_m.argmin())
+        found = closest if to_go_m[closest] <= _TURNING_M else None
+    return found
 
 
 def _continued(flight: OwnFlight, ground_m: Array, reached: int, end_m: Vec3, then_m: Vec3) -> Array:

@@ -113,6 +113,7 @@ class OwnFlight(NamedTuple):
     circles: bool = False
     bends: bool = False
     ahead: "Paths | None" = None
+    judged_s: float = HORIZON_S  # how far ahead the mission is judged, where it bends
 
     @classmethod
     def at(cls, now_s: float, own: Ownship, goal: Goal) -> "OwnFlight":
