@@ -315,7 +315,9 @@ class Aircraft:
 
     @mission.setter
     def mission(self, mission: Mission | None) -> None:
-        self.navigation.learn_mission(mission, flown=self._in_mission)
+        if mission is not self.navigation.mission:
+            self.navigation.mission = mission
+            self.navigation.legs.learn(mission, self.place(), flown=self._in_mission)
 
     @property
     def sequence(self) -> int | None:

@@ -29,28 +29,13 @@ class Navigation:
     def __init__(self, kinematics: Kinematics) -> None:
         self._kinematics = kinematics
         self.legs = Legs()
-        self._mission: Mission | None = None  # while it is known
+        self.mission: Mission | None = None  # while it is known
         self.sequence: int | None = None  # of the mission item that is flown
         self.target_while_ours: NavigationTarget | None = None
         self._target: NavigationTarget | None = None
         self._target_s = -math.inf
         self._sequence_s = -math.inf
         self._differs_since_s: float | None = None
-
-    @property
-    def mission(self) -> Mission | None:
-        """The mission, while it is known."""
-        return self._mission
-
-    @mission.setter
-    def mission(self, mission: Mission | None) -> None:
-        self.learn_mission(mission)
-
-    def learn_mission(self, mission: Mission | None, *, flown: bool = True) -> None:
-        """Store the mission, or that it is unknown; `flown`: in its mode."""
-        if mission is not self._mission:
-            self._mission = mission
-            self.legs.learn(mission, self._kinematics.place(), flown=flown)
 
     def observe_progress(self, fact: MissionProgress, now_s: float, *, flown: bool = True) -> None:
         """Store the number of the mission item that is flown; `flown`: in the mission's mode."""
@@ -61,9 +46,9 @@ class Navigation:
 
     def _lead_to_the_same(self, one: int | None, other: int) -> bool:
         """Whether both items lead to one place, as an item that is executed on the way does."""
-        if self._mission is None or one is None:
+        if self.mission is None or one is None:
             return False
-        return self._mission.flown_to(one) == self._mission.flown_to(other)
+        return self.mission.flown_to(one) == self.mission.flown_to(other)
 
     def observe_target(self, fact: NavigationTarget, now_s: float, *, ours: bool) -> None:
         """Store a navigation target; `ours`: our setpoints are flown, or may be."""
@@ -136,17 +121,17 @@ class Navigation:
 
     def leg(self) -> Leg | None:
         """The leg where the aircraft belongs; `None` when it is unknown, or another place is flown to."""
-        if self._mission is None or self.sequence is None or self._differs_since_s is not None:
+        if self.mission is None or self.sequence is None or self._differs_since_s is not None:
             return None
         own = self._kinematics
-        return self.legs.leg(self._mission, self.sequence, own.place(), own.home_altitude_m())
+        return self.legs.leg(self.mission, self.sequence, own.place(), own.home_altitude_m())
 
     def _line(self) -> Leg | None:
         """The line that the autopilot flies to the mission's item."""
-        if self._mission is None or self.sequence is None:
+        if self.mission is None or self.sequence is None:
             return None
         own = self._kinematics
-        return self.legs.line(self._mission, self.sequence, own.place(), own.home_altitude_m())
+        return self.legs.line(self.mission, self.sequence, own.place(), own.home_altitude_m())
 
     def mission_outdated(self, now_s: float) -> bool:
         """Whether the autopilot has flown for a while to another place than the known mission leads to."""
