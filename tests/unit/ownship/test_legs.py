@@ -10,7 +10,16 @@ from tests.unit.ownship.test_mission import at, mission
 
 HOME_M = 500.0
 FRAME = LocalFrame(47.0, 8.0)
-HOME, TAKEOFF, WAYPOINT, UNLIM, TURNS, SPLINE, LAND, JUMP = Item(16, (47.0, 8.0), 0.0), 22, 16, 17, 18, 82, 21, 177
+HOME, TAKEOFF, WAYPOINT, UNLIM, TURNS, SPLINE, LAND, JUMP = (
+    Item(16, (47.0, 8.0), 0.0),
+    22,
+    16,
+    17,
+    18,
+    82,
+    21,
+    177,
+)
 
 
 def jump(to: int, count: int) -> Item:
