@@ -32,7 +32,7 @@ _LONGEST_TO_LEG_S = 180.0
 _LONGEST_CLIMB_S = 600.0
 _BEFORE_END_S = 6.0
 # A pause longer than this between two ticks of the way is another avoidance: the time begins again.
-_PAUSE_S = 1.0
+_PAUSE_S = 3.0
 _USUAL_RADIUS_M, _AROUND_CIRCLE_M = 80.0, 60.0
 # How steeply a circle is joined; along it the course is commanded in steps, as each restarts a controller.
 _APPROACH, _STEP_RAD = 2.0, math.radians(5.0)
