@@ -82,16 +82,19 @@ def _to_go_m(ground_m: Array, end_m: Vec3, beside: BesideLeg | None) -> Array:
 
 
 def _reached(ground_m: Array, end_m: Vec3, beside: BesideLeg | None) -> int | None:
-    """When the end is reached, as an index; `None`: not within the prediction.
-
-    A turn may first lead past a near end: then the way goes on from the closest place.
-    """
+    """When the end is reached, as an index; `None`: not within the prediction."""
     to_go_m = _to_go_m(ground_m, end_m, beside)
+    return _near(to_go_m) if beside is None else _first(to_go_m <= 0.0)
+
+
+def _near(to_go_m: Array) -> int | None:
+    """When a place is reached that is flown to directly, as an index.
+
+    A turn may first lead past a near one: then the way goes on from the closest place.
+    """
     found = _first(to_go_m <= 0.0)
-    if found is None and beside is None:
-        closest = int(to_go_m.argmin())
-        found = closest if to_go_m[closest] <= _TURNING_M else None
-    return found
+    closest = int(to_go_m.argmin())
+    return closest if found is None and to_go_m[closest] <= _TURNING_M else found
 
 
 def _continued(flight: OwnFlight, ground_m: Array, reached: int, end_m: Vec3, then_m: Vec3) -> Array:
@@ -156,7 +159,7 @@ def _circled(flight: OwnFlight, ground_m: Array, centre_m: Vec3) -> Array:
     """The way around the circle from where it is reached, (T, 2)."""
     radius_m = loiter_radius_m(flight.goal)
     off_m = ground_m - centre_m[:2]
-    reached = 0 if flight.circles else _first(np.hypot(off_m[:, 0], off_m[:, 1]) <= radius_m)
+    reached = 0 if flight.circles else _near(np.hypot(off_m[:, 0], off_m[:, 1]) - radius_m)
     if reached is None:
         return ground_m
     left_s = TIMES_S[reached:] - TIMES_S[reached]
