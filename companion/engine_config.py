@@ -8,6 +8,7 @@ from annotated_types import Ge, Gt, Le
 from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.avoidance import AvoidanceParams
+from companion.control.rejoin import ControlParams
 from companion.control.state_machine import SupervisorParams
 from companion.model import TextUnits
 from companion.ownship.performance_limits import AircraftLimits
@@ -45,6 +46,7 @@ class EngineConfig:
     autopilot: Literal["auto", "ardupilot", "px4"] = "auto"
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
+    control: ControlParams = field(default_factory=ControlParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
     obstacles: ObstacleParams = field(default_factory=ObstacleParams)
     known_obstacles: tuple[Obstacle, ...] = ()

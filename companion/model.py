@@ -149,6 +149,10 @@ class Goal:
     `altitude_m` is the height above the zero of the local frame (in flight: mean sea level). `position_m`
     determines course and altitude. With `is_end` the flight ends at the position, and conflicts beyond it do
     not count.
+
+    With `leg_from_m` the position is reached along the straight leg from there, sloped like it: from beside
+    the leg the aircraft first flies back to it. With `loiter_radius_m` it circles the position afterwards,
+    to the left if negative, with a usual radius if 0. From the position the flight continues to `then_m`.
     """
 
     course_rad: float | None = None
@@ -156,6 +160,9 @@ class Goal:
     altitude_m: float | None = None
     position_m: Vec3 | None = None
     is_end: bool = False
+    leg_from_m: Vec3 | None = None
+    loiter_radius_m: float | None = None
+    then_m: Vec3 | None = None
 
 
 @dataclass(frozen=True, slots=True)

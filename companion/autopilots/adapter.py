@@ -1,5 +1,6 @@
 """The interface of every autopilot: guidance to messages, modes, parameters."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -54,6 +55,11 @@ class Adapter(ABC):
     exit_s: ClassVar[float] = 0.0
     # The mode that flies the mission.
     mission_mode: ClassVar[str]
+    # Whether the mission's item 0 is home, and whether a mode change ends the speed of its DO_CHANGE_SPEED.
+    home_is_item_0: ClassVar[bool] = False
+    forgets_mission_speed: ClassVar[bool] = False
+    # The mission's mode is entered with a climb in a loiter if its item is further above than this.
+    climbs_first_m: ClassVar[float] = math.inf
     # Modes that circle or hold a course: the aircraft must be at the circle or on the course to enter them.
     loiter_modes: ClassVar[frozenset[str]] = frozenset()
     course_hold_modes: ClassVar[frozenset[str]] = frozenset()
@@ -217,6 +223,11 @@ class Adapter(ABC):
     def select_item(self, sequence: int) -> Message:
         """MAV_CMD_DO_SET_MISSION_CURRENT."""
         return self.command_long(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, sequence)
+
+    def change_speed(self, airspeed_mps: float) -> Message:
+        """MAV_CMD_DO_CHANGE_SPEED: an airspeed for the mission, the throttle unchanged."""
+        airspeed_type, no_change = 0.0, -1.0
+        return self.command_long(mavlink.MAV_CMD_DO_CHANGE_SPEED, airspeed_type, airspeed_mps, no_change)
 
     def command_long(self, command: int, *params: float) -> Message:
         """A COMMAND_LONG to our autopilot."""

@@ -152,6 +152,8 @@ class ArduPlane(Adapter):
     }
     mission_mode: ClassVar[str] = "AUTO"
     keeps_guided_target: ClassVar[bool] = True
+    home_is_item_0: ClassVar[bool] = True
+    forgets_mission_speed: ClassVar[bool] = True
     loiter_modes: ClassVar[frozenset[str]] = frozenset({"LOITER", "CIRCLE"})
     course_hold_modes: ClassVar[frozenset[str]] = frozenset({"CRUISE", "FBWB"})
     parameters: ClassVar[ParameterTable] = PARAMETERS

@@ -112,6 +112,7 @@ class Px4FixedWing(Adapter):
         mavlink.MAVLINK_MSG_ID_HOME_POSITION: 5.0,
     }
     mission_mode: ClassVar[str] = "MISSION"
+    climbs_first_m: ClassVar[float] = 10.0  # NAV_FW_ALT_RAD by default
     parameters: ClassVar[ParameterTable] = PARAMETERS
 
     def __init__(self, target: Sender) -> None:

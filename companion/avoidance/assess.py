@@ -17,8 +17,9 @@ from companion.avoidance.cone import (
 )
 from companion.avoidance.envelope import Envelope
 from companion.avoidance.intruders import Separation, Tracks, separation
+from companion.avoidance.mission_path import mission_path
 from companion.avoidance.params import AvoidanceParams
-from companion.avoidance.trajectory import Commands, OwnFlight, OwnState, fly_ahead
+from companion.avoidance.trajectory import OwnFlight, OwnState
 from companion.compiled import kernels
 from companion.model import Goal, Guidance, Layer, Threat, Track, TrafficKind, Vec2, Vec3
 from companion.units import course_deg, wrap_pi
@@ -188,19 +189,20 @@ def assess_traffic(
     state, horizon_s = flight.state, flight.horizon_s
     tracks = policy.emergency.buffered(tracks, flight.goal)
     # The mission is flown ahead only if needed: mostly no track turns and none is within a layer.
-    ahead = fly_ahead(state, Commands.of([flight.mission]), envelope) if any_of(tracks.turn_radps) else None
+    ahead = mission_path(flight, envelope) if any_of(tracks.turn_radps) else None
     # With mean velocities, cones, closing speeds and times apply to turning tracks as well.
     velocity = tracks.velocity_mps if ahead is None else tracks.velocity_until_closest_mps(ahead.ground_m[0])
     motion = relative_motion(tracks.position_m, velocity, state.position_m, (*flight.onward_mps, 0.0))
     surface, outer_reach, inner_reach = _reaches(motion, tracks, params)
     outer = surface < outer_reach
-    if any_of(outer):
+    # A cone is around one direction; a way that bends is judged by the flight ahead alone.
+    if any_of(outer) and not flight.bends:
         outer &= policy.outer.in_cone(state, tracks, motion, velocity, domain)
     # The inner layer has no cone: near a track, a turn back to the mission may lead through its volume.
     emergency = surface < policy.emergency.reach_m(tracks, inner_reach)
     if any_of(outer) or any_of(emergency):
-        ahead = ahead or fly_ahead(state, Commands.of([flight.mission]), envelope)
-        kept = separation(ahead, tracks, horizon_s=horizon_s)
+        ahead = ahead or mission_path(flight, envelope)
+        kept = separation(ahead, tracks, horizon_s=min(horizon_s, flight.judged_s))
         too_near = _too_near(kept, tracks, motion, params, release_margin)
         outer = policy.outer.confirmed(outer, too_near)
         emergency = policy.emergency.confirmed(emergency, too_near)

@@ -1,5 +1,6 @@
 """The avoider: two layers, one decision, and all state between decisions (cones entered, guidance flown)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -20,6 +21,7 @@ from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.intruders import Tracks
+from companion.avoidance.mission_path import mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
 from companion.avoidance.trajectory import OwnFlight, require_finite
@@ -31,6 +33,8 @@ _OVERTIME_S = 10.0
 _STATES_NONE_M = 1e-3
 # After that, this share of the margin itself is given up too, so that we follow no track along its edge.
 _GIVEN_UP = 0.05
+# The mission is judged for this long after its next position; in overtime, and this long after it, for less.
+_BEYOND_S, _HURRIED_BEYOND_S, _HURRIED_S = 45.0, 4.0, 20.0
 
 
 class Avoider:
@@ -61,6 +65,7 @@ class Avoider:
         self._last_layer = Layer.CLEAR
         self._clear_since_s: float | None = None
         self._avoiding_since_s: float | None = None
+        self._hurried_s = -math.inf  # the last time of an avoidance that lasted too long
 
     def retune(self, params: AvoidanceParams) -> None:
         """Use other parameters from now on. The conflict at hand goes on, and the envelope stays."""
@@ -108,8 +113,11 @@ class Avoider:
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
         self._bound_heights(flight)
+        if flight.bends and relevant:
+            flight = with_path(flight, self.envelope, self._beyond_s(now_s))
         if not relevant or (
             self._policy.has_fast_path
+            and not flight.bends
             and needs_no_assessment(flight, now_s, relevant, self.params, self._domain)
         ):
             self._domain.reset()
@@ -133,6 +141,16 @@ class Avoider:
             mission_m = None
         self._height.update(own_m, mission_m, change_m, avoiding=self._last_guidance is not None)
         self._bounded = self._height.limit(self.envelope, mission_m, change_m)
+
+    def _beyond_s(self, now_s: float) -> float:
+        """How long the mission is judged after its next position.
+
+        A waypoint is reached only in the autopilot's own mode. If traffic behind it kept us from giving the
+        aircraft back, it would never be reached, and that traffic never passed.
+        """
+        if self._overtime(now_s) > 0.0:
+            self._hurried_s = now_s
+        return _HURRIED_BEYOND_S if 0.0 <= now_s - self._hurried_s <= _HURRIED_S else _BEYOND_S
 
     @property
     def _constraints(self) -> Constraints:
@@ -236,6 +254,9 @@ class Avoider:
         constraints, until_s = self._constraints, flight.time_to_goal_s
         if flight.goal.position_m is None:
             until_s = constraints.fence_look_ahead_s(flight.state)
+        if constraints.fence is not None and (flight.bends or flight.beside is not None):
+            paths = mission_path(flight, constraints.envelope)
+            return not constraints.fence.breach(paths, until_s, until_s).deepest_m.any()
         return constraints.keeps_fence(constraints.within_limits(flight.mission), flight.state, until_s)
 
     def _hold(self, guidance: Guidance, words: str) -> Decision:

@@ -9,7 +9,7 @@ reached. The wind carries it along. A command's course is over ground, and holdi
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from companion.avoidance.cone import Array, position_at
 from companion.avoidance.envelope import Envelope
+from companion.avoidance.leg import ON_LINE_M, BesideLeg, beside_leg
 from companion.compiled import kernels
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
-from companion.units import wrap_two_pi
+from companion.units import wrap_pi, wrap_two_pi
 
 # Fine where a turn happens, coarse where flight is straight: at a closing speed of 90 m/s a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
@@ -37,6 +38,11 @@ _TURN_DECAY_S = 35.0
 # Times the initial turn rate, the change of course by the middle of each step.
 _TURNED_S = _TURN_DECAY_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_DECAY_S))
 KERNEL_TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
+# A circle is flown from this far outside; its radius where none is known.
+_ON_CIRCLE_M = 60.0
+_USUAL_RADIUS_M = 80.0
+# At a smaller corner the mission counts as straight.
+_STRAIGHT_RAD = math.radians(15.0)
 
 
 def times_until(time_s: float) -> Array:
@@ -94,21 +100,38 @@ class OwnFlight(NamedTuple):
     """Ownship and what its mission asks for from here.
 
     `mission` is the guidance that leads to `goal`, not limited to what the aircraft can fly; `onward_mps` is
-    the velocity over ground on it, north and east.
+    the velocity over ground on it, north and east. `beside` is set on the way along a leg or back to it, and
+    `circles` when the goal is circled now. Where the mission `bends`, `ahead` is its path, and `onward_mps`
+    the mean velocity along it (see `mission_path`).
     """
 
     state: OwnState
     mission: Guidance
     onward_mps: Vec2
     goal: Goal
+    beside: BesideLeg | None = None
+    circles: bool = False
+    bends: bool = False
+    ahead: "Paths | None" = None
+    judged_s: float = HORIZON_S  # how far ahead the mission is judged, where it bends
 
     @classmethod
     def at(cls, now_s: float, own: Ownship, goal: Goal) -> "OwnFlight":
         """The flight of ownship towards a goal at `now_s`."""
         state = own_state(now_s, own)
         mission = mission_guidance(state, own, goal)
+        beside, circles = None, is_circling(state, goal)
+        if circles:
+            mission = replace(mission, course_rad=state.course_rad)
+        elif goal.leg_from_m is not None and goal.position_m is not None:
+            beside = beside_leg(goal.leg_from_m, goal.position_m, state.position_m)
+            if beside is not None and beside.is_too_short(mission.airspeed_mps):
+                beside = None
+            if beside is not None:
+                mission = _along(beside, mission, goal.leg_from_m, goal.position_m)
         onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-        return cls(state, mission, onward_mps, goal)
+        bends = _bends(state, mission, goal, beside)
+        return cls(state, mission, onward_mps, goal, beside, circles, bends)
 
     @property
     def horizon_s(self) -> float:
@@ -118,7 +141,7 @@ class OwnFlight(NamedTuple):
     @property
     def time_to_goal_s(self) -> float:
         """Time to the goal's position, at most the prediction horizon; the horizon if it has none [s]."""
-        if self.goal.position_m is None:
+        if self.goal.position_m is None or self.circles:
             return HORIZON_S
         north_mps, east_mps = self.onward_mps
         course_rad = self.mission.course_rad
@@ -131,7 +154,9 @@ def require_finite(own: Ownship, goal: Goal) -> None:
     """Raise `ValueError` if ownship or goal is not finite: then no decision is safe."""
     numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
     numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
-    numbers += [x for x in (goal.course_rad, goal.airspeed_mps, goal.altitude_m) if x is not None]
+    numbers += [*(goal.leg_from_m or ()), *(goal.then_m or ())]
+    values = goal.course_rad, goal.airspeed_mps, goal.altitude_m, goal.loiter_radius_m
+    numbers += [x for x in values if x is not None]
     if not all(map(math.isfinite, numbers)):
         raise ValueError("ownship or goal is not finite")
 
@@ -156,6 +181,38 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
     # In a wind stronger than the airspeed two headings fly the same course; otherwise the course has one.
     heading = own.heading_rad if math.hypot(*wind) >= airspeed else None
     return OwnState(position_at(own, now_s), course, airspeed, -down_mps, wind, heading)
+
+
+def _along(beside: BesideLeg, mission: Guidance, start_m: Vec3, end_m: Vec3) -> Guidance:
+    """Guidance along a leg or onto it, at its height."""
+    speed_mps = mission.airspeed_mps
+    on_line = abs(beside.aside_m) <= ON_LINE_M
+    course_rad = beside.course_rad if on_line else beside.join_rad(speed_mps)
+    return Guidance(course_rad, speed_mps, beside.altitude_ahead_m(speed_mps, start_m, end_m))
+
+
+def _bends(state: OwnState, mission: Guidance, goal: Goal, beside: BesideLeg | None) -> bool:
+    """Whether the mission leads from here by other than one straight line, within the horizon."""
+    if goal.loiter_radius_m is not None or (beside is not None and abs(beside.aside_m) > ON_LINE_M):
+        return True
+    if goal.then_m is None or goal.position_m is None:
+        return False
+    if state.distance_m(goal.position_m) > mission.airspeed_mps * HORIZON_S:
+        return False
+    north_m, east_m = goal.then_m[0] - goal.position_m[0], goal.then_m[1] - goal.position_m[1]
+    return abs(wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)) > _STRAIGHT_RAD
+
+
+def is_circling(state: OwnState, goal: Goal) -> bool:
+    """Whether the goal is a circle, and we are on it or within it."""
+    if goal.loiter_radius_m is None or goal.position_m is None:
+        return False
+    return state.distance_m(goal.position_m) <= loiter_radius_m(goal) + _ON_CIRCLE_M
+
+
+def loiter_radius_m(goal: Goal) -> float:
+    """Radius of the circle around the goal, positive; a usual one if it is unknown."""
+    return abs(goal.loiter_radius_m or _USUAL_RADIUS_M)
 
 
 def mission_guidance(state: OwnState, own: Ownship, goal: Goal) -> Guidance:

@@ -13,6 +13,7 @@ from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
 from companion.avoidance import AvoidanceParams
+from companion.control.rejoin import ControlParams
 from companion.control.state_machine import SupervisorParams
 from companion.engine import AircraftLimits, EngineConfig, EngineParams
 from companion.errors import LinkError
@@ -93,6 +94,7 @@ class Config:
     settings_file: Path = Path("companion.settings")
     engine: EngineParams = field(default_factory=EngineParams)
     supervisor: SupervisorParams = field(default_factory=SupervisorParams)
+    control: ControlParams = field(default_factory=ControlParams)
     traffic: TrafficParams = field(default_factory=TrafficParams)
     # Files of obstacles on the ground, YAML or GeoJSON; paths are relative to the folder of this file.
     obstacle_files: tuple[Path, ...] = ()
@@ -122,6 +124,7 @@ class Config:
             autopilot=self.autopilot,
             engine=self.engine,
             supervisor=self.supervisor,
+            control=self.control,
             traffic=self.traffic,
             obstacles=self.obstacles,
             known_obstacles=known_obstacles,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from companion.autopilots.adapter import Adapter
 from companion.control import suppressed_threats
+from companion.control.rejoin import ControlParams
 from companion.control.state_machine import Event, StateData, Supervisor, SupervisorParams
 from companion.mavlink.dialect import Message
 from companion.model import Decision, Layer, Role
@@ -23,6 +24,7 @@ class ControlContext:
     params: SupervisorParams
     role: Role
     decision: Decision
+    control: ControlParams
 
     @property
     def data(self) -> StateData:

@@ -13,6 +13,7 @@ from companion.control.alarms import conditions
 from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
 from companion.control.readiness import Readiness
+from companion.control.rejoin import ControlParams, LegRejoin
 from companion.control.release import Release
 from companion.control.requesting import ModeRequester
 from companion.control.state_machine import (
@@ -36,6 +37,7 @@ from companion.model import Decision, Guidance, Layer, PriorFlightState, Role
 from companion.output.notice import Condition, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
+from companion.ownship.legs import Leg
 
 # The aircraft is taken over only when its mode was heard this recently.
 _FRESH_HEARTBEAT_S = 1.5
@@ -55,11 +57,19 @@ class Orders(NamedTuple):
 class Handover:
     """Takes the aircraft over, flies it, gives it back, and lets go at once when someone else has it."""
 
-    def __init__(self, aircraft: Aircraft, params: SupervisorParams, readiness: Readiness) -> None:
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        params: SupervisorParams,
+        readiness: Readiness,
+        control: ControlParams | None = None,
+    ) -> None:
         self.supervisor = Supervisor()
         self.rejections = 0  # commands that were refused, or never answered
         role = Role[params.role.upper()]
-        self._context = ControlContext(aircraft, self.supervisor, params, role, Decision(Layer.CLEAR))
+        self._context = ControlContext(
+            aircraft, self.supervisor, params, role, Decision(Layer.CLEAR), control or ControlParams()
+        )
         self._readiness = readiness
         self._claims = Claims(aircraft)
         self._unattended = UnattendedGuided(self._context)
@@ -106,6 +116,11 @@ class Handover:
     def goes_on_to(self) -> GeoPoint | None:
         """The mission's destination after the release; `None`: unknown, or the aircraft is not ours."""
         return self._context.aircraft.mission_destination(self.supervisor.data.prior) if self.holds else None
+
+    def leg(self) -> Leg | None:
+        """The leg that is flown back to; `None`: none, or the aircraft is not ours."""
+        rejoin = self.supervisor.data.rejoin if self.holds else None
+        return rejoin.present_leg(self._context.aircraft) if isinstance(rejoin, LegRejoin) else None
 
     def guidance(self) -> Guidance | None:
         """Guidance without a conflict: straight on to recover, or to where the former mode is entered."""
@@ -313,7 +328,7 @@ class Handover:
         if rejoin is not None and not rejoin.is_done(context.aircraft, now_s):
             if not self.supervisor.handle(Event.FAR):
                 return []
-            text = f"Clear of traffic, returning for {context.prior_mode}"
+            text = f"Clear of traffic, returning to {rejoin.destination(context.aircraft)}"
             return [Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         self.supervisor.handle(Event.CLEAR)
         others = "" if context.decision.layer is Layer.CLEAR else "other "
@@ -356,6 +371,7 @@ class Handover:
         if supervisor.state in (State.HANDS_OFF, State.SUPPRESSED) and not self._has_settled(now_s):
             return outgoing
         supervisor.handle(Event.READY)
+        outgoing += self._release.restore_speed(now_s)
         outgoing += self._release.restore_item(now_s)
         fresh = now_s - context.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
         return outgoing if context.clear or not fresh else [*outgoing, *self._take_over.begin(now_s)]

@@ -101,6 +101,21 @@ class Release:
         adapter = context.adapter
         return [adapter.commands.ask(adapter.select_item(wanted), now_s)]
 
+    def restore_speed(self, now_s: float) -> Outgoing:
+        """Command the mission's own airspeed again, which the autopilot forgot at the mode change."""
+        context, data = self._context, self._context.data
+        airspeed_mps, data.mission_airspeed_mps = data.mission_airspeed_mps, None
+        late = now_s - data.given_back_s > _ITEM_CHECKED_S
+        if airspeed_mps is None or late or context.aircraft.custom_mode != data.prior.mode:
+            return []
+        mission, sequence = context.aircraft.mission, context.aircraft.sequence
+        if mission is None or sequence is None:
+            return []
+        if airspeed_mps not in [item.params[1] for item in mission.speed_changes(sequence)]:
+            return []
+        adapter = context.adapter
+        return [adapter.commands.ask(adapter.change_speed(airspeed_mps), now_s)]
+
     def _try_other_mode(self, now_s: float) -> Outgoing:
         """Request the former mode and the fallback in turn, while the autopilot refuses both."""
         context, data, request = self._context, self._context.data, self._requester.request

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le, MinLen
 
 from companion.control.mode_request import ModeRequest
-from companion.control.rejoin import Rejoin
+from companion.control.rejoin import AnyRejoin
 from companion.model import PriorFlightState
 from companion.output.persisted_state import PersistedState
 
@@ -27,7 +27,7 @@ class State(StrEnum):
     ENGAGING = "engaging"  # the guided mode is requested
     OUTER = "outer"  # flying, outer layer
     INNER = "inner"  # flying, inner layer
-    RETURNING = "returning"  # flying back to where the former mode belongs: a circle, a course
+    RETURNING = "returning"  # flying back to where the former mode belongs: a leg, a circle, a course
     RE_ENTERING = "re-entering"  # the guided mode is requested again, for the controller to recover in it
     RECOVERING = "recovering"  # flying until the autopilot's controller has recovered
     RESYNCHRONISING = "resynchronising"  # after a stall of ours: nothing is sent until its state is known
@@ -46,7 +46,7 @@ class Event(StrEnum):
     OUTER_CONFLICT = "outer conflict"
     INNER_CONFLICT = "inner conflict"
     CLEAR = "clear"
-    FAR = "far"  # clear, but not where the former mode belongs
+    FAR = "far"  # clear, but not where the former mode belongs: beside its leg, circle or course
     TAKEN = "taken"  # the autopilot's heartbeat shows its guided mode
     REFUSED = "refused"  # the autopilot refused, or still shows the former mode after a while
     UNKNOWN = "unknown"  # no heartbeat shows the outcome of the request
@@ -193,8 +193,10 @@ class StateData:
     suppressed_s: dict[str, float] = field(default_factory=dict)
     # The change of mode under way.
     request: ModeRequest | None = None
-    # The way back to a circle or a course that the former mode holds.
-    rejoin: Rejoin | None = None
+    # The way back to the mission's leg, or to a circle or a course that the former mode holds.
+    rejoin: AnyRejoin | None = None
+    # The mission's own airspeed, flown at the take-over, that the autopilot forgets at a mode change.
+    mission_airspeed_mps: float | None = None
     # Since when it has been in the guided mode at our request.
     guided_since_s: float | None = None
     # Overrides that were there already when we began: they count only after they have ceased.
@@ -238,9 +240,9 @@ class StateData:
 _ALWAYS = frozenset(
     {"prior", "plan", "left_in_prior_mode", "requested_s", "last_unguided_mode", "given_up", "suppressed_s"}
 )
-_OURS = _ALWAYS | {"rejoin", "guided_since_s", "overlooked", "flown_since_s"}
+_OURS = _ALWAYS | {"rejoin", "mission_airspeed_mps", "guided_since_s", "overlooked", "flown_since_s"}
 _WATCH = _ALWAYS | {"guided_since_s", "unattended_since_s", "left_guided_s", "guided_again"}
-_IDLE = _WATCH | {"given_back_s", "left_behind", "left_behind_since_s"}
+_IDLE = _WATCH | {"given_back_s", "mission_airspeed_mps", "left_behind", "left_behind_since_s"}
 DATA: dict[State, frozenset[str]] = {
     State.STANDBY: _IDLE,
     State.WAITING: _IDLE | {"wait_until_s"},

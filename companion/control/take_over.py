@@ -3,7 +3,7 @@
 from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
 from companion.control.mode_request import ModeRequest
-from companion.control.rejoin import Rejoin
+from companion.control.rejoin import mission_airspeed_mps, way_back
 from companion.control.release import Release
 from companion.control.requesting import ModeRequester
 from companion.control.state_machine import OVERRIDES, Event, State
@@ -36,7 +36,10 @@ class TakeOver:
         data.plan = context.aircraft.plan_changes
         data.guided_since_s = data.flown_since_s = None
         self._claims.begin(data)
-        data.rejoin = Rejoin.to(data.prior, adapter)
+        data.rejoin = way_back(
+            data.prior, context.aircraft, context.control.rejoin, context.params.min_height_m
+        )
+        data.mission_airspeed_mps = mission_airspeed_mps(data.prior, context.aircraft)
         data.request = ModeRequest(data.prior.mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s)
         adapter.drop_commands()
         return [*self._requester.send(now_s), ConflictNotice(flying=True)]

@@ -102,6 +102,9 @@ class Deciding:
             if self._aircraft.mission_outdated(now_s):
                 self._queries.reread_mission(now_s)
             return goal
+        leg = self._handover.leg()
+        if leg is not None:
+            return leg.goal(frame, self.goal)
         if self.goal.position_m is not None:
             return self.goal
         # Taken over before the mission was read, as after a restart: the goal was the course flown then.

@@ -104,7 +104,7 @@ class Engine:
             position_fresh_s=config.engine.position_fresh_s,
             other_avoider=self._notices.other_avoider,
         )
-        self._handover = Handover(self.aircraft, config.supervisor, self._readiness)
+        self._handover = Handover(self.aircraft, config.supervisor, self._readiness, config.control)
         self._commanding = Commanding(self.aircraft, self._handover)
         self._deciding = Deciding(
             self.aircraft,

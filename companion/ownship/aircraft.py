@@ -26,6 +26,7 @@ from companion.mavlink.facts import (
 from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
 from companion.ownship.autopilot_state import Contact, FlightState, Identity, Sticks
 from companion.ownship.kinematics import Kinematics, Terrain
+from companion.ownship.legs import Leg
 from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
 from companion.ownship.position_gate import Place, PositionGate
@@ -66,6 +67,7 @@ class Aircraft:
         self._mission_known_s = -math.inf
         self.moved_s = -math.inf  # the last time that its position jumped
         self._gate = PositionGate()
+        self._mode_heard = False
 
     def observe(self, fact: Fact, now_s: float) -> bool:
         """Store a fact; returns whether it came from our autopilot."""
@@ -95,7 +97,8 @@ class Aircraft:
             case TerrainReport():
                 self.terrain.observe(fact, self.place(), now_s)
             case MissionProgress():
-                self.navigation.observe_progress(fact, now_s, guided=self.ours and self.guided)
+                guided = self.ours and self.guided
+                self.navigation.observe_progress(fact, now_s, guided=guided, flown=self._in_mission)
             case NavigationTarget():
                 self.navigation.observe_target(fact, now_s, ours=self.ours, guided=self.guided)
             case AutopilotVersion():
@@ -148,7 +151,11 @@ class Aircraft:
         """Store the mode, as a heartbeat or an accepted request shows it."""
         if self.ours and not (self.adapter is None or self.adapter.is_guided(custom_mode)):
             self.navigation.refresh_target(now_s)
-        self.flight_state.custom_mode = custom_mode
+        was_in_mission, self.flight_state.custom_mode = self._in_mission, custom_mode
+        self.navigation.legs.first = int(self.adapter is not None and self.adapter.home_is_item_0)
+        if self._in_mission and not was_in_mission and self._mode_heard:
+            self.navigation.legs.entered(self.place())
+        self._mode_heard = True
 
     def left_guided_by_itself(self, now_s: float) -> bool:
         """Whether a silence has just ended with the mode that the autopilot enters when our setpoints end."""
@@ -193,6 +200,10 @@ class Aircraft:
         if self.adapter is None or not self.adapter.is_mission(before.mode):
             return None
         return self.navigation.destination(before.sequence)
+
+    def leg(self) -> Leg | None:
+        """The leg of the mission where the aircraft belongs; `None`: unknown, or no mission is flown."""
+        return self.navigation.leg() if self._in_mission else None
 
     def goal(self, frame: LocalFrame, now_s: float) -> Goal:
         """The goal of the mission (see `Navigation.goal`)."""
@@ -362,11 +373,15 @@ class Aircraft:
 
     def note_mission(self, mission: Mission | None, now_s: float) -> None:
         """Store the mission as it is known at `now_s`; `None`: it is not."""
-        if mission != self.mission and self.mission is not None:
-            self.navigation.plan_changes += 1
-        self.navigation.mission = mission
         if mission is not None:
             self._mission_known_s = now_s
+        if mission is self.navigation.mission:
+            return
+        before = self.navigation.mission
+        if before is not None and (mission is None or mission.items != before.items):
+            self.navigation.plan_changes += 1
+        self.navigation.mission = mission
+        self.navigation.legs.learn(mission, self.place(), flown=self._in_mission)
 
     def mission_awaited(self, now_s: float) -> bool:
         """Whether a mission is flown that is not known yet, and may be soon."""

@@ -6,6 +6,7 @@ from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import MissionProgress, NavigationTarget
 from companion.model import Goal
 from companion.ownship.kinematics import Kinematics
+from companion.ownship.legs import Leg, Legs
 from companion.ownship.mission import Mission
 
 _TARGET_FRESH_S = 10.0
@@ -29,6 +30,7 @@ class Navigation:
 
     def __init__(self, kinematics: Kinematics) -> None:
         self._kinematics = kinematics
+        self.legs = Legs()
         self.mission: Mission | None = None  # while it is known
         self.sequence: int | None = None  # of the mission item that is flown
         self.target_while_ours: NavigationTarget | None = None
@@ -41,11 +43,25 @@ class Navigation:
         self._sequence_s = -math.inf
         self._differs_since_s: float | None = None
 
-    def observe_progress(self, fact: MissionProgress, now_s: float, *, guided: bool) -> None:
-        """Store the number of the mission item that is flown; it stands still in the guided mode."""
-        if guided and self.sequence not in (None, fact.sequence):
+    def observe_progress(
+        self, fact: MissionProgress, now_s: float, *, guided: bool = False, flown: bool = True
+    ) -> None:
+        """Store the number of the mission item that is flown.
+
+        `flown`: in the mission's mode; `guided`: in the guided mode, in which it stands still.
+        """
+        before = self.sequence
+        if guided and before not in (None, fact.sequence):
             self.plan_changes += 1
+        if before != fact.sequence and not self._lead_to_the_same(before, fact.sequence):
+            self.legs.item_changed(before, self._kinematics.place(), flown=flown and before is not None)
         self.sequence, self._sequence_s = fact.sequence, now_s
+
+    def _lead_to_the_same(self, one: int | None, other: int) -> bool:
+        """Whether both items lead to one place, as an item that is executed on the way does."""
+        if self.mission is None or one is None:
+            return False
+        return self.mission.flown_to(one) == self.mission.flown_to(other)
 
     def observe_target(self, fact: NavigationTarget, now_s: float, *, ours: bool, guided: bool) -> None:
         """Store a navigation target.
@@ -137,10 +153,27 @@ class Navigation:
             place = item
         own = self._kinematics
         speed_mps = own.airspeed_mps()
+        line = self._line() if item is not None and place is item else None
+        if line is not None:
+            return line.goal(frame, Goal(airspeed_mps=speed_mps))
         if place is not None:
             return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
         altitude_m = None if own.position is None else own.position.altitude_m
         return Goal(course_rad=own.course_rad(), airspeed_mps=speed_mps, altitude_m=altitude_m)
+
+    def leg(self) -> Leg | None:
+        """The leg where the aircraft belongs; `None` when it is unknown, or another place is flown to."""
+        if self.mission is None or self.sequence is None or self._differs_since_s is not None:
+            return None
+        own = self._kinematics
+        return self.legs.leg(self.mission, self.sequence, own.place(), own.home_altitude_m())
+
+    def _line(self) -> Leg | None:
+        """The line that the autopilot flies to the mission's item."""
+        if self.mission is None or self.sequence is None:
+            return None
+        own = self._kinematics
+        return self.legs.line(self.mission, self.sequence, own.place(), own.home_altitude_m())
 
     def mission_outdated(self, now_s: float) -> bool:
         """Whether the autopilot has flown for a while to another place than the known mission leads to."""

@@ -115,14 +115,29 @@ def print_figures(console: Console, report: dict[str, Any]) -> None:
             _with_interval(figures, "lowc_ratio"),
             f"{_metres(figures['median_max_deviation_m'])}\n{_metres(figures['median_max_height_m'])}",
             _with_interval(figures, "nuisance_rate"),
-            str(figures["not_back_on_line"]),
+            str(figures["not_back_on_leg"]),
         )
     console.print(table)
     console.print(
         f"Ratios to flights without avoidance, with 95 % intervals; the pass lines are\n"
         f"{RISK_RATIO_LINE} and {LOWC_RATIO_LINE}. Aside and height are medians over conflicts.\n"
-        "Not back: not on the mission line half an hour after the encounter."
+        "Not back: not on the mission's leg and height half an hour after the encounter.\n"
+        + _way_back(report)
     )
+
+
+def _way_back(report: dict[str, Any]) -> str:
+    """Time from the take-over until back on leg and height, and repeated engagements, by avoider."""
+    return "\n".join(
+        f"{name}: back {_seconds(figures['back_s']['p50'])} after the take-over "
+        f"(95 %: {_seconds(figures['back_s']['p95'])}), "
+        f"{figures['engaged_more_than_once']} engaged more than once"
+        for name, figures in report["avoiders"].items()
+    )
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f} s"
 
 
 def _with_interval(figures: dict[str, Any], name: str) -> str:
@@ -170,7 +185,14 @@ def _worst(lines: Iterator[ResultLine]) -> list[ResultLine]:
 def _fly_again(plan: Plan, source: Callable[[int], Encounter], key: Key) -> tuple[Encounter, EncounterResult]:
     avoider, preset, number = key
     encounter, surveillance = source(number), SURVEILLANCE_PRESETS[preset]
-    flown = fly(encounter, plan.engine_for(avoider), surveillance, plan.limits, seed=plan.seed + number)
+    flown = fly(
+        encounter,
+        plan.engine_for(avoider),
+        surveillance,
+        plan.limits,
+        seed=plan.seed + number,
+        route=plan.route_of(encounter, number),
+    )
     return encounter, flown
 
 
@@ -178,7 +200,8 @@ def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) 
     """Print one encounter, and draw it to `out`."""
     key = plan.avoiders[0], plan.surveillance[0], number
     encounter, flown = _fly_again(plan, plan.source(), key)
-    for name, near in (("unmitigated", unmitigated(encounter)), ("flown", flown.closest)):
+    nominal = unmitigated(encounter, plan.route_of(encounter, number), plan.limits)
+    for name, near in (("unmitigated", nominal), ("flown", flown.closest)):
         outcome = "near mid-air collision" if near.nmac else "well clear lost" if near.lowc else "well clear"
         console.print(
             f"{name}: nearest {near.horizontal_m:.0f} m aside, {near.vertical_m:.0f} m in height: {outcome}"

@@ -20,6 +20,7 @@ from companion.units import (
     WELL_CLEAR_VERTICAL_M,
 )
 from sim.campaign.plane import AUTO, AUTOPILOT, FRAME, Limits, Plane
+from sim.campaign.route import Route, start_of, straight
 from sim.encounters import Encounter, Heard, Observer, Surveillance
 
 Array = NDArray[np.floating]
@@ -30,8 +31,11 @@ _STEPS_PER_DECISION = 2 * _FACTS_EVERY
 _START_S = 1_700_000_000.0
 # Wind, airspeed and the mission's next waypoint.
 _RARE_FACTS_S = 2
-# Back on the mission line: within the tracking error of autopilots.
-_ON_LINE_M, _AT_HEIGHT_M = 25.0, 8.0
+# Back: in AUTO this near to the leg between the waypoints and to its slope, for this long.
+_ON_LEG_M, _AT_HEIGHT_M = 30.0, 10.0
+_STAYS_S = 10.0
+# Before the encounter the engine reads the mission.
+_BEFORE_S = 12.0
 # For the way back after the encounter; an intruder may stay on the mission line, at our speed.
 _LONGEST_RETURN_S = 1800.0
 _FIRST_ICAO = 0xA00001
@@ -54,7 +58,11 @@ class ClosestApproach:
 
 @dataclass
 class EncounterResult:
-    """The result of one encounter; `own_m` is our path, (n, 3) north-east-down every 0.1 s."""
+    """The result of one encounter; `own_m` is our path, (n, 3) north-east-down every 0.1 s.
+
+    `back_s` is when the aircraft was back on its leg and height for good, `return_s` how long that took from
+    the first take-over.
+    """
 
     closest: ClosestApproach
     deviation_m: float = 0.0
@@ -62,6 +70,7 @@ class EncounterResult:
     avoided: bool = False
     engagements: int = 0
     back_s: float | None = None
+    return_s: float | None = None
     first_action_s: float | None = None
     decision_ms: list[float] = field(default_factory=list)
     own_m: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -88,12 +97,25 @@ def closest_approach(own_m: Array, encounter: Encounter, dt_s: float = _STEP_S) 
     return ClosestApproach(horizontal[first], vertical[first], severity[first], nmac, lowc)
 
 
-def unmitigated(encounter: Encounter) -> ClosestApproach:
-    """The closest approach without avoidance: the mission is a straight line."""
-    times_s = np.arange(round(encounter.duration_s / _STEP_S) + 1) * _STEP_S
+def unmitigated(
+    encounter: Encounter, route: Route | None = None, limits: Limits | None = None
+) -> ClosestApproach:
+    """The closest approach without avoidance; without a `route` the mission is a straight line."""
+    count = round(encounter.duration_s / _STEP_S)
+    if route is not None:
+        plane = _plane(encounter, route, limits or Limits())
+        parts = [plane.fly(_FACTS_EVERY, _STEP_S) for _ in range(round(_BEFORE_S / _STEP_S) // _FACTS_EVERY)]
+        flown = [parts[-1][-1:], *(plane.fly(_FACTS_EVERY, _STEP_S) for _ in range(count // _FACTS_EVERY))]
+        return closest_approach(np.concatenate(flown), encounter)
+    times_s = np.arange(count + 1) * _STEP_S
     course, speed = encounter.own_course_rad, encounter.own_airspeed_mps
     velocity = np.array([speed * math.cos(course), speed * math.sin(course), 0.0])
     return closest_approach(np.array(encounter.own_position_m) + times_s[:, None] * velocity, encounter)
+
+
+def _plane(encounter: Encounter, route: Route, limits: Limits) -> Plane:
+    """The aircraft on its route, `_BEFORE_S` before the encounter."""
+    return Plane(start_of(encounter, route, _BEFORE_S), encounter.own_airspeed_mps, route, limits)
 
 
 def fly(
@@ -103,33 +125,42 @@ def fly(
     limits: Limits,
     *,
     seed: int = 0,
+    route: Route | None = None,
 ) -> EncounterResult:
-    """Fly an encounter, and continue until the aircraft is back on its mission line."""
-    return _Flight(encounter, make_engine(encounter), surveillance, limits, seed).run()
+    """Fly an encounter, and continue until the aircraft is back on its leg; the default route is straight."""
+    route = straight(encounter) if route is None else route
+    return _Flight(encounter, make_engine(encounter), surveillance, limits, seed, route).run()
 
 
 class _Flight:
     def __init__(
-        self, encounter: Encounter, engine: Engine, surveillance: Surveillance, limits: Limits, seed: int
+        self,
+        encounter: Encounter,
+        engine: Engine,
+        surveillance: Surveillance,
+        limits: Limits,
+        seed: int,
+        route: Route,
     ) -> None:
-        self._encounter, self._engine = encounter, engine
-        self._plane = Plane(
-            encounter.own_position_m, encounter.own_course_rad, encounter.own_airspeed_mps, limits
-        )
+        self._encounter, self._engine, self._route = encounter, engine, route
+        self._plane = _plane(encounter, route, limits)
+        self._back_since_s: float | None = None
         self._observer = Observer(encounter, surveillance, seed)
         self._noted: object = None  # state and guidance of the last entry in `reasons`
-        self._own_m: list[Array] = [np.array([self._plane.position_m])]
+        self._own_m: list[Array] = []
         self._flown = EncounterResult(ClosestApproach(math.inf, math.inf, math.inf, nmac=False, lowc=False))
 
     def run(self) -> EncounterResult:
         steps = round(self._encounter.duration_s / _STEP_S)
         longest = steps + round(_LONGEST_RETURN_S / _STEP_S)
+        self._read_mission()
         step = 0
         while True:
             self._send_facts(step)
             if step % _STEPS_PER_DECISION == 0:
                 self._decide(step * _STEP_S)
-                if step >= steps and (self._is_back(step) or step >= longest):
+                is_back = self._is_back(step * _STEP_S)
+                if step >= steps and (is_back or step >= longest):
                     break
             self._own_m.append(self._plane.fly(_FACTS_EVERY, _STEP_S))
             step += _FACTS_EVERY
@@ -138,22 +169,41 @@ class _Flight:
         flown.closest = closest_approach(flown.own_m, self._encounter)
         flown.engagements = plane.entered_guided
         flown.avoided = plane.entered_guided > 0
-        off_m = np.abs(self._off_line_m(flown.own_m))
+        if flown.back_s is not None and flown.first_action_s is not None:
+            flown.return_s = flown.back_s - flown.first_action_s
+        off_m = np.abs(self._route.off_m(flown.own_m))
         flown.deviation_m, flown.height_m = float(off_m[:, 0].max()), float(off_m[:, 1].max())
         return flown
 
-    def _off_line_m(self, own_m: Array) -> Array:
-        course = self._encounter.own_course_rad
-        moved_m = own_m - np.array(self._encounter.own_position_m)
-        aside_m = moved_m[:, 1] * math.cos(course) - moved_m[:, 0] * math.sin(course)
-        return np.column_stack([aside_m, -moved_m[:, 2]])
+    def _read_mission(self) -> None:
+        """Fly to the begin of the encounter; the engine asks for the mission and is answered."""
+        engine, plane = self._engine, self._plane
+        for step in range(-round(_BEFORE_S / _STEP_S), 0, _FACTS_EVERY):
+            now_s = _START_S + step * _STEP_S
+            for fact in (plane.heartbeat(), *plane.facts(now_s), *plane.rare_facts()):
+                engine.receive(fact, now_s)
+            for tick in range(_FACTS_EVERY):
+                if engine.queries.mission is not None:
+                    break
+                tick_s = now_s + tick * _STEP_S
+                plane.execute(_messages(engine.tick(tick_s)))
+                for answer in plane.take_answers():
+                    engine.receive(answer, tick_s)
+            own_m = plane.fly(_FACTS_EVERY, _STEP_S)
+        self._own_m.append(own_m[-1:])
 
-    def _is_back(self, step: int) -> bool:
-        aside_m, above_m = self._plane.off_line_m()
-        back = self._plane.mode == AUTO and abs(aside_m) < _ON_LINE_M and abs(above_m) < _AT_HEIGHT_M
-        if back:
-            self._flown.back_s = step * _STEP_S
-        return back
+    def _is_back(self, time_s: float) -> bool:
+        """Whether the aircraft has been on its leg and height for a while; notes since when."""
+        aside_m, above_m = self._plane.off_leg_m()
+        on_leg = abs(aside_m) <= _ON_LEG_M and abs(above_m) <= _AT_HEIGHT_M
+        if not (on_leg and self._plane.mode == AUTO):
+            self._back_since_s = self._flown.back_s = None
+            return False
+        if self._back_since_s is None:
+            self._back_since_s = time_s
+        if time_s - self._back_since_s >= _STAYS_S or not self._plane.entered_guided:
+            self._flown.back_s = self._back_since_s
+        return self._flown.back_s is not None
 
     def _send_facts(self, step: int) -> None:
         now_s = _START_S + step * _STEP_S

@@ -72,14 +72,14 @@ def _in_words(plan: Plan) -> str:
 def _summary_table(report: dict[str, Any]) -> str:
     head = (
         "avoider", "encounters", "conflicts", "risk ratio", "well clear ratio", "aside [m]", "height [m]",
-        "nuisance", "not back on line", "decision p99 [ms]",
+        "nuisance", "not back on leg", "decision p99 [ms]",
     )  # fmt: skip
     rows = [
         [
             html.escape(name), f"{f['encounters']:,}", f"{f['conflicts']:,}",
             _ratio(f, "risk_ratio", RISK_RATIO_LINE), _ratio(f, "lowc_ratio", LOWC_RATIO_LINE),
             _number(f["median_max_deviation_m"]), _number(f["median_max_height_m"]),
-            _ratio(f, "nuisance_rate", None), str(f["not_back_on_line"]), str(f["decision_ms"]["p99"]),
+            _ratio(f, "nuisance_rate", None), str(f["not_back_on_leg"]), str(f["decision_ms"]["p99"]),
         ]
         for name, f in report["avoiders"].items()
     ]  # fmt: skip

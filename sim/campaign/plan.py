@@ -10,6 +10,7 @@ from companion.errors import ConfigError
 from sim.campaign.avoiders import COMPANION, engine_for
 from sim.campaign.plane import Limits
 from sim.campaign.results import ResultLine
+from sim.campaign.route import Route, legs
 from sim.encounters import (
     SURVEILLANCE_PRESETS,
     Encounter,
@@ -55,6 +56,7 @@ class Plan:
     intruders: int = 1
     lock_height: bool = False
     part: Part = Part.ALL
+    legs: bool = False
 
     def __post_init__(self) -> None:
         for name in self.avoiders:
@@ -120,6 +122,10 @@ class Plan:
         if models:
             return lambda number: sample(models, self.seed, number, intruders=self.intruders)
         return lambda number: generate("mix", self.seed, number)
+
+    def route_of(self, encounter: Encounter, number: int) -> Route | None:
+        """The mission of an encounter; `None`: its straight line."""
+        return legs(encounter, self.seed, number) if self.legs else None
 
     def check(self) -> None:
         """`ConfigError` if a model, a file or an avoider's library is missing."""

@@ -1,7 +1,8 @@
 """An aircraft for campaigns: the fake vehicle's dynamics with a minimal ArduPlane.
 
-It flies its mission line in AUTO and the 4300x commands in GUIDED; ArduPlane obeys no others. It emits facts
-instead of messages, which saves packing and unpacking; the fake vehicle tests the bytes.
+It flies the legs of its route in AUTO and the 4300x commands in GUIDED; ArduPlane obeys no others. As in
+ArduPlane, AUTO begins a new straight sloped line where it is entered. It emits facts instead of messages,
+which saves packing and unpacking; the fake vehicle tests the bytes.
 """
 
 import math
@@ -20,20 +21,29 @@ from companion.mavlink.facts import (
     CommandResult,
     Fact,
     Heartbeat,
+    HeightAbove,
     LandedState,
+    MissionCount,
+    MissionItem,
+    MissionProgress,
     NavigationTarget,
     OwnPosition,
     Sender,
     Wind,
 )
 from companion.model import Vec3
-from companion.units import STANDARD_GRAVITY_MPS2
+from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from sim.campaign.route import Route, off_leg
+from sim.compiled.airframe_step import L1_TIME_S
 from sim.dynamics import Airframe, FixedWing
 
 AUTOPILOT = Sender(1, 1)
 AUTO = 10
-# Distance of the mission's next waypoint: no flight reaches it.
-_MISSION_M = 50_000.0
+_COMPANION = Sender(1, 196)
+# The largest distance before a corner at which the turn begins (WP_RADIUS).
+_TURN_M = 90.0
+# A smaller difference of height is flown at once (ALT_SLOPE_MIN).
+_LEAST_SLOPE_M = 15.0
 # Origin of the campaigns' flat frame.
 FRAME = LocalFrame(45.0, 10.0)
 _ACTIVE = 4  # MAV_STATE_ACTIVE
@@ -64,18 +74,16 @@ class Limits:
 
 
 class Plane:
-    """One aircraft on a straight level mission line, in the campaign's frame (north-east-down)."""
+    """One aircraft on its route, in the campaign's frame (north-east-down)."""
 
-    def __init__(self, position_m: Vec3, course_rad: float, airspeed_mps: float, limits: Limits) -> None:
+    def __init__(self, position_m: Vec3, airspeed_mps: float, route: Route, limits: Limits) -> None:
+        self._route, self._airspeed_mps = route, airspeed_mps
+        self._to = 1
+        while self._to + 1 < len(route.places_m) and self._is_passed(position_m):
+            self._to += 1
+        self._from_m, self._to_m = route.leg(self._to)
+        course_rad = math.atan2(self._to_m[1] - self._from_m[1], self._to_m[0] - self._from_m[0])
         self._wing = FixedWing(position_m, course_rad, airspeed_mps, airframe=limits.airframe())
-        self._start_m, self._course_rad = position_m, course_rad
-        self._airspeed_mps = airspeed_mps
-        end_m = (
-            position_m[0] + _MISSION_M * math.cos(course_rad),
-            position_m[1] + _MISSION_M * math.sin(course_rad),
-        )
-        self._line_m = position_m[:2], end_m
-        self._end = FRAME.to_geo(*end_m, position_m[2])
         self.mode = AUTO
         self.entered_guided = 0
         self._answers: list[Fact] = []
@@ -90,23 +98,51 @@ class Plane:
         """Velocity over ground, north-east-down [m/s]."""
         return self._wing.velocity_mps
 
-    def off_line_m(self) -> tuple[float, float]:
-        """Offset to the right of the mission line and above its height [m]."""
-        north_m, east_m, down_m = self._wing.position_m
-        north_m, east_m = north_m - self._start_m[0], east_m - self._start_m[1]
-        aside_m = east_m * math.cos(self._course_rad) - north_m * math.sin(self._course_rad)
-        return aside_m, self._start_m[2] - down_m
+    def off_leg_m(self) -> tuple[float, float]:
+        """Offset to the right of the present leg between waypoints, and above its slope [m]."""
+        aside, above, _ = off_leg(*self._route.leg(self._to), np.array([self._wing.position_m]))
+        return float(aside[0]), float(above[0])
 
     def fly(self, steps: int, dt_s: float) -> NDArray[np.float64]:
         """Fly some steps; returns the position after each, north-east-down [m], (steps, 3)."""
-        return self._wing.fly(steps, dt_s, self._line_m if self.mode == AUTO else None)
+        if self.mode != AUTO:
+            return self._wing.fly(steps, dt_s)
+        if self._turns_now():
+            self._from_m, self._to_m = self._route.leg(self._to + 1)
+            self._to += 1
+        self._wing.hold_altitude(self._altitude_m())
+        return self._wing.fly(steps, dt_s, (self._from_m[:2], self._to_m[:2]))
+
+    def _is_passed(self, position_m: Vec3) -> bool:
+        """Whether a place is beyond the end of the present leg."""
+        return float(off_leg(*self._route.leg(self._to), np.array([position_m]))[2][0]) > 0.0
+
+    def _turns_now(self) -> bool:
+        """Whether the next leg begins here: as early as ArduPlane turns, or beyond the end of the line."""
+        if self._to + 1 >= len(self._route.places_m):
+            return False
+        (north_m, east_m, _), to_m = self._wing.position_m, self._to_m
+        leg_rad = math.atan2(to_m[1] - self._from_m[1], to_m[0] - self._from_m[0])
+        next_m = self._route.places_m[self._to + 1]
+        turn_rad = abs(wrap_pi(math.atan2(next_m[1] - to_m[1], next_m[0] - to_m[0]) - leg_rad))
+        early_m = min(_TURN_M, L1_TIME_S * self._airspeed_mps) * min(turn_rad / (math.pi / 2.0), 1.0)
+        to_go_n, to_go_e = to_m[0] - north_m, to_m[1] - east_m
+        passed = to_go_n * math.cos(leg_rad) + to_go_e * math.sin(leg_rad) <= 0.0
+        return passed or math.hypot(to_go_n, to_go_e) <= early_m
+
+    def _altitude_m(self) -> float:
+        """Height on the slope of the line flown; nearly level lines are flown at their end's height."""
+        if abs(self._to_m[2] - self._from_m[2]) < _LEAST_SLOPE_M:
+            return -self._to_m[2]
+        above = off_leg(self._from_m, self._to_m, np.array([self._wing.position_m]))[1]
+        return -self._wing.position_m[2] - float(above[0])
 
     def facts(self, now_s: float) -> list[Fact]:
         """The autopilot's position, and its answers since the last call."""
         wing = self._wing
         position_m = wing.position_m
         place = FRAME.to_geo(*position_m)
-        answers, self._answers = self._answers, []
+        answers = self.take_answers()
         position = OwnPosition(
             AUTOPILOT,
             now_s,
@@ -118,6 +154,11 @@ class Plane:
             wing.heading_rad,
         )
         return [*answers, position]
+
+    def take_answers(self) -> list[Fact]:
+        """The answers since the last call."""
+        answers, self._answers = self._answers, []
+        return answers
 
     def heartbeat(self) -> Heartbeat:
         """The present heartbeat."""
@@ -131,7 +172,8 @@ class Plane:
             AirspeedSensor(AUTOPILOT, True),
             Wind(AUTOPILOT, 0.0, 0.0),
             LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR),
-            NavigationTarget(AUTOPILOT, self._end.lat_deg, self._end.lon_deg, self._end.altitude_m),
+            MissionProgress(AUTOPILOT, self._to + 1, len(self._route.places_m)),
+            NavigationTarget(AUTOPILOT, *FRAME.to_geo(*self._to_m)),
         ]
 
     def execute(self, messages: Iterable[Message]) -> bool:
@@ -144,15 +186,28 @@ class Plane:
                 self._answer(message.command, mavlink.MAV_RESULT_ACCEPTED)
             elif kind == "COMMAND_INT":
                 self._execute_guided(message)
+            elif kind == "MISSION_REQUEST_LIST":
+                count = 0 if message.mission_type else len(self._route.places_m) + 1
+                self._answers.append(MissionCount(AUTOPILOT, _COMPANION, message.mission_type, count))
+            elif kind == "MISSION_REQUEST_INT":
+                self._answers.append(self._item(message.seq))
         return self.mode != before
 
     def _enter(self, mode: int) -> None:
         if mode == GUIDED and self.mode != GUIDED:
             self.entered_guided += 1
-        self.mode = mode
-        if mode == AUTO:
-            self._wing.hold_altitude(-self._start_m[2])
+        if mode == AUTO and self.mode != AUTO:
+            self._from_m = self._wing.position_m
             self._wing.hold_airspeed(self._airspeed_mps)
+        self.mode = mode
+
+    def _item(self, sequence: int) -> MissionItem:
+        """An item of the mission: home, then the places of the route."""
+        place = FRAME.to_geo(*self._route.places_m[max(sequence - 1, 0)])
+        nothing = (0.0, 0.0, 0.0, 0.0)
+        command = mavlink.MAV_CMD_NAV_WAYPOINT
+        above = HeightAbove.SEA
+        return MissionItem(AUTOPILOT, _COMPANION, 0, sequence, command, nothing, *place, above)
 
     def _execute_guided(self, message: Message) -> None:
         if self.mode != GUIDED:

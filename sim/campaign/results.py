@@ -40,6 +40,7 @@ def result_line(
         "engagements": flown.engagements,
         "first_action_s": None if flown.first_action_s is None else round(flown.first_action_s, 1),
         "back_s": None if flown.back_s is None else round(flown.back_s, 1),
+        "return_s": None if flown.return_s is None else round(flown.return_s, 1),
         "timing": _histogram(flown.decision_ms),
     }
 

@@ -41,11 +41,12 @@ def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> li
     flown: list[ResultLine] = []
     for number in numbers:
         encounter = source(number)
-        nominal = unmitigated(encounter)
+        route = plan.route_of(encounter, number)
+        nominal = unmitigated(encounter, route, plan.limits)
         if avoider == NONE:
             one = EncounterResult(nominal, back_s=encounter.duration_s)
         else:
-            one = fly(encounter, make_engine, surveillance, plan.limits, seed=plan.seed + number)
+            one = fly(encounter, make_engine, surveillance, plan.limits, seed=plan.seed + number, route=route)
         flown.append(result_line((avoider, preset, number), encounter, nominal, one))
     return flown
 

@@ -15,7 +15,7 @@ _RESAMPLES = 1000
 _CHUNK = 2_000_000  # encounters resampled at a time, to bound memory
 _COLUMNS = (
     "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
-    "avoided", "deviation_m", "height_m", "engagements",
+    "avoided", "deviation_m", "height_m", "engagements", "return_s",
 )  # fmt: skip
 # Pass lines for cooperative traffic, of ASTM F3442.
 RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
@@ -42,7 +42,7 @@ class Figures:
                 result["number"], self._code(result["surveillance"]), self._code(result["geometry"]),
                 result["closing_mps"], result["weight"], nominal["nmac"], nominal["lowc"], flown["nmac"],
                 flown["lowc"], result["avoided"], result["deviation_m"], result["height_m"],
-                result["engagements"],
+                result["engagements"], _number_or_nan(result["return_s"]),
             )
         )  # fmt: skip
         self.not_back += result["back_s"] is None
@@ -88,9 +88,11 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         "median_max_deviation_m": _weighted_median(columns["deviation_m"], columns["weight"], conflicts),
         "median_max_height_m": _weighted_median(columns["height_m"], columns["weight"], conflicts),
         **_nuisance(columns),
-        "more_than_one_engagement": int((columns["engagements"] > 1.0).sum()),
-        "not_back_on_line": figures.not_back,
+        "engaged_more_than_once": int((columns["engagements"] > 1.0).sum()),
+        "mean_engagements": _mean_of_engaged(columns),
+        "not_back_on_leg": figures.not_back,
         "latest_back_s": figures.latest_back_s,
+        "back_s": _quantiles(columns["return_s"]),
         "decision_ms": {
             "p50": percentile_ms(figures.timing, 0.5),
             "p99": percentile_ms(figures.timing, 0.99),
@@ -151,6 +153,24 @@ def _interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tup
 def _divided(above: Array, below: Array) -> Array:
     quotient: Array = np.divide(above, below, out=np.full(len(above), np.nan), where=below > 0.0)
     return quotient
+
+
+def _mean_of_engaged(columns: dict[str, Array]) -> float | None:
+    """Engagements per encounter, of those with any."""
+    engaged = columns["engagements"][columns["engagements"] > 0.0]
+    return round(float(engaged.mean()), 3) if len(engaged) else None
+
+
+def _quantiles(values: Array) -> dict[str, float | None]:
+    """Median and 95 % quantile of the values that are known."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return {"p50": None, "p95": None}
+    return {f"p{share}": round(float(np.percentile(known, share)), 1) for share in (50, 95)}
+
+
+def _number_or_nan(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
 def _mean(columns: dict[str, Array], name: str) -> float:

@@ -36,6 +36,11 @@ LockOption = Annotated[
     bool, typer.Option("--lock-height", help="Ceiling just above the mission's height, floor just below.")
 ]
 
+LegsOption = Annotated[
+    bool,
+    typer.Option("--legs", help="Missions with legs of 3 km, slopes and corners; default: a straight line."),
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -45,6 +50,7 @@ def campaign(
     surveillance: SurveillanceOption = None,
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
+    legs: LegsOption = False,
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -74,7 +80,7 @@ def campaign(
             writable(path)
     plan = Plan(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
-        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part,
+        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs,
     )  # fmt: skip
     note_if_slow()
     console = Console(highlight=False)
@@ -96,6 +102,7 @@ def encounter(
     surveillance: Annotated[str, typer.Option(metavar="PRESET", help="As in the campaign.")] = "perfect",
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
+    legs: LegsOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -107,6 +114,6 @@ def encounter(
         require("matplotlib", "companion-sim encounter --out", "sim")
         writable(out)
     models = tuple(map(str, model or ()))
-    plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height)
+    plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height, legs=legs)
     note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)

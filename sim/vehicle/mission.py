@@ -8,13 +8,18 @@ from companion.geodesy import GeoPoint
 
 NAV_WAYPOINT = 16
 NAV_LOITER_UNLIM = 17
+NAV_LOITER_TURNS = 18
+NAV_LOITER_TIME = 19
 NAV_RETURN_TO_LAUNCH = 20
 NAV_LAND = 21
 NAV_TAKEOFF = 22
+DO_JUMP = 177
 DO_CHANGE_SPEED = 178
 
-NAVIGATION = frozenset({NAV_WAYPOINT, NAV_LOITER_UNLIM, NAV_RETURN_TO_LAUNCH, NAV_LAND, NAV_TAKEOFF})
-SUPPORTED = NAVIGATION | {DO_CHANGE_SPEED}
+LOITERS = frozenset({NAV_LOITER_UNLIM, NAV_LOITER_TURNS, NAV_LOITER_TIME})
+NAVIGATION = LOITERS | {NAV_WAYPOINT, NAV_RETURN_TO_LAUNCH, NAV_LAND, NAV_TAKEOFF}
+SUPPORTED = NAVIGATION | {DO_JUMP, DO_CHANGE_SPEED}
+_FOR_EVER = -1
 
 # MAV_FRAME, in pairs of float and integer coordinates
 ABSOLUTE_FRAMES = frozenset({0, 5})
@@ -25,9 +30,12 @@ GLOBAL_FRAMES = ABSOLUTE_FRAMES | RELATIVE_FRAMES | TERRAIN_FRAMES
 _NAMES = {
     NAV_WAYPOINT: "WP",
     NAV_LOITER_UNLIM: "LoitUnlim",
+    NAV_LOITER_TURNS: "LoitTurns",
+    NAV_LOITER_TIME: "LoitTime",
     NAV_RETURN_TO_LAUNCH: "RTL",
     NAV_LAND: "Land",
     NAV_TAKEOFF: "Takeoff",
+    DO_JUMP: "Jump",
     DO_CHANGE_SPEED: "SetSpeed",
 }
 
@@ -104,6 +112,7 @@ class Mission:
         self.items: list[MissionItem] = [*([self._home] if has_home else []), *items] if items else []
         self.current = 0
         self.completed = False
+        self._jumped: dict[int, int] = {}  # how often each DO_JUMP was executed
 
     @property
     def total(self) -> int:
@@ -120,6 +129,7 @@ class Mission:
         self.items = [self._home, *items[1:]] if items and self._has_home else list(items)
         self.current = 0
         self.completed = False
+        self._jumped.clear()
 
     def item_at(self, sequence: int) -> MissionItem | None:
         """The item with that number; with `has_home`, item 0 exists in an empty mission too."""
@@ -144,15 +154,46 @@ class Mission:
         )
         return following[0] if following else None
 
+    def jump(self) -> MissionItem | None:
+        """Execute the current DO_JUMP: the item that follows by it, `None` at the end."""
+        target = self.target_of_jump(self.current)
+        if target is None:
+            return self.advance()
+        self._jumped[self.current] = self._jumped.get(self.current, 0) + 1
+        self.select(target)
+        return self.items[target]
+
+    def target_of_jump(self, sequence: int) -> int | None:
+        """The item that a DO_JUMP leads to; `None` when it is not executed any more, or is no jump."""
+        item = self.items[sequence]
+        if item.command != DO_JUMP or not 0 <= int(item.params[0]) < len(self.items):
+            return None
+        count = int(item.params[1])
+        over = count != _FOR_EVER and self._jumped.get(sequence, 0) >= count
+        return None if over else int(item.params[0])
+
     def rewind(self) -> None:
         """Restart at the first item."""
+        self._jumped.clear()
         self.current = self.first - 1
         self.advance()
 
     def next_navigation(self) -> MissionItem | None:
         """The navigation item after the active one, for turning early."""
-        following = self.items[self.current + 1 :]
-        return next((i for i in following if i.command in NAVIGATION), None)
+        at = self.current + 1
+        for _ in self.items:
+            if at >= len(self.items):
+                return None
+            if self.items[at].command in NAVIGATION:
+                return self.items[at]
+            target = self.target_of_jump(at)
+            at = at + 1 if target is None else target
+        return None
+
+    def airspeed_mps(self) -> float | None:
+        """The airspeed of the last DO_CHANGE_SPEED before the current item, in the list's order."""
+        changes = [item for item in self.items[: self.current] if item.command == DO_CHANGE_SPEED]
+        return changes[-1].params[1] if changes and changes[-1].params[0] == 0.0 else None
 
 
 def is_sane(item: MissionItem) -> bool:

@@ -30,11 +30,31 @@ def loiter_bank_rad(
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A straight leg of a mission, and the end of the next leg."""
+    """A straight leg of a mission, and the end of the next leg.
+
+    Heights are above mean sea level; without a `start_altitude_m` the leg has no slope, and its end's height
+    is flown at once.
+    """
 
     start_m: Vec2
     end_m: Vec2
     next_m: Vec2
+    end_altitude_m: float
+    start_altitude_m: float | None = None
+
+    def altitude_m(self, position_m: Vec2, reached_before_m: float = 0.0) -> float:
+        """Height of the leg beside a place, linear along it; that of the end from `reached_before_m` on."""
+        length_m = math.dist(self.start_m, self.end_m) - reached_before_m
+        if self.start_altitude_m is None or length_m <= 0.0:
+            return self.end_altitude_m
+        share = (self._to_go_m(position_m) - reached_before_m) / length_m
+        return self.end_altitude_m + min(max(share, 0.0), 1.0) * (self.start_altitude_m - self.end_altitude_m)
+
+    def _to_go_m(self, position_m: Vec2) -> float:
+        """Distance to the end along the leg, negative beyond it."""
+        leg_n, leg_e = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
+        north_m, east_m = self.end_m[0] - position_m[0], self.end_m[1] - position_m[1]
+        return (north_m * leg_n + east_m * leg_e) / max(math.hypot(leg_n, leg_e), 1e-6)
 
     def bank_rad(self, position_m: Vec2, velocity_mps: Vec2) -> float:
         """Bank angle [rad] that joins and follows the leg."""
@@ -42,8 +62,7 @@ class Leg:
 
     def is_passed(self, position_m: Vec2) -> bool:
         """True beyond the finish line: the perpendicular to the leg through its end."""
-        leg_n, leg_e = self.end_m[0] - self.start_m[0], self.end_m[1] - self.start_m[1]
-        return (position_m[0] - self.end_m[0]) * leg_n + (position_m[1] - self.end_m[1]) * leg_e >= 0.0
+        return self._to_go_m(position_m) <= 0.0
 
     def turn_distance_m(self, ground_speed_mps: float, radius_m: float) -> float:
         """Distance before the end at which to turn to the next leg [m], as in ArduPlane; 0 without a turn."""

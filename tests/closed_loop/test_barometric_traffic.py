@@ -58,7 +58,7 @@ def fly(own_pressure: bool, pressure_unknown_m: float = 60.0, miss_height_m: flo
     loop = LowPressure(
         above_us(miss_height_m), Engine(EngineConfig(traffic=params)), own_pressure=own_pressure
     )
-    loop.run(120.0)
+    loop.run(170.0)
     return loop
 
 

@@ -63,6 +63,7 @@ class ArduPlaneCommands(Commands):
             mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE: self._change_altitude,
             mavlink.MAV_CMD_GUIDED_CHANGE_HEADING: self._change_heading,
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
+            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_cruise_speed,
             mavlink.MAV_CMD_MISSION_START: self._start_mission,
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self._change_to(Mode.RTL),
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda _: self._change_to(Mode.LOITER),
@@ -83,6 +84,16 @@ class ArduPlaneCommands(Commands):
             return Result.FAILED
         limits_mps = flight.limits.airspeed_min_mps, flight.limits.airspeed_max_mps
         return flight.guided.change_speed(call.params[0], call.params[1], *limits_mps)
+
+    def _change_cruise_speed(self, call: Call) -> Result:
+        """DO_CHANGE_SPEED: an airspeed within the limits, forgotten at the next change of mode."""
+        flight, airspeed_mps = self._flight, call.params[1]
+        if call.params[0] != 0.0:
+            return Result.DENIED
+        if not flight.limits.airspeed_min_mps <= airspeed_mps <= flight.limits.airspeed_max_mps:
+            return Result.DENIED
+        flight.aircraft.hold_airspeed(airspeed_mps)
+        return Result.ACCEPTED
 
     def _change_altitude(self, call: Call) -> Result:
         flight = self._flight

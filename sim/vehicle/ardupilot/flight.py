@@ -10,11 +10,14 @@ from sim.vehicle.ardupilot.modes import PILOTED, Mode
 from sim.vehicle.ardupilot.parameters import limits_of
 from sim.vehicle.mission import Mission, MissionItem
 from sim.vehicle.mission_flight import MissionFlight
+from sim.vehicle.navigation import Leg
 from sim.vehicle.outputs import INFO, WARNING, ModeChanged, Text
 from sim.vehicle.parameters import Limits, Parameters
 
 _NO_MISSION_TEXT = "Aircraft in auto without a running mission"
 _RTL_ON_BREACH = 1  # FENCE_ACTION
+# A smaller difference of height is flown at once (ALT_SLOPE_MIN), as is a climb near the ground.
+_LEAST_SLOPE_M, _LOWEST_SLOPE_M = 15.0, 20.0
 
 
 class ArduPlaneFlight(MissionFlight):
@@ -122,6 +125,13 @@ class ArduPlaneFlight(MissionFlight):
 
     def _takeoff_done(self) -> None:
         self._circle(self.place, self._takeoff_altitude_m())
+
+    def _leg_altitude_m(self, item: MissionItem, leg: Leg, here_m: Vec2) -> float:  # noqa: ARG002
+        """Linear along the line from where it began, unless that is nearly the item's height."""
+        begun_m = leg.end_altitude_m if leg.start_altitude_m is None else leg.start_altitude_m
+        up_m = leg.end_altitude_m - begun_m
+        low = up_m > 0.0 and begun_m - self.home.altitude_m < _LOWEST_SLOPE_M
+        return leg.end_altitude_m if low or abs(up_m) < _LEAST_SLOPE_M else leg.altitude_m(here_m)
 
     def _mission_over(self) -> None:
         text = "Mission complete, changing mode to RTL" if self.mission.items else _NO_MISSION_TEXT

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
 from sim.dynamics import Airframe
+from sim.vehicle import mission as mission_items
 from sim.vehicle.mission import Mission, MissionItem
 from sim.vehicle.mission_flight import MissionFlight
+from sim.vehicle.navigation import Leg
 from sim.vehicle.outputs import CRITICAL, INFO, WARNING, ModeChanged, Text
 from sim.vehicle.parameters import Limits, Parameters
 from sim.vehicle.px4.modes import PILOTED, WITHOUT_POSITION_CONTROL, Px4Mode
@@ -28,7 +30,6 @@ AIRFRAME = Airframe(
     sink_limit_mps=2.0,
     altitude_lag_s=5.0,
 )
-_FAR_BELOW_M = 20.0
 _LAND_SINK_MPS = 1.5
 # With an invalid setpoint it rolls off slowly and descends; these rates were not measured.
 _ROLL_OFF_RPS = math.radians(3.0)
@@ -212,6 +213,7 @@ class Px4Flight(MissionFlight):
         elif mode is Px4Mode.MISSION:
             self._start_or_resume()
             self._climb_first()
+            self._repeat_speed_change()
         elif mode is Px4Mode.RETURN:
             lowest_m = self.home.altitude_m + self.limits.rtl_height_m
             self._circle(self.home, max(lowest_m, here.altitude_m))
@@ -249,11 +251,25 @@ class Px4Flight(MissionFlight):
             super()._start_or_resume()
 
     def _climb_first(self) -> None:
-        """Plan a climb in a loiter if the item is well above."""
+        """Plan a climb in a loiter if the item is further above than NAV_FW_ALT_RAD, as PX4 does."""
         below_m = self.wanted_altitude_m - self.aircraft.altitude_m
-        if not self.on_ground and not self.taking_off and below_m > _FAR_BELOW_M:
+        far_below = below_m > self.parameters["NAV_FW_ALT_RAD"]
+        if far_below and not self.on_ground and not self.taking_off:
             here = self.place
             self._climb_at = GeoPoint(here.lat_deg, here.lon_deg, self.wanted_altitude_m)
+
+    def _repeat_speed_change(self) -> None:
+        """Fly the mission's last speed again; unlike ArduPlane, PX4 remembers it at a mode change."""
+        airspeed_mps = self.mission.airspeed_mps()
+        if airspeed_mps is not None and airspeed_mps > 0.0:
+            self.aircraft.hold_airspeed(airspeed_mps)
+
+    def _leg_altitude_m(self, item: MissionItem, leg: Leg, here_m: Vec2) -> float:
+        """A first-order hold toward a waypoint, reached at its acceptance; a loiter's height at once."""
+        if item.command in mission_items.LOITERS:
+            return leg.end_altitude_m
+        acceptance_m = item.params[1] if item.params[1] > 0.0 else self.parameters["NAV_ACC_RAD"]
+        return leg.altitude_m(here_m, acceptance_m)
 
     def _fly_mission(self) -> None:
         if self._climb_at is None:
