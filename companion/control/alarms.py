@@ -23,6 +23,8 @@ def conditions(context: ControlContext, unattended: UnattendedGuided, now_s: flo
         return [_alarm(f"not in {context.prior_mode} yet, take over", _RELEASED_AFTER_S)]
     if state in FLYING and data.flown_since_s is not None and now_s - data.flown_since_s >= _LONG_S:
         return [_long_avoidance(context, now_s - data.flown_since_s)]
+    if data.fallback is not None:
+        return [_alarm(f"{context.prior_mode} refused, choose a mode", 0.0)]
     if state not in FLYING and unattended.is_left(now_s):
         return [_alarm(f"{aircraft.mode}, flown by no one, take over", _LEFT_AFTER_S)]
     return []

@@ -29,7 +29,7 @@ from companion.control.state_machine import (
     SupervisorParams,
 )
 from companion.control.take_over import TakeOver
-from companion.control.unattended_guided import UnattendedGuided
+from companion.control.unattended_guided import FLICKER_S, UnattendedGuided
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult
@@ -181,6 +181,8 @@ class Handover:
             return None
         if override is Event.COMPANION:
             return self._make_way(now_s)
+        if override is Event.MODE_CHANGED and self._fell_while_yielding():
+            return self._give_back_found(Event.FOUND, now_s)
         if override is Event.MODE_CHANGED and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
             return None if aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
@@ -207,9 +209,13 @@ class Handover:
             data.forget_request()
         if override is Event.TARGET:
             data.guided_since_s = None  # it flies to someone's target
+        # It had left the guided mode by itself before, and is being given back.
+        loss_mode = context.adapter.setpoint_loss_mode()
+        fell_out = data.request is not None and data.request.start == loss_mode != context.adapter.guided_mode
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
+        data.let_go, data.seen_guided, data.fell_out = override, context.aircraft.guided, fell_out
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.
             data.last_unguided_mode = context.aircraft.custom_mode
@@ -220,9 +226,18 @@ class Handover:
         """Whether the link was lost just now, and the mode is the one that the autopilot enters then."""
         return self._context.aircraft.left_guided_by_itself(now_s) and self.supervisor.heeds(Event.FOUND)
 
+    def _fell_while_yielding(self) -> bool:
+        """Whether the release was delayed, and the autopilot left the guided mode by itself meanwhile."""
+        aircraft, data = self._context.aircraft, self.supervisor.data
+        yielded = self.supervisor.state is State.STOPPING and data.yields_until_s > -math.inf
+        start = None if data.request is None else data.request.start
+        fell = aircraft.custom_mode == self._context.adapter.setpoint_loss_mode()
+        return yielded and fell and start != aircraft.custom_mode
+
     def _fell_out(self, now_s: float) -> Outgoing:
         """Give back an aircraft that left the guided mode by itself, or let its controller recover first."""
         invalid = self._context.adapter.setpoint_invalid(now_s)
+        invalid &= self.supervisor.heeds(Event.INVALID_OUTSIDE)
         event = Event.INVALID_OUTSIDE if invalid else Event.FOUND
         self.supervisor.handle(event)
         return self._take_over.re_enter(now_s) if invalid else self._give_back_found(event, now_s)
@@ -374,7 +389,9 @@ class Handover:
         outgoing += self._release.restore_speed(now_s)
         outgoing += self._release.restore_item(now_s)
         fresh = now_s - context.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
-        return outgoing if context.clear or not fresh else [*outgoing, *self._take_over.begin(now_s)]
+        # A single heartbeat with the former mode may be wrong.
+        certain = fresh and now_s - data.given_back_s >= FLICKER_S
+        return outgoing if context.clear or not certain else [*outgoing, *self._take_over.begin(now_s)]
 
     def _has_settled(self, now_s: float) -> bool:
         """Whether it has been ready for `settle_s`."""

@@ -60,7 +60,11 @@ class Release:
         if data.reclaiming:
             data.wait_until_s = now_s + context.params.settle_s
         waits = data.wait_until_s > now_s
+        refused = request.wanted if request.wanted != data.prior.mode else None
+        fell_out = request.start == context.adapter.setpoint_loss_mode() != context.adapter.guided_mode
         context.supervisor.handle(Event.RECLAIMED if waits else Event.GIVEN_BACK)
+        # The heartbeat that shows the wanted mode may be wrong, and another mode follow.
+        data.fallback, data.fell_out = refused, fell_out
         if context.supervisor.state is not State.STOPPED:
             data.given_back_s = now_s
         return True

@@ -113,6 +113,7 @@ TRANSITIONS: dict[tuple[State, Event], State] = {
     # When the service ends, the claims of `YIELDED_TO` delay the release: it is the last chance.
     (State.STOPPING, Event.MODE_CHANGED): State.STOPPED,
     (State.STOPPING, Event.TARGET): State.STOPPED,
+    (State.STOPPING, Event.FOUND): State.STOPPING,  # the release goes on from the mode that it fell into
     (State.STOPPING, Event.DISARMED): State.STOPPED,
     (State.STOPPING, Event.LANDING): State.STOPPED,
     # It left the guided mode by itself while the link was lost.
@@ -210,9 +211,16 @@ class StateData:
     ready_since_s: float | None = None
     # Since when it has been in the guided mode and flown by no one.
     unattended_since_s: float | None = None
-    # Since when a heartbeat has shown another mode after that, and whether the guided mode came back.
+    # The claim after which we let go, and whether the heartbeats since then showed the guided mode.
+    let_go: Event | None = None
+    seen_guided: bool = False
+    # It left the guided mode by itself, as our setpoints ended.
+    fell_out: bool = False
+    # The mode in which it was left, because the former one was refused.
+    fallback: int | None = None
+    # Since when a heartbeat has shown another mode than the guided one, and than that one.
     left_guided_s: float | None = None
-    guided_again: bool = False
+    away_s: float | None = None
     # A claim delays the release until then, when the service ends.
     yields_until_s: float = -math.inf
     # Since when we fly it, without a break.
@@ -241,7 +249,8 @@ _ALWAYS = frozenset(
     {"prior", "plan", "left_in_prior_mode", "requested_s", "last_unguided_mode", "given_up", "suppressed_s"}
 )
 _OURS = _ALWAYS | {"rejoin", "mission_airspeed_mps", "guided_since_s", "overlooked", "flown_since_s"}
-_WATCH = _ALWAYS | {"guided_since_s", "unattended_since_s", "left_guided_s", "guided_again"}
+_LEFT = frozenset({"let_go", "seen_guided", "fell_out", "fallback", "left_guided_s", "away_s"})
+_WATCH = _ALWAYS | _LEFT | {"guided_since_s", "unattended_since_s"}
 _IDLE = _WATCH | {"given_back_s", "mission_airspeed_mps", "left_behind", "left_behind_since_s"}
 DATA: dict[State, frozenset[str]] = {
     State.STANDBY: _IDLE,

@@ -11,7 +11,7 @@ _LATE_S = 6.0
 _FOUND_AFTER_S = 1.0
 # Another mode that is shown for no longer than this, between two heartbeats with the guided one, was not
 # chosen by anyone: no pilot is that fast.
-_FLICKER_S = 1.5
+FLICKER_S = 1.5
 # An aircraft that enters the guided mode again has a new target, further than this from the former one; a
 # target much further away was given to it by someone.
 _SAME_TARGET_M, _OTHER_TARGET_M = 20.0, 100.0
@@ -29,24 +29,38 @@ class UnattendedGuided:
     def note_mode(self, now_s: float) -> None:
         """Follow the modes while the aircraft is not ours: is it in the guided mode by our doing?"""
         aircraft, data = self._context.aircraft, self._context.data
+        if aircraft.custom_mode != data.fallback:
+            data.fallback = None
         if not aircraft.guided:
             data.last_unguided_mode = aircraft.custom_mode
             if data.left_guided_s is None:
                 data.left_guided_s = aircraft.heartbeat_s
-            fell_out = data.guided_again and aircraft.custom_mode == self._loss_mode
-            data.guided_again = fell_out
+            self._note_fall()
             return
         if data.left_guided_s is None:
+            data.seen_guided = data.guided_since_s is not None
             return
         # The guided mode came back: it is someone's choice, unless it had not been left at all.
-        flickered = aircraft.heartbeat_s - data.left_guided_s <= _FLICKER_S
+        flickered = aircraft.heartbeat_s - data.left_guided_s <= FLICKER_S
         moved_m = aircraft.from_guided_target_m(now_s)
         same_target = moved_m is not None and moved_m <= _SAME_TARGET_M
         if data.guided_since_s is not None and (flickered or same_target):
-            data.guided_again = True
+            data.seen_guided = True
         else:
             data.guided_since_s = None
         data.left_guided_s = None
+
+    def _note_fall(self) -> None:
+        """Follow whether the present mode is the one that followed the guided mode by itself."""
+        aircraft, data = self._context.aircraft, self._context.data
+        if aircraft.custom_mode != self._loss_mode:
+            if data.away_s is None:
+                data.away_s = aircraft.heartbeat_s
+            return
+        if data.away_s is not None and aircraft.heartbeat_s - data.away_s > FLICKER_S:
+            data.seen_guided = data.fell_out = False  # chosen by someone
+        data.away_s = None
+        data.fell_out |= data.seen_guided
 
     @property
     def _loss_mode(self) -> int | None:
@@ -64,7 +78,7 @@ class UnattendedGuided:
             return False
         if self._loss_mode not in (None, self._context.adapter.guided_mode):
             # It leaves the guided mode by itself; while it stays there, someone else sends setpoints.
-            return data.guided_again and aircraft.custom_mode == self._loss_mode
+            return data.fell_out and aircraft.custom_mode == self._loss_mode
         return aircraft.guided
 
     def prior_if_left(self, now_s: float) -> PriorFlightState | None:
@@ -88,7 +102,9 @@ class UnattendedGuided:
             data.unattended_since_s = None
             return None
         # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
-        attended = aircraft.sticks.moved or aircraft.landing() or aircraft.is_ambiguous(now_s)
+        attended = aircraft.sticks.in_use(now_s) or aircraft.landing() or aircraft.is_ambiguous(now_s)
+        # Who moved the sticks may have chosen the mode, too, that the autopilot enters by itself.
+        attended |= data.fell_out and data.let_go is Event.STICKS
         if attended or data.unattended_since_s is None:
             data.unattended_since_s = now_s
         abandoned = now_s - data.unattended_since_s >= context.params.abandoned_s

@@ -405,7 +405,9 @@ class Engine:
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
         if adapter is not None:
-            outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s)
+            # An autopilot that leaves the guided mode without our setpoints: do they arrive?
+            often = self._handover.holds and adapter.leaves_guided_by_itself
+            outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)
         healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
         return self._emit(outgoing, now_s) + self._keep(now_s)

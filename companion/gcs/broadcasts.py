@@ -8,7 +8,7 @@ from companion.model import Decision, Layer, Role, Threat
 
 _HEARTBEAT_INTERVAL_S = 1.0
 _COLLISION_INTERVAL_S = 1.0
-_TIME_SYNC_INTERVAL_S = 2.0
+_TIME_SYNC_INTERVAL_S, _TIME_SYNC_OFTEN_S = 2.0, 0.1
 _MAX_COLLISIONS = 4
 
 
@@ -36,9 +36,10 @@ class Broadcasts:
             )
         ]
 
-    def time_sync(self, component_id: int, now_s: float) -> list[Message]:
-        """TIMESYNC, every two seconds: its answer shows the delay of the link."""
-        if 0.0 <= now_s - self._time_sync_s < _TIME_SYNC_INTERVAL_S - 1e-3:
+    def time_sync(self, component_id: int, now_s: float, *, often: bool) -> list[Message]:
+        """TIMESYNC, every two seconds: its answer shows the delay of the link. `often`: at every tick."""
+        interval_s = _TIME_SYNC_OFTEN_S if often else _TIME_SYNC_INTERVAL_S
+        if 0.0 <= now_s - self._time_sync_s < interval_s - 1e-3:
             return []
         self._time_sync_s = now_s
         return [time_sync_request(component_id, now_s)]

@@ -269,6 +269,14 @@ class TimeSync:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkAnswer:
+    """The sender answered what we sent at `asked_s` on our clock: messages arrive in both directions."""
+
+    sender: Sender
+    asked_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class OtherVehicle:
     """Another vehicle has the address of the sender: its clock or its position is not that of ours."""
 
@@ -363,6 +371,7 @@ Fact = (
     | AttitudeTarget
     | SystemTime
     | TimeSync
+    | LinkAnswer
     | OtherVehicle
     | OtherCompanion
     | AutopilotVersion

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import Fact, OtherVehicle, Sender, TimeSync, Traffic
+from companion.mavlink.facts import Fact, LinkAnswer, OtherVehicle, Sender, TimeSync, Traffic
 from companion.mavlink.framing import Frame
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.mavlink.vehicle_clock import Origin, VehicleClocks
@@ -45,7 +45,7 @@ class Intake:
         if fact is None:
             self.unusable += 1
         elif isinstance(fact, TimeSync):
-            self._synchronize(fact, frame, received_s)
+            return self._synchronize(fact, frame, received_s)
         # Reports of traffic carry their age and are judged by it.
         elif origin is Origin.PRESENT or isinstance(fact, Traffic):
             return Received(fact, true_s)
@@ -53,9 +53,15 @@ class Intake:
             self.past += 1
         return None
 
-    def _synchronize(self, fact: TimeSync, frame: Frame, received_s: float) -> None:
-        if fact.answer_ns != 0 and fact.stamp_ns % _STAMP_DIGITS == self._component_id:
-            self._clocks.answered(frame, fact.stamp_ns // _STAMP_DIGITS / 1e6, received_s)
+    def _synchronize(self, fact: TimeSync, frame: Frame, received_s: float) -> Received | None:
+        """Use an answer to our own request; all others are of no use."""
+        if fact.answer_ns == 0 or fact.stamp_ns % _STAMP_DIGITS != self._component_id:
+            return None
+        asked_s = fact.stamp_ns // _STAMP_DIGITS / 1e6
+        if asked_s > received_s:
+            return None
+        self._clocks.answered(frame, asked_s, received_s)
+        return Received(LinkAnswer(fact.sender, asked_s), received_s)
 
 
 def time_sync_request(component_id: int, now_s: float) -> Message:

@@ -13,6 +13,7 @@ from companion.mavlink.facts import (
     FenceStatus,
     Heartbeat,
     LandedState,
+    LinkAnswer,
     MissionProgress,
     NavigationTarget,
     OtherVehicle,
@@ -103,10 +104,12 @@ class Aircraft:
                 self.navigation.observe_target(fact, now_s, ours=self.ours, guided=self.guided)
             case AutopilotVersion():
                 self.identity.version = fact.version
+            case LinkAnswer():
+                self.contact.observe_answer(fact.asked_s, now_s)
             case SystemTime():
                 self.contact.observe_clock(fact.unix_s, now_s)
             case RcChannels():
-                self.sticks.observe(fact)
+                self.sticks.observe(fact, now_s)
             case _:
                 pass
         return True
@@ -158,9 +161,12 @@ class Aircraft:
         self._mode_heard = True
 
     def left_guided_by_itself(self, now_s: float) -> bool:
-        """Whether a silence has just ended with the mode that the autopilot enters when our setpoints end."""
+        """Whether the link was lost, in either direction, and the mode is the one that is entered then."""
         adapter = self.adapter
-        if adapter is None or self.guided or self.contact.since_silence_s(now_s) > _MODE_KNOWN_S:
+        interrupted = self.contact.since_silence_s(now_s) <= _MODE_KNOWN_S or self.contact.uplink_interrupted(
+            now_s
+        )
+        if adapter is None or self.guided or not interrupted:
             return False
         return self.custom_mode == adapter.setpoint_loss_mode()
 

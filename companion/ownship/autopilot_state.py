@@ -33,6 +33,8 @@ _VEHICLES = frozenset(
         mavlink.MAV_TYPE_DECAROTOR,
     }
 )
+# After a second without setpoints PX4 leaves its guided mode.
+_UPLINK_LOST_S = 0.8
 # Another autopilot, vehicle or companion counts until it has been silent for this long.
 _OTHER_HEARD_S = 10.0
 # Without heartbeats for this long the autopilot is gone or restarting.
@@ -44,6 +46,8 @@ _CONTACT_RENEWED_S = 1.0
 # Roll, pitch and yaw, in the channel order that both autopilots expect of a receiver. The throttle (channel
 # 3) may be anywhere while the autopilot flies.
 _STEERING = (0, 1, 3)
+# A pilot who flies with the sticks moves them more often than this.
+_AT_REST_S = 10.0
 # FENCE_STATUS comes once a second while the fence is enabled.
 _FENCE_HEARD_S = 10.0
 # The MAV_STATEs of an autopilot in a failsafe.
@@ -163,6 +167,8 @@ class Contact:
         self.clock_offset_s: float | None = None  # the autopilot's Unix time minus ours
         self._fact_s = -math.inf
         self._silent_until_s = -math.inf
+        self._answered_s: float | None = None  # when the newest message was sent that was answered
+        self._round_trip_s = 0.0
         self._gap_until_s = -math.inf  # of our own: nothing from before its end shows the present
 
     def observe(self, now_s: float) -> None:
@@ -174,6 +180,20 @@ class Contact:
     def observe_clock(self, unix_s: float | None, now_s: float) -> None:
         """Compare the autopilot's Unix time with ours; `None`: it has none yet."""
         self.clock_offset_s = None if unix_s is None else unix_s - now_s
+
+    def observe_answer(self, asked_s: float, now_s: float) -> None:
+        """Note an answer to what we sent at `asked_s`."""
+        if self._answered_s is None or asked_s > self._answered_s:
+            self._answered_s, self._round_trip_s = asked_s, now_s - asked_s
+
+    def uplink_interrupted(self, now_s: float) -> bool:
+        """Whether nothing that we sent for about a second is answered, although it was before.
+
+        It counts only while requests are sent at every tick.
+        """
+        if self._answered_s is None:
+            return False
+        return now_s - self._answered_s > _UPLINK_LOST_S + 2.0 * self._round_trip_s
 
     def note_gap(self, now_s: float) -> None:
         """Note that we did nothing until now: what is known is of before."""
@@ -208,10 +228,18 @@ class Sticks:
         self._limit_us = limit_us or math.inf
         self.pulses_us: tuple[int | None, ...] = ()  # the newest; empty before the first report
         self._marked_us: tuple[int | None, ...] | None = None
+        self._rested_us: tuple[int | None, ...] = ()  # where they were when they moved last
+        self._motion_s = -math.inf
 
-    def observe(self, fact: RcChannels) -> None:
+    def observe(self, fact: RcChannels, now_s: float) -> None:
         """Store the newest positions."""
         self.pulses_us = fact.pulses_us
+        if not self._rested_us or self._differ(self._rested_us, 0.5 * self._limit_us):
+            self._rested_us, self._motion_s = fact.pulses_us, now_s
+
+    def in_use(self, now_s: float) -> bool:
+        """Whether the pilot flies with them: moved, and not at rest since then."""
+        return self.moved and now_s - self._motion_s < _AT_REST_S
 
     def mark(self) -> None:
         """Mark the newest positions; without a report yet, the first ones that are received."""
@@ -222,11 +250,15 @@ class Sticks:
         """Whether a stick is further from its marked position than the limit."""
         if self._marked_us is None:
             self._marked_us = self.pulses_us or None
-        now_us, marked_us = self._steering(self.pulses_us), self._steering(self._marked_us or ())
+        return self._differ(self._marked_us or (), self._limit_us)
+
+    def _differ(self, from_us: tuple[int | None, ...], limit_us: float) -> bool:
+        """Whether a stick is further from these positions than a limit."""
+        now_us, other_us = self._steering(self.pulses_us), self._steering(from_us)
         return any(
-            abs(now - marked) > self._limit_us
-            for now, marked in zip(now_us, marked_us, strict=True)
-            if now is not None and marked is not None
+            abs(now - other) > limit_us
+            for now, other in zip(now_us, other_us, strict=True)
+            if now is not None and other is not None
         )
 
     @staticmethod

@@ -13,6 +13,7 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
+    LinkAnswer,
     OwnPosition,
     Parameter,
     ParameterSet,
@@ -54,6 +55,7 @@ class Seat:
         self.obeys: Callable[[Message], bool] = lambda _message: True
         self.extra_facts: list[Fact] = []  # received at every tick
         self.height_m = 300.0
+        self.transmits = True  # whether our messages arrive
         self.knows_mission = True  # whether it answers that there is none
         self.intruder_altitude_m = 884.0
         self.hovers = False  # the intruder stands still ahead of us, wherever we fly
@@ -102,6 +104,8 @@ class Seat:
 
     def _perform(self, effects: list[Effect]) -> None:
         for effect in effects:
+            if isinstance(effect, Transmit) and effect.message.get_type() == "TIMESYNC" and self.transmits:
+                self._answers.append(LinkAnswer(AUTOPILOT, self.now_s))
             if isinstance(effect, Transmit) and self.knows_mission:
                 self._answers += empty_missions([effect.message], AUTOPILOT, US)
             if isinstance(effect, Transmit) and acts(effect.message):

@@ -44,8 +44,12 @@ EXAMPLE = StateData(
     unattended_since_s=1.0,
     left_behind=PersistedState(0.0, 1),
     left_behind_since_s=1.0,
+    let_go=Event.STICKS,
+    seen_guided=True,
+    fell_out=True,
     left_guided_s=1.0,
-    guided_again=True,
+    away_s=1.0,
+    fallback=12,
     yields_until_s=1.0,
     flown_since_s=1.0,
 )

@@ -26,9 +26,9 @@ def test_a_stick_moves_when_it_leaves_its_marked_position(
     pulses_us: tuple[int | None, ...], moved: bool
 ) -> None:
     sticks = Sticks(100.0)
-    sticks.observe(channels(1500, 1500, 1200, 1500))
+    sticks.observe(channels(1500, 1500, 1200, 1500), 0.0)
     sticks.mark()
-    sticks.observe(channels(*pulses_us))
+    sticks.observe(channels(*pulses_us), 0.0)
     assert sticks.moved is moved
 
 
@@ -36,15 +36,15 @@ def test_positions_first_received_after_the_mark_are_the_marked_ones() -> None:
     sticks = Sticks(100.0)
     sticks.mark()
     assert not sticks.moved
-    sticks.observe(channels(1700, 1500, 1500, 1500))
+    sticks.observe(channels(1700, 1500, 1500, 1500), 0.0)
     assert not sticks.moved
-    sticks.observe(channels(1500, 1500, 1500, 1500))
+    sticks.observe(channels(1500, 1500, 1500, 1500), 0.0)
     assert sticks.moved
 
 
 def test_with_a_limit_of_zero_no_stick_ever_moves() -> None:
     sticks = Sticks(0.0)
-    sticks.observe(channels(1500, 1500, 1500, 1500))
+    sticks.observe(channels(1500, 1500, 1500, 1500), 0.0)
     sticks.mark()
-    sticks.observe(channels(1000, 2000, 1000, 2000))
+    sticks.observe(channels(1000, 2000, 1000, 2000), 0.0)
     assert not sticks.moved

@@ -1,0 +1,310 @@
+"""A model of everything that can happen to control, and what must hold on every tick of it.
+
+The engine is the real one; only its avoider is replaced by one that sees a conflict when told so. The model
+checks on each tick:
+
+- nothing acts on the aircraft after a claim that the engine has received;
+- no mode is requested without a fresh heartbeat that shows the mode to be left;
+- while everything works, the aircraft is in the guided mode by our doing and not flown by us for no longer
+  than `abandoned_s` and the time that giving back takes; otherwise an alarm holds.
+
+`python -m tests.support.dead_ends --depth 3` walks all sequences of events.
+"""
+
+import argparse
+import itertools
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from companion.avoidance import AvoidanceParams, Avoider
+from companion.control.state_machine import ENTERING, FLYING, State, SupervisorParams
+from companion.engine import Engine, EngineConfig, EngineParams
+from companion.mavlink.dialect import Message
+from companion.mavlink.facts import (
+    Heartbeat,
+    LandedState,
+    NavigationTarget,
+    OtherVehicle,
+    OwnPosition,
+    Parameter,
+    RcChannels,
+)
+from companion.model import Decision, Goal, Guidance, Layer, Ownship, Threat, Track
+from tests.support.pilots_seat import (
+    ARDUPILOT,
+    AUTO,
+    AUTOPILOT,
+    FBWA,
+    GUIDED,
+    HOLD,
+    MISSION,
+    OFFBOARD,
+    PX4,
+    SET_MODE,
+    T0,
+    Seat,
+)
+
+RULES = SupervisorParams()
+EVENT_S = 1.5
+# Giving back takes a request, a heartbeat and, with PX4, a stream of setpoints before it.
+_GIVEN_BACK_S = 3.5
+_EVIDENCE_S = 1.6
+# An alarm is due when giving back takes longer than usual.
+_ALARM_S = 12.0
+_SETPOINTS_LOST_S = 1.0
+# A second vehicle counts for this long after it was heard.
+_TWO_VEHICLES_S = 10.5
+# Sticks that moved count until they have rested for this long.
+_STICKS_REST_S = 10.5
+
+EVENTS = (
+    "conflict ends",
+    "conflict begins",
+    "pilot takes over",
+    "pilot resumes mission",
+    "flicker",
+    "flicker to mission",
+    "fly here",
+    "sticks",
+    "failsafe",
+    "landing",
+    "reception lost",
+    "transmission lost",
+    "modes refused",
+    "stall",
+    "position lost",
+    "two vehicles",
+    "role advise",
+    "stop",
+)
+
+
+class ToldAvoider(Avoider):
+    """Sees one intruder while `conflict` is set, and turns right."""
+
+    conflict = True
+
+    def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:  # noqa: ARG002
+        if not self.conflict:
+            return Decision(Layer.CLEAR, because="no conflict")
+        threat = Threat("A00001", 0xA00001, 3000.0, 0.0, 0.0, 75.0, 40.0, 0.0, 0.0, Layer.OUTER)
+        return Decision(Layer.OUTER, Guidance(1.0, 22.0, 884.0), (threat,), "told so")
+
+
+class Model(Seat):
+    """The aircraft, its pilot, its links and the companion."""
+
+    def __init__(self, autopilot: int) -> None:
+        super().__init__(autopilot, RULES)
+        self.avoider = ToldAvoider(AvoidanceParams())
+        self.engine = Engine(
+            EngineConfig(engine=EngineParams(autopilot_system_id=1), supervisor=RULES), avoider=self.avoider
+        )
+        self.intruder = False
+        self.receives = self.accepts = True
+        self.obeys = self._does
+        self.claims: set[str] = set()  # that hold now
+        self.seen_mode = self.mode
+        self.by_us = False  # it is in the guided mode because we asked for it
+        self.shown_mode: int | None = None  # a heartbeat that shows another mode than the true one
+        self.unattended_s = self.alarm_s = 0.0
+        self.stopped_in: str | None = None  # what held when the service ended
+        self.claimed: set[str] = set()  # all claims so far
+        self._heard: tuple[float, int] | None = None  # the newest heartbeat that was received
+        self._setpoint_s = T0
+        self.target = NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0)
+        self.pulses = (1500, 1500, 1000, 1500)
+        self.landed = 2
+        self.attended_until_s = T0
+
+    # --- the world
+
+    @property
+    def guided_mode(self) -> int:
+        return GUIDED if self.autopilot == ARDUPILOT else OFFBOARD
+
+    def _does(self, message: Message) -> bool:
+        """Whether the autopilot obeys a message that was sent."""
+        if not self.transmits:
+            return False
+        if message.get_type().startswith("SET_POSITION"):
+            self._setpoint_s = self.now_s
+        if getattr(message, "command", None) == SET_MODE:
+            if not self.accepts:
+                self.answer(SET_MODE, 4)
+                return False
+            wanted = round(message.param2)
+            mode = wanted if self.autopilot == ARDUPILOT else wanted << 16 | round(message.param3) << 24
+            self.by_us = mode == self.guided_mode
+            if self.by_us:
+                lat_deg = -35.0 + (self.now_s - T0) * 22.0 / 110_940.0
+                self.target = NavigationTarget(AUTOPILOT, lat_deg, 149.0, 884.0)
+        return True
+
+    def chooses(self, mode: int) -> None:
+        """The pilot or the autopilot changes the mode."""
+        if mode != self.mode:
+            self.by_us = False
+        self.mode = mode
+
+    def receive(self, fact: object) -> None:
+        if not getattr(self, "receives", True):
+            return
+        if isinstance(fact, OwnPosition) and not self.positions:
+            return
+        if isinstance(fact, Heartbeat):
+            shown = self.mode if self.shown_mode is None else self.shown_mode
+            self._heard = self.now_s, shown
+            fact = replace(fact, custom_mode=shown)
+        super().receive(fact)  # type: ignore[arg-type]
+
+    def advance(self, seconds: float) -> None:
+        """Fly on, and check every tick."""
+        for _ in range(round(seconds * 10)):
+            if self.autopilot == PX4 and self.mode == OFFBOARD:
+                if self.now_s - self._setpoint_s > _SETPOINTS_LOST_S:
+                    self.mode = HOLD  # still by our doing
+            else:
+                self._setpoint_s = self.now_s
+            self.extra_facts = [
+                RcChannels(AUTOPILOT, self.pulses),
+                LandedState(AUTOPILOT, self.landed),
+                self.target,
+            ]
+            if self.autopilot == PX4:
+                self.extra_facts.append(Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0))
+            if "two vehicles" in self.claims:
+                self.attended_until_s = self.now_s + _TWO_VEHICLES_S
+                self.extra_facts.append(OtherVehicle(AUTOPILOT))
+            was_held = self.engine._handover.holds
+            claimed = {claim for claim in self.claims if self.receives}
+            sent = self.fly(0.1)
+            self._check(sent, claimed if was_held else set())
+            self._count()
+
+    # --- what must hold
+
+    def _check(self, sent: Iterable[Message], claimed: set[str]) -> None:
+        acting = [message for message in sent if message.get_type() != "PARAM_SET"]
+        state = self.state
+        for message in acting:
+            if getattr(message, "command", None) == SET_MODE:
+                assert self._heard is not None
+                age_s = self.now_s - self._heard[0]
+                assert age_s <= _EVIDENCE_S, f"mode requested {age_s:.1f} s after the last heartbeat"
+        if claimed and state is State.HANDS_OFF:
+            assert not acting, f"{[m.get_type() for m in acting]} after {claimed}"
+
+    def _count(self) -> None:
+        """Time in the guided mode, or in the one that follows it, by our doing and not flown by us."""
+        left = self.by_us and (self.mode == self.guided_mode or self.mode == HOLD)
+        flown = self.state in FLYING or self.state in ENTERING
+        if not left or flown:
+            self.unattended_s = self.alarm_s = 0.0
+            return
+        attended = self.claims & {"sticks", "landing", "fly here"} or self.now_s < self.attended_until_s
+        # On the ground the service may end at once; in Hold, who moved the sticks is only warned.
+        ended = self.stopped_in == "landing"
+        warned = self.mode == HOLD and "sticks" in self.claimed
+        works = self.receives and self.transmits and self.accepts and not (attended or ended or warned)
+        self.unattended_s = self.unattended_s + 0.1 if works else 0.0
+        limit_s = RULES.abandoned_s + _GIVEN_BACK_S
+        assert self.unattended_s <= limit_s, f"nobody flies for {self.unattended_s:.1f} s in {self.state}"
+        self.alarm_s += 0.1
+        alarmed = any(condition.key == "unattended" for condition in self.engine.conditions)
+        silent = "fly here" in self.claims or self.stopped_in is not None
+        assert alarmed or self.alarm_s < _ALARM_S or silent, "no alarm"
+
+    # --- what can happen
+
+    def happen(self, event: str) -> None:
+        self.claimed.add(event)
+        match event:
+            case "conflict ends" | "conflict begins":
+                self.avoider.conflict = event == "conflict begins"
+            case "pilot takes over":
+                self.chooses(FBWA if self.autopilot == ARDUPILOT else 3 << 16)
+            case "pilot resumes mission":
+                self.chooses(AUTO if self.autopilot == ARDUPILOT else MISSION)
+            case "flicker" | "flicker to mission":
+                other = FBWA if self.autopilot == ARDUPILOT else 3 << 16
+                self.shown_mode = other if event == "flicker" else self.prior_mode
+                self.advance(0.3)
+                self.shown_mode = None
+            case "fly here":
+                if self.autopilot == ARDUPILOT and self.mode == GUIDED:
+                    self.claims.add("fly here")
+                    self.target = NavigationTarget(AUTOPILOT, -36.0, 150.0, 884.0)
+            case "sticks":
+                self.claims.add("sticks")
+                self.pulses = (1900, 1500, 1000, 1500)
+            case "failsafe":
+                self.status = 5
+            case "landing":
+                self.claims.add("landing")
+                self.landed = 4
+            case "reception lost":
+                self.receives = False
+            case "transmission lost":
+                self.transmits = False
+            case "modes refused":
+                self.accepts = False
+            case "stall":
+                self._tick += 20
+                for effect in self.engine.note_gap(2.0, self.now_s):
+                    self._perform([effect])
+            case "position lost":
+                self.positions = False
+            case "two vehicles":
+                self.claims.add("two vehicles")
+            case "role advise":
+                self.set_role(1)
+            case "stop":
+                self.stopped_in = "landing" if "landing" in self.claims else ""
+                self.stop()
+
+    def mend(self) -> None:
+        """End everything that disturbs; what was chosen stays."""
+        self.receives = self.transmits = self.accepts = self.positions = True
+        if "sticks" in self.claims:
+            self.attended_until_s = max(self.attended_until_s, self.now_s + _STICKS_REST_S)
+        self.claims -= {"sticks", "landing", "two vehicles"}
+        self.pulses, self.landed, self.status = (1500, 1500, 1000, 1500), 2, 4
+
+
+def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False) -> Model:
+    """Let events happen one after the other while the aircraft is flown, and mend everything in the end."""
+    model = Model(autopilot)
+    model.avoider.conflict = not before_conflict
+    model.advance(5.5)
+    for event in events:
+        model.happen(event)
+        model.advance(EVENT_S)
+    model.advance(6.0)
+    model.mend()
+    model.advance(RULES.abandoned_s + _TWO_VEHICLES_S + 9.0)
+    assert model.mode != model.guided_mode or not model.by_us or model.state in FLYING or model.claims
+    return model
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--depth", type=int, default=2)
+    depth = parser.parse_args().depth
+    walked = failed = 0
+    for autopilot in (ARDUPILOT, PX4):
+        for events in itertools.product(EVENTS, repeat=depth):
+            walked += 1
+            try:
+                walk(autopilot, events)
+            except AssertionError as error:
+                failed += 1
+                sys.stdout.write(f"{autopilot} {events}: {error}\n")
+    sys.stdout.write(f"{walked} sequences of {depth} of {len(EVENTS)} events, {failed} failed\n")
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()
