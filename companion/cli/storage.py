@@ -26,8 +26,15 @@ class StorageProblem(NamedTuple):
 def storage_problems(config: Config) -> Iterator[StorageProblem]:
     """What could not be written in a flight with this configuration."""
     for key, path in (("state_file", config.state_file), ("settings_file", config.settings_file)):
-        if (why := writing_problem(path)) is not None:
+        if (why := _why_not_replaceable(path)) is not None:
             yield StorageProblem(key, path, why)
     recording = config.recording
     if recording.enabled and (why := why_no_new_file(recording.directory, made=True)) is not None:
         yield StorageProblem("recording.directory", recording.directory, why)
+
+
+def _why_not_replaceable(path: Path) -> str | None:
+    """The reason why a file cannot be replaced as a whole; `None` if it can."""
+    if path.is_dir():
+        return "this is a folder, not a file"
+    return writing_problem(path) if path.parent.is_dir() else f"there is no folder {path.parent}"

@@ -12,6 +12,7 @@ from companion.control import suppressed_threats
 from companion.control.alarms import conditions
 from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
+from companion.control.mode_request import CERTAIN_S
 from companion.control.readiness import Readiness
 from companion.control.rejoin import ControlParams, LegRejoin
 from companion.control.release import Release
@@ -181,7 +182,10 @@ class Handover:
             return None
         if override is Event.COMPANION:
             return self._make_way(now_s)
-        if override is Event.MODE_CHANGED and self._fell_while_yielding():
+        stopping = supervisor.state is State.STOPPING
+        if override is Event.MODE_CHANGED and stopping and now_s - aircraft.mode_since_s < CERTAIN_S:
+            return None  # nothing is requested meanwhile, and the service ends only when it is certain
+        if override is Event.MODE_CHANGED and stopping and self._fell_while_yielding():
             return self._give_back_found(Event.FOUND, now_s)
         if override is Event.MODE_CHANGED and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
@@ -191,7 +195,9 @@ class Handover:
     def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
         """Delay the release: for `abandoned_s` after a claim, and while the pilot moves the sticks."""
         data, delay_s = self.supervisor.data, self._context.params.abandoned_s
-        if claims & {Event.STICKS, Event.AMBIGUOUS} or (claims and data.yields_until_s == -math.inf):
+        aircraft = self._context.aircraft
+        lasting = aircraft.sticks.in_use(now_s) or aircraft.is_ambiguous(now_s)
+        if claims and (lasting or data.yields_until_s == -math.inf):
             data.yields_until_s = now_s + delay_s
 
     def _make_way(self, now_s: float) -> Outgoing:
@@ -215,6 +221,8 @@ class Handover:
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
+        if fell_out and data.guided_since_s is None and math.isfinite(data.requested_s):
+            data.guided_since_s = data.requested_s  # entered and left while nothing was heard
         data.let_go, data.seen_guided, data.fell_out = override, context.aircraft.guided, fell_out
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.
@@ -229,7 +237,7 @@ class Handover:
     def _fell_while_yielding(self) -> bool:
         """Whether the release was delayed, and the autopilot left the guided mode by itself meanwhile."""
         aircraft, data = self._context.aircraft, self.supervisor.data
-        yielded = self.supervisor.state is State.STOPPING and data.yields_until_s > -math.inf
+        yielded = data.yields_until_s > -math.inf
         start = None if data.request is None else data.request.start
         fell = aircraft.custom_mode == self._context.adapter.setpoint_loss_mode()
         return yielded and fell and start != aircraft.custom_mode
@@ -389,8 +397,8 @@ class Handover:
         outgoing += self._release.restore_speed(now_s)
         outgoing += self._release.restore_item(now_s)
         fresh = now_s - context.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
-        # A single heartbeat with the former mode may be wrong.
-        certain = fresh and now_s - data.given_back_s >= FLICKER_S
+        # A single heartbeat with another mode may be wrong.
+        certain = fresh and now_s - context.aircraft.mode_since_s >= FLICKER_S
         return outgoing if context.clear or not certain else [*outgoing, *self._take_over.begin(now_s)]
 
     def _has_settled(self, now_s: float) -> bool:
@@ -441,4 +449,4 @@ class Handover:
             self.supervisor.data, OVERRIDES - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
         )
         text = f"Avoidance: {event}, giving back to {self._context.prior_mode}"
-        return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_WARNING, text)]
+        return [*self._release.begin(now_s, found=True), Notice(mavlink.MAV_SEVERITY_WARNING, text)]

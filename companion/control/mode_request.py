@@ -10,6 +10,8 @@ import math
 from enum import Enum
 
 _RESEND_S = 1.0
+# A mode that has been shown for this long is certain enough for the service to end.
+CERTAIN_S = 0.5
 # A mode is requested only on a heartbeat no older than this.
 EVIDENCE_S = 1.5
 # An accepted request shows in the heartbeat soon, on a slow link within this time.

@@ -51,8 +51,8 @@ class Readiness:
             yield f"another avoider acts: {other}"
         if aircraft.mode not in params.take_over_from:
             yield f"its mode is {aircraft.mode}, not {' or '.join(params.take_over_from)}"
-        if aircraft.armed and not aircraft.flying(params.min_height_m) and not aircraft.landing():
-            yield self._why_not_flying()
+        if aircraft.armed and not aircraft.flying(params.min_height_m):
+            yield from self._why_not_flying()
         if not aircraft.landed_state_known(now_s):
             yield "it has not reported yet whether it is landing"
         if aircraft.mission_awaited(now_s):
@@ -60,8 +60,9 @@ class Readiness:
         elif aircraft.may_be_landing():
             yield "it may be landing, its mission is not known"
 
-    def _why_not_flying(self) -> str:
+    def _why_not_flying(self) -> Iterator[str]:
         position, lowest_m = self._aircraft.position, self.params.min_height_m
-        if position is None or position.height_above_home_m >= lowest_m:
-            return "it is on the ground, taking off or landing"
-        return f"it is {position.height_above_home_m:.0f} m above home, below {lowest_m:.0f} m"
+        if position is not None and position.height_above_home_m < lowest_m:
+            yield f"it is {position.height_above_home_m:.0f} m above home, below {lowest_m:.0f} m"
+        elif not self._aircraft.landing():
+            yield "it is on the ground, taking off or landing"

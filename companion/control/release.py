@@ -3,7 +3,7 @@
 import math
 
 from companion.control.context import ControlContext, Outgoing
-from companion.control.mode_request import ModeRequest, Progress
+from companion.control.mode_request import CERTAIN_S, ModeRequest, Progress
 from companion.control.requesting import ModeRequester
 from companion.control.state_machine import Event, State
 from companion.mavlink.dialect import mavlink
@@ -27,8 +27,11 @@ class Release:
         self._context = context
         self._requester = requester
 
-    def begin(self, now_s: float) -> Outgoing:
-        """Request the former mode; call this in the state RELEASING or STOPPING."""
+    def begin(self, now_s: float, *, found: bool = False) -> Outgoing:
+        """Request the former mode; call this in the state RELEASING or STOPPING.
+
+        `found`: the present mode is the one in which the aircraft was left.
+        """
         context, data = self._context, self._context.data
         aircraft, adapter = context.aircraft, context.adapter
         adapter.drop_commands()
@@ -39,7 +42,7 @@ class Release:
         if data.prior.mode == adapter.guided_mode:
             settle_s = _RETARGET_S
         left = adapter.setpoint_loss_mode()
-        start = adapter.guided_mode if aircraft.custom_mode != left else aircraft.custom_mode
+        start = aircraft.custom_mode if found or aircraft.custom_mode == left else adapter.guided_mode
         data.request = ModeRequest(
             start,
             data.prior.mode,
@@ -54,6 +57,9 @@ class Release:
         context, data, request = self._context, self._context.data, self._requester.request
         aircraft = context.aircraft
         if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is not Progress.CONFIRMED:
+            return False
+        ending = context.supervisor.state is State.STOPPING
+        if ending and aircraft.heartbeat_s - aircraft.mode_since_s < CERTAIN_S:
             return False
         if data.guided_since_s is not None:
             data.forget_request()

@@ -37,6 +37,7 @@ class UnattendedGuided:
                 data.left_guided_s = aircraft.heartbeat_s
             self._note_fall()
             return
+        data.away_s = None
         if data.left_guided_s is None:
             data.seen_guided = data.guided_since_s is not None
             return
@@ -99,7 +100,9 @@ class UnattendedGuided:
         if aircraft.guided and aircraft.armed and now_s - data.requested_s < _LATE_S:
             return Event.LATE, PriorFlightState(data.last_unguided_mode)
         if not self.is_left(now_s):
-            data.unattended_since_s = None
+            since_s = data.left_guided_s if data.away_s is None else data.away_s
+            if since_s is None or aircraft.heartbeat_s - since_s > FLICKER_S:
+                data.unattended_since_s = None
             return None
         # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
         attended = aircraft.sticks.in_use(now_s) or aircraft.landing() or aircraft.is_ambiguous(now_s)

@@ -399,7 +399,7 @@ class Engine:
                 outgoing += self._rates.tick(adapter, now_s)
                 requests, notices = self.queries.tick(adapter, now_s)
                 outgoing += [*requests, *notices]
-                self.aircraft.note_mission(self.queries.mission, now_s)
+                self.aircraft.note_mission(self.queries.mission, now_s, arrives=self.queries.mission_arrives)
                 self.aircraft.kinematics.airspeed.cruise_mps = self.queries.limits.cruise_airspeed_mps
         answers, self._answers = self._answers, []
         outgoing += [*answers, *self.operator.listed(now_s)]

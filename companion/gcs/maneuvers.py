@@ -113,7 +113,7 @@ class ManeuverNotices:
             return []
         if not self._take_text(present, now_s):
             return []
-        why = "returning to the mission" if returning else situation.decision.because.split(", ")[-1]
+        why = "returning" if returning else situation.decision.because.split(", ")[-1]
         notice = self._announce(present, situation, units, now_s, why)
         return [] if notice is None else [notice]
 

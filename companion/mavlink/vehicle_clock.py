@@ -38,7 +38,9 @@ _PLACE = slice(4, 12)  # latitude and longitude in its payload
 _LONGEST_PAYLOAD = 12
 _unpack_ms = struct.Struct("<I").unpack_from
 # Datagrams overtake each other by less than this.
-_REORDERED_S = 0.25
+_REORDERED_S = 0.6
+# Two heartbeats are further apart than this.
+_SAME_HEARTBEAT_S = 0.05
 # How far a boot clock may run ahead of ours between two frames: losses, and simulations that run fast.
 _AHEAD_S, _FASTEST = 2.0, 3.0
 # Without a frame for this long a clock has ended: the autopilot restarted.
@@ -141,6 +143,7 @@ class _Path:
     newest: int
     received_s: float
     clock: _Clock | None = None
+    late_s: float = 0.0  # of its newest frame with a time
     heartbeat: int | None = None  # number of the newest heartbeat
     outdated: int = 0  # heartbeats in a row
 
@@ -169,6 +172,7 @@ class _Path:
 class _Sender:
     present: _Clock | None = None
     others: list[_Clock] = field(default_factory=list)
+    heartbeat_s: float = -math.inf  # when the newest heartbeat was true
     paths: list[_Path] = field(default_factory=list)
 
 
@@ -188,10 +192,15 @@ class VehicleClocks:
             if frame.message_id == _POSITION:
                 _compare(sender, clock, boot_s, frame.payload[_PLACE])
         path, number = _path_of(sender, frame.sequence, clock, received_s)
+        if clock is not None:
+            path.late_s = clock.late_s
         timing = _timing(sender, path, boot_s is not None, received_s)
-        is_heartbeat = frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
-        if is_heartbeat and timing.origin is Origin.PRESENT and path.is_overtaken(number):
+        if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT or timing.origin is not Origin.PRESENT:
+            return timing
+        is_newer = timing.true_s > sender.heartbeat_s + _SAME_HEARTBEAT_S or path.clock is None
+        if path.is_overtaken(number) or not is_newer:
             return timing._replace(origin=Origin.PAST)
+        sender.heartbeat_s = timing.true_s
         return timing
 
     def answered(self, frame: Frame, asked_s: float, received_s: float) -> None:
@@ -253,7 +262,7 @@ def _timing(sender: _Sender, path: _Path, is_timed: bool, received_s: float) -> 
         # Without the present clock, frames of another clock say that this one may be late as well.
         others = any(received_s - one.received_s <= _LATENESS_KNOWN_S for one in sender.others)
         return Timing(received_s, Origin.PAST if others else Origin.PRESENT)
-    return Timing(received_s - clock.late_s, Origin.PRESENT if clock.late_s <= LATEST_S else Origin.PAST)
+    return Timing(received_s - path.late_s, Origin.PRESENT if path.late_s <= LATEST_S else Origin.PAST)
 
 
 def _clock_of(sender: _Sender, boot_s: float, received_s: float) -> _Clock:

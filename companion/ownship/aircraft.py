@@ -34,8 +34,9 @@ from companion.ownship.position_gate import Place, PositionGate
 
 # The heartbeat with the mode comes once a second; after a silence it may be this late.
 _MODE_KNOWN_S = 2.5
-# Reading the mission takes some seconds, more on a slow link. Then it is flown without.
-_MISSION_AWAITED_S = 60.0
+# Reading the mission takes some seconds, more on a slow link. An autopilot that does not answer at all is
+# flown without it after the first time, one whose answers arrive after the second.
+_MISSION_AWAITED_S, _MISSION_READ_S = 6.0, 60.0
 # Lower than this in a descent, a mission that is not known may be about to land.
 _MAY_LAND_BELOW_M = 200.0
 _DESCENT_MPS = 0.5
@@ -66,6 +67,7 @@ class Aircraft:
         self.sticks = Sticks(stick_us)
         self.ours = False  # our setpoints are flown, or may be
         self._mission_known_s = -math.inf
+        self._mission_arrives = False
         self.moved_s = -math.inf  # the last time that its position jumped
         self._gate = PositionGate()
         self._mode_heard = False
@@ -154,6 +156,8 @@ class Aircraft:
         """Store the mode, as a heartbeat or an accepted request shows it."""
         if self.ours and not (self.adapter is None or self.adapter.is_guided(custom_mode)):
             self.navigation.refresh_target(now_s)
+        if custom_mode != self.flight_state.custom_mode:
+            self.flight_state.mode_since_s = now_s
         was_in_mission, self.flight_state.custom_mode = self._in_mission, custom_mode
         self.navigation.legs.first = int(self.adapter is not None and self.adapter.home_is_item_0)
         if self._in_mission and not was_in_mission and self._mode_heard:
@@ -303,6 +307,11 @@ class Aircraft:
         return self.flight_state.custom_mode
 
     @property
+    def mode_since_s(self) -> float:
+        """Since when heartbeats have shown this mode."""
+        return self.flight_state.mode_since_s
+
+    @property
     def failsafe(self) -> bool:
         """Whether the autopilot is in a failsafe."""
         return self.flight_state.failsafe
@@ -377,8 +386,9 @@ class Aircraft:
         """The mission, while it is known."""
         return self.navigation.mission
 
-    def note_mission(self, mission: Mission | None, now_s: float) -> None:
-        """Store the mission as it is known at `now_s`; `None`: it is not."""
+    def note_mission(self, mission: Mission | None, now_s: float, *, arrives: bool) -> None:
+        """Store the mission as it is known at `now_s`; `None`: it is not. `arrives`: it is being read."""
+        self._mission_arrives = arrives
         if mission is not None:
             self._mission_known_s = now_s
         if mission is self.navigation.mission:
@@ -392,7 +402,8 @@ class Aircraft:
     def mission_awaited(self, now_s: float) -> bool:
         """Whether a mission is flown that is not known yet, and may be soon."""
         awaited_s = now_s - max(self.identity.adopted_s, self._mission_known_s)
-        return self._in_mission and self.mission is None and awaited_s < _MISSION_AWAITED_S
+        longest_s = _MISSION_READ_S if self._mission_arrives else _MISSION_AWAITED_S
+        return self._in_mission and self.mission is None and awaited_s < longest_s
 
     def may_be_landing(self) -> bool:
         """Whether a mission is flown that is not known, so low and in such a descent that it may land."""

@@ -93,6 +93,11 @@ class AutopilotQueries:
         return *self._configured_zones, *self._uploaded_zones
 
     @property
+    def mission_arrives(self) -> bool:
+        """Whether the mission is being read, and the autopilot answers."""
+        return self._missions.mission_arrives
+
+    @property
     def complete(self) -> bool:
         """Whether all limits are answered or given up, and mission and fence are read."""
         if self._adapter is None or self._missions.mission is None or self._missions.fence is None:

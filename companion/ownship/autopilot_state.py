@@ -272,6 +272,7 @@ class FlightState:
     def __init__(self) -> None:
         self.armed = False
         self.custom_mode = 0
+        self.mode_since_s = -math.inf
         self.failsafe = False
         self.fence_breached = False
         self.landed_state_heard = False

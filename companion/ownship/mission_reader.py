@@ -85,6 +85,11 @@ class MissionDownload:
             target.system_id, target.component_id, seq=len(self.items), mission_type=self.mission_type
         )
 
+    @property
+    def counted(self) -> bool:
+        """Whether the number of items is known."""
+        return self._count is not None
+
     def cancel(self) -> None:
         """End the download, because a ground station transfers a list."""
         if self.outcome is None:
@@ -165,6 +170,12 @@ class MissionReader:
     def mission(self) -> tuple[MissionItem, ...] | None:
         """The mission; with ArduPilot its first item is home."""
         return self._lists[MISSION].items
+
+    @property
+    def mission_arrives(self) -> bool:
+        """Whether the mission is being read, and the number of its items is known."""
+        download = self._download
+        return download is not None and download.mission_type == MISSION and download.counted
 
     @property
     def fence(self) -> tuple[MissionItem, ...] | None:

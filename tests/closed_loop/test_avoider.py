@@ -139,7 +139,7 @@ def test_old_tracks_are_extrapolated() -> None:
 
 
 def test_an_inner_layer_beyond_the_outer_is_refused() -> None:
-    with pytest.raises(ValueError, match="inner layer"):
+    with pytest.raises(ValueError, match="inner_time_s"):
         AvoidanceParams(inner_time_s=70.0, outer_time_s=60.0)
 
 

@@ -239,7 +239,7 @@ def test_a_stop_during_the_request_survives_a_lost_release() -> None:
     loop = MonitoredLoop(drops=first_release)
     loop.until(State.ENGAGING)
     loop.stop()
-    loop.run(4.0)
+    loop.run(6.0)
     assert loop.engine.finished
     assert loop.mode() is Mode.AUTO
 

@@ -212,7 +212,7 @@ def test_after_a_pilots_detour_the_straight_way_is_the_leg() -> None:
     loop.run(2.0)
     aircraft = loop.world.vehicle.flight.aircraft
     aircraft.east_m = 700.0
-    loop.run(2.0)
+    loop.run(6.0)  # a place so far away counts only after some seconds
     start = (*loop.world.vehicle.truth.position_m[:2], 300.0)
     loop.world.vehicle.set_mode("AUTO")
     loop.run(15.0)

@@ -20,7 +20,7 @@ NAMES = {SPEED: "GUIDED_CHANGE_SPEED", HEIGHT: "GUIDED_CHANGE_ALTITUDE", HEADING
 
 _HEAD_ON = load_scenario("head-on")
 SOON = replace(
-    _HEAD_ON, duration_s=110.0, intruders=tuple(replace(c, meet_at_s=72.0) for c in _HEAD_ON.intruders)
+    _HEAD_ON, duration_s=240.0, intruders=tuple(replace(c, meet_at_s=72.0) for c in _HEAD_ON.intruders)
 )
 
 
@@ -48,7 +48,7 @@ def clear(flight: Flight) -> bool:
 @pytest.mark.parametrize("command", NAMES)
 def test_a_refused_command_is_reported_and_the_others_keep_clear(command: int) -> None:
     loop = Refusing(command)
-    flight = loop.run(95.0)
+    flight = loop.run(220.0)
     assert clear(flight)
     assert flight.engagements == 1
     assert flight.resumed

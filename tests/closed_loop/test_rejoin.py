@@ -240,7 +240,7 @@ def test_no_release_while_an_intruder_stays_alongside(autopilot: Autopilot, side
         assert separation(loop, intruder) >= 1.0
     assert loop.flight.engagements == 1
     assert loop.world.vehicle.truth.companion_flies
-    loop.run(20.0)
+    loop.run(60.0)
     assert loop.world.vehicle.truth.on_mission
     assert loop.flight.engagements == 1
     assert not loop.flight.uncontrolled

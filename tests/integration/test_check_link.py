@@ -33,6 +33,7 @@ MISSION_MODE = {FakeArduPlane: "AUTO", FakePx4: "MISSION"}
 
 # Messages that only read, or that every component sends; none of them can command the aircraft.
 QUESTIONS = {
+    "TIMESYNC",
     "HEARTBEAT",
     "PARAM_REQUEST_READ",
     "MISSION_REQUEST_LIST",
@@ -133,7 +134,11 @@ async def test_on_the_ground_it_reports_why_it_would_not_fly(
     assert found.heard
     assert said["mode"] == "MANUAL, disarmed"
     assert said["rates"] == "not measured: listen longer"
-    assert found.reasons_not_to_fly == ("its mode is MANUAL, not AUTO or MISSION", "it is disarmed")
+    assert found.reasons_not_to_fly == (
+        "it is disarmed",
+        "it is landing or on the ground",
+        "its mode is MANUAL, not AUTO or MISSION",
+    )
 
 
 @in_virtual_time

@@ -205,17 +205,3 @@ def test_a_replay_refuses_unusable_settings(tmp_path: Path, text: str | None, wo
     if text is not None:
         settings.write_text(text)
     assert_one_line(call("replay", str(log), "--settings", str(settings)), 2, words)
-
-
-@pytest.mark.parametrize("key", ["state_file", "settings_file", "recording"])
-def test_check_finds_what_cannot_be_written(tmp_path: Path, key: str) -> None:
-    config, nowhere = tmp_path / "companion.yaml", tmp_path / "file" / "below"
-    (tmp_path / "file").write_text("")
-    value = f"{{directory: {nowhere}}}" if key == "recording" else nowhere
-    config.write_text(f"links: [udpin:127.0.0.1:14550]\n{key}: {value}\n")
-    result = call("check", str(config), folder=tmp_path)
-    assert f"{key}: {nowhere}: cannot be written: " in result.stdout
-    assert "good to fly with" not in result.stdout
-    config.write_text(f"links: [udpin:127.0.0.1:14550]\nrecording: {{directory: {tmp_path / 'new'}}}\n")
-    assert "good to fly with" in call("check", str(config), folder=tmp_path).stdout
-    assert not (tmp_path / "new").exists(), "a check makes nothing"

@@ -31,6 +31,8 @@ class Autopilot:
     def hear(self, frames: list[Frame], _link: object) -> None:
         for frame in frames:
             message = decode(frame)
+            if message is not None and message.get_type() == "MISSION_REQUEST_LIST":
+                self.send(mavlink.MAVLink_mission_count_message(1, 196, 0, message.mission_type))
             if getattr(message, "command", None) == mavlink.MAV_CMD_DO_SET_MODE:
                 assert message is not None
                 self.asked.append(round(message.param2))
@@ -159,7 +161,7 @@ async def test_a_frame_that_cannot_be_read_does_not_hide_the_heartbeat_behind_it
                 raise ZeroDivisionError("a bug")
             return frame_to_fact(frame, now_s)
 
-        monkeypatch.setattr("companion.runtime.frame_to_fact", broken)
+        monkeypatch.setattr("companion.mavlink.intake.frame_to_fact", broken)
         junk = mavlink.MAVLink_attitude_target_message(0, 0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 0.0)
         autopilot.mode = FBWA
         autopilot.send(junk, junk, autopilot.heartbeat())

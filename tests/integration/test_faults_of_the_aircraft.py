@@ -90,9 +90,9 @@ async def test_traffic_that_is_heard_no_more_is_forgotten_and_the_aircraft_given
         silent_s = flight.now_s
         await flight.fly(6.0)
         assert flight.engine.supervisor.flying
-        await flight.resumed(25.0)
-        # ArduPlane repeats a report for five seconds; then those that hold before the return.
-        assert flight.now_s - silent_s < 8.0 + 5.0 + 4.0 + 6.0
+        await flight.resumed(65.0)
+        # ArduPlane repeats a report for five seconds; then those that hold before the return, and the return.
+        assert flight.now_s - silent_s < 8.0 + 5.0 + 4.0 + 6.0 + 40.0
         assert flight.engagements == 1
 
 
@@ -109,6 +109,7 @@ async def test_an_autopilot_that_reboots_is_asked_everything_again(autopilot: Au
         flight.vehicle.reboot(flight.vehicle.time_s)
         flight.receiver.deaf = False
         await flight.until(lambda: flight.guided, 20.0)
+        await flight.fly(0.2)
         assert flight.vehicle.boots == 2
         assert flight.modes == [mode, GUIDED[autopilot]]
         await flight.fly(12.0)

@@ -46,6 +46,9 @@ class Autopilot:
     def hear(self, frames: list[Frame], _link: object) -> None:
         for frame in frames:
             message = decode(frame)
+            if message is not None and message.get_type() == "MISSION_REQUEST_LIST":
+                count = mavlink.MAVLink_mission_count_message(1, 196, 0, message.mission_type)
+                self.say(count)
             if getattr(message, "command", None) == 176:
                 self.modes_asked.append(int(message.param2))
                 if self._obeys or self.mode == 10:

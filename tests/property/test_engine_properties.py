@@ -95,7 +95,7 @@ def new_engine(autopilot: int) -> Engine:
 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
-@pytest.mark.parametrize("seed", [0, 15])
+@pytest.mark.parametrize("seed", [3, 15])
 def test_an_aircraft_with_a_will_of_its_own_is_never_commanded_against_it(autopilot: int, seed: int) -> None:
     chance = random.Random(1000 * autopilot + seed)
     engine, aeroplane = new_engine(autopilot), RandomAircraft(chance, autopilot)

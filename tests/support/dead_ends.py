@@ -110,7 +110,7 @@ class Model(Seat):
         self.by_us = False  # it is in the guided mode because we asked for it
         self.shown_mode: int | None = None  # a heartbeat that shows another mode than the true one
         self.unattended_s = self.alarm_s = 0.0
-        self.stopped_in: str | None = None  # what held when the service ended
+        self.stopped = False
         self.claimed: set[str] = set()  # all claims so far
         self._heard: tuple[float, int] | None = None  # the newest heartbeat that was received
         self._setpoint_s = T0
@@ -205,8 +205,9 @@ class Model(Seat):
             self.unattended_s = self.alarm_s = 0.0
             return
         attended = self.claims & {"sticks", "landing", "fly here"} or self.now_s < self.attended_until_s
-        # On the ground the service may end at once; in Hold, who moved the sticks is only warned.
-        ended = self.stopped_in == "landing"
+        # On the ground, or when every mode is refused, the service may end at once; in Hold, the pilot who
+        # moved the sticks is only warned.
+        ended = self.stopped and bool(self.claimed & {"landing", "modes refused"})
         warned = self.mode == HOLD and "sticks" in self.claimed
         works = self.receives and self.transmits and self.accepts and not (attended or ended or warned)
         self.unattended_s = self.unattended_s + 0.1 if works else 0.0
@@ -214,7 +215,7 @@ class Model(Seat):
         assert self.unattended_s <= limit_s, f"nobody flies for {self.unattended_s:.1f} s in {self.state}"
         self.alarm_s += 0.1
         alarmed = any(condition.key == "unattended" for condition in self.engine.conditions)
-        silent = "fly here" in self.claims or self.stopped_in is not None
+        silent = "fly here" in self.claims or self.stopped
         assert alarmed or self.alarm_s < _ALARM_S or silent, "no alarm"
 
     # --- what can happen
@@ -262,7 +263,7 @@ class Model(Seat):
             case "role advise":
                 self.set_role(1)
             case "stop":
-                self.stopped_in = "landing" if "landing" in self.claims else ""
+                self.stopped = True
                 self.stop()
 
     def mend(self) -> None:
@@ -285,7 +286,8 @@ def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False
     model.advance(6.0)
     model.mend()
     model.advance(RULES.abandoned_s + _TWO_VEHICLES_S + 9.0)
-    assert model.mode != model.guided_mode or not model.by_us or model.state in FLYING or model.claims
+    left = model.mode == model.guided_mode and model.by_us and model.state not in FLYING
+    assert not left or model.claims or model.stopped, "left in the guided mode"
     return model
 
 

@@ -58,6 +58,7 @@ class Seat:
         self.transmits = True  # whether our messages arrive
         self.knows_mission = True  # whether it answers that there is none
         self.intruder_altitude_m = 884.0
+        self.sink_mps = 0.0
         self.hovers = False  # the intruder stands still ahead of us, wherever we fly
         self.vehicle_type = 1
         self.sent: list[Message] = []
@@ -132,7 +133,7 @@ class Seat:
             facts.append(Parameter(AUTOPILOT, "FW_AIRSPD_TRIM", self.trim_mps))
         if self.positions:
             lat_deg, height_m = -35.0 + flown_s * 22.0 / 110_940.0, self.height_m
-            velocity_mps = 22.0, 0.0, 0.0
+            velocity_mps = 22.0, 0.0, self.sink_mps
             facts.append(
                 OwnPosition(AUTOPILOT, flown_s, lat_deg, 149.0, 584.0 + height_m, height_m, velocity_mps, 0.0)
             )

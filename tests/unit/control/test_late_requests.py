@@ -76,7 +76,7 @@ def test_the_growing_wait_after_requests_that_were_given_up_outlasts_their_late_
             begun_s.append(seat.now_s)
         before = seat.state
     waits_s = [round(after - earlier) for earlier, after in itertools.pairwise(begun_s)]
-    assert waits_s == [5, 7, 9], "a wait of 2 s, 4 s and 6 s after each request of 3 s"
+    assert waits_s == [6, 7, 9], "waits of 2, 4 and 6 s after requests of 3 s; the first one was undone"
 
 
 def test_an_emergency_does_not_undo_a_late_request_for_the_mission_over_the_pilots_mode() -> None:

@@ -8,6 +8,7 @@ from companion.mavlink.facts import (
     Fact,
     Heartbeat,
     LandedState,
+    MissionCount,
     MissionProgress,
     NavigationTarget,
     OtherCompanion,
@@ -330,16 +331,26 @@ def test_while_stopping_the_sticks_delay_the_release(autopilot: int) -> None:
 # --- what is not known (A9), below home (A19), going on and on (A18)
 
 
-def test_without_the_mission_the_aircraft_is_not_taken_for_a_minute() -> None:
+@pytest.mark.parametrize(("counted", "longest_s"), [(False, 6.0), (True, 25.0)])
+def test_the_mission_is_awaited_longer_when_the_autopilot_answers(counted: bool, longest_s: float) -> None:
     seat = Seat()
     seat.knows_mission = False
-    seat.meet_s = T0 + 45.0
-    seat.fly(44.0)
+    seat.meet_s = T0 + longest_s + 40.0
+    while seat.now_s - T0 < longest_s:
+        seat.fly(0.1)
+        if counted:
+            seat.receive(MissionCount(AUTOPILOT, US, 0, 40))
+        assert seat.sent == []
+    seat.until(*FLYING, limit_s=20.0)
+
+
+def test_in_a_low_descent_of_a_mission_that_is_not_known_the_aircraft_is_not_taken() -> None:
+    seat = Seat()
+    seat.knows_mission = False
+    seat.height_m, seat.intruder_altitude_m, seat.sink_mps = 98.0, 682.0, 2.0
+    seat.fly(30.0)
     assert seat.sent == []
-    assert any("mission" in condition.text for condition in seat.engine.conditions)
-    seat.meet_s = seat.now_s + 60.0
-    seat.until(*FLYING, limit_s=60.0)
-    assert seat.now_s - T0 > 60.0
+    assert any("landing" in condition.text for condition in seat.engine.conditions)
 
 
 def test_below_home_it_advises_and_says_why_it_does_not_fly() -> None:

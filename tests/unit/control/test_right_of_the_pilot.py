@@ -171,7 +171,7 @@ def test_the_pilots_mode_ends_a_stop_even_in_a_failsafe() -> None:
     seat.fly(0.5)
     assert seat.state is State.STOPPING
     seat.mode = FBWA
-    seat.fly(0.5)
+    assert seat.fly(1.0) == []
     assert seat.engine.finished
     assert seat.fly(5.0) == []
 

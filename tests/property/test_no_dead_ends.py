@@ -1,0 +1,29 @@
+"""From every state in which the aircraft flies by our doing there is a way out (see `dead_ends`)."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.support.dead_ends import EVENTS, walk
+from tests.support.pilots_seat import ARDUPILOT, PX4
+
+BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+
+
+@BOTH
+@pytest.mark.parametrize("first", EVENTS)
+def test_after_any_two_events_it_is_flown_given_back_or_alarmed(autopilot: int, first: str) -> None:
+    for second in EVENTS:
+        walk(autopilot, (first, second))
+
+
+@BOTH
+@given(
+    events=st.lists(st.sampled_from(EVENTS), min_size=3, max_size=9),
+    before_conflict=st.booleans(),
+)
+@settings(max_examples=25, deadline=None)
+def test_after_many_events_it_is_flown_given_back_or_alarmed(
+    autopilot: int, events: list[str], before_conflict: bool
+) -> None:
+    walk(autopilot, events, before_conflict=before_conflict)
