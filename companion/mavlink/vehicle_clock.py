@@ -31,6 +31,7 @@ _WRAP = 256  # of the sequence number
 _BOOT_TIME_AT = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 0,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 0,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 0,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 8,
 }
 _POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
@@ -278,6 +279,7 @@ def _clock_of(sender: _Sender, boot_s: float, received_s: float) -> _Clock:
     if present is None or _has_restarted(present, boot_s, received_s):
         sender.present = clock
         sender.others.remove(clock)
+        sender.paths.clear()  # their numbers went on from before the restart
     return clock
 
 

@@ -102,7 +102,7 @@ class Aircraft:
             case MissionProgress():
                 guided = self.ours and self.guided
                 self.navigation.observe_progress(fact, now_s, guided=guided, flown=self._in_mission)
-            case NavigationTarget():
+            case NavigationTarget() if now_s >= self.mode_since_s:  # older ones belong to another mode
                 self.navigation.observe_target(fact, now_s, ours=self.ours, guided=self.guided)
             case AutopilotVersion():
                 self.identity.version = fact.version

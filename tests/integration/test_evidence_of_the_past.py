@@ -13,7 +13,7 @@ from companion.mavlink.framing import FrameSplitter
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.vehicle import Mode
-from tests.integration.test_restart import Aircraft, aircraft
+from tests.support.companion_process import Aircraft, aircraft
 from tests.support.faulty_flight import GUIDED, MISSION, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
@@ -44,7 +44,7 @@ async def test_among_late_copies_a_pilots_mode_is_the_newest() -> None:
         await flight.engaged()
         flight.vehicle.set_mode(Mode.FBWA)
         await flight.until(lambda: flight.state is State.HANDS_OFF, 1.5)
-        since_s = flight.now_s
+        since_s = flight.now_s + 0.05
         await flight.fly(20.0)
         assert flight.notes.commands(since_s) == []
         assert flight.modes[-1] == "FBWA"
