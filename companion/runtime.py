@@ -45,6 +45,8 @@ from companion.web.health import Health, LoopTimes
 
 _log = logging.getLogger("companion")
 
+# From the time of a tick to its last message; a tick may be late by a stall that is no gap yet.
+_LONGEST_DELAY_US = LONGEST_STALL_US + 200_000
 # The autopilot has this long to take the aircraft back before the service ends anyway.
 _LONGEST_RELEASE_US = 8_000_000
 # Longest emergency release, in ticks: a heartbeat comes every second and shows the result of a request.
@@ -365,6 +367,9 @@ class Runtime:
         self._report_recorder_problem(time_us)
 
     def _send(self, time_us: int, effect: Transmit) -> None:
+        """Send a message, unless we stalled since it was made: it would act on the past."""
+        if self.clock.now_us() - time_us > _LONGEST_DELAY_US:
+            return
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         self._own_frames.sent(raw, time_us / 1e6)
         for link in self.links:
