@@ -221,9 +221,11 @@ class Handover:
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
-        if fell_out and data.guided_since_s is None and math.isfinite(data.requested_s):
-            data.guided_since_s = data.requested_s  # entered and left while nothing was heard
-        data.let_go, data.seen_guided, data.fell_out = override, context.aircraft.guided, fell_out
+        unseen = data.guided_since_s is None and math.isfinite(data.requested_s)
+        if unseen:
+            data.guided_since_s = data.requested_s  # it may have been entered while nothing was heard
+        data.let_go, data.fell_out = override, fell_out
+        data.seen_guided = unseen or context.aircraft.guided
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.
             data.last_unguided_mode = context.aircraft.custom_mode

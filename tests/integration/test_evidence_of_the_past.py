@@ -77,11 +77,14 @@ def pid_of(flight: Aircraft) -> int:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "taken"),
-    [("ardupilot", Mode.MANUAL), ("ardupilot", Mode.RTL), ("px4", "POSCTL")],
+    ("autopilot", "taken", "while_flying"),
+    [
+        ("ardupilot", Mode.MANUAL, True),
+        ("ardupilot", Mode.RTL, False),
+        ("px4", "POSCTL", True),
+    ],
     ids=["MANUAL", "RTL", "POSCTL"],
 )
-@pytest.mark.parametrize("while_flying", [True, False])
 async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alone(
     autopilot: Autopilot, taken: Mode | str, while_flying: bool, tmp_path: Path
 ) -> None:
