@@ -101,7 +101,7 @@ def test_the_way_back_is_announced_and_after_it_the_next_take_over() -> None:
     assert crew.conflict(flown(45.0)) == ["RIGHT 045"]
     assert crew.tick(flown(45.0)) == []
     assert crew.tick(flown(270.0), threats=False) == ["LEFT 270: returning along the fence"]
-    assert crew.tick(flown(300.0), threats=False, returning=True) == ["LEFT 300: returning to the mission"]
+    assert crew.tick(flown(300.0), threats=False, returning=True) == ["LEFT 300: returning"]
     assert crew.tick(None, threats=False) == []
     assert crew.notices.words == ""
     assert crew.conflict(flown(45.0)) == ["RIGHT 045"]
