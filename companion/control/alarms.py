@@ -10,8 +10,8 @@ from companion.output.notice import Condition
 _RELEASED_AFTER_S = 4.0
 # By then the operator has read why we let go.
 _LEFT_AFTER_S = 2.0
-# An avoidance that lasts longer than this is news again, with what can be done about it.
-_LONG_S = 60.0
+# An avoidance or a way back that lasts longer than this is news again, with what can be done about it.
+_LONG_S = 120.0
 
 
 def conditions(context: ControlContext, unattended: UnattendedGuided, now_s: float) -> list[Condition]:
@@ -21,11 +21,11 @@ def conditions(context: ControlContext, unattended: UnattendedGuided, now_s: flo
         return []
     if state in (State.RELEASING, State.STOPPING, State.RESYNCHRONISING):
         return [_alarm(f"not in {context.prior_mode} yet, take over", _RELEASED_AFTER_S)]
-    if state in FLYING and data.flown_since_s is not None and now_s - data.flown_since_s >= _LONG_S:
-        return [_long_avoidance(context, now_s - data.flown_since_s)]
+    if state in FLYING:
+        return _long_avoidance(context, now_s)
     if data.fallback is not None:
         return [_alarm(f"{context.prior_mode} refused, choose a mode", 0.0)]
-    if state not in FLYING and unattended.is_left(now_s):
+    if unattended.is_left(now_s):
         return [_alarm(f"{aircraft.mode}, flown by no one, take over", _LEFT_AFTER_S)]
     return []
 
@@ -37,9 +37,13 @@ def _alarm(text: str, after_s: float) -> Condition:
     )
 
 
-def _long_avoidance(context: ControlContext, lasted_s: float) -> Condition:
-    """The avoidance goes on and on: beside a helicopter that hovers at the next waypoint, for example."""
-    minutes = f"{lasted_s / 60.0:.0f} min"
-    what = "returning" if context.supervisor.state is State.RETURNING else "avoiding"
-    text = f"Avoidance: {what} for {minutes}, RESUME or take over"
-    return Condition("long avoidance", mavlink.MAV_SEVERITY_WARNING, text)
+def _long_avoidance(context: ControlContext, now_s: float) -> list[Condition]:
+    """An avoidance that goes on and on: beside a helicopter that hovers at the next waypoint, for example."""
+    returning = context.supervisor.state is State.RETURNING
+    rejoin = context.data.rejoin
+    since_s = rejoin.began_s if returning and rejoin is not None else context.data.flown_since_s
+    if since_s is None or now_s - since_s < _LONG_S:
+        return []
+    what = "returning" if returning else "avoiding"
+    text = f"Avoidance: {what} for {(now_s - since_s) / 60.0:.0f} min, RESUME or take over"
+    return [Condition("long avoidance", mavlink.MAV_SEVERITY_WARNING, text)]

@@ -187,7 +187,8 @@ class Handover:
             return None  # nothing is requested meanwhile, and the service ends only when it is certain
         if override is Event.MODE_CHANGED and stopping and self._fell_while_yielding():
             return self._give_back_found(Event.FOUND, now_s)
-        if override is Event.MODE_CHANGED and self._left_guided_by_itself(now_s):
+        # PX4 reports the end of our setpoints as a failsafe, until a mode is chosen.
+        if override in (Event.MODE_CHANGED, Event.FAILSAFE) and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
             return None if aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
         return self._hands_off(override, now_s)

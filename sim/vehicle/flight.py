@@ -74,6 +74,11 @@ class Flight(ABC):
     # --- what each autopilot implements ---
 
     @property
+    def reports_failsafe(self) -> bool:
+        """Whether the heartbeat shows a failsafe."""
+        return self.in_trouble
+
+    @property
     @abstractmethod
     def on_mission(self) -> bool:
         """True in the mode that flies the mission."""

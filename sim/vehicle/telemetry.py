@@ -116,7 +116,7 @@ class Telemetry(ABC):
     @property
     def system_status(self) -> int:
         """HEARTBEAT.system_status (MAV_STATE)."""
-        if self._flight.in_trouble:
+        if self._flight.reports_failsafe:
             return _CRITICAL
         return _STANDBY if self._flight.on_ground else _ACTIVE
 

@@ -117,6 +117,7 @@ class Model(Seat):
         self.target = NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0)
         self.pulses = (1500, 1500, 1000, 1500)
         self.landed = 2
+        self.fell = self.failing = False
         self.attended_until_s = T0
 
     # --- the world
@@ -165,9 +166,12 @@ class Model(Seat):
         for _ in range(round(seconds * 10)):
             if self.autopilot == PX4 and self.mode == OFFBOARD:
                 if self.now_s - self._setpoint_s > _SETPOINTS_LOST_S:
-                    self.mode = HOLD  # still by our doing
+                    self.mode, self.fell = HOLD, True  # still by our doing
             else:
                 self._setpoint_s = self.now_s
+            # PX4 reports a failsafe after the end of the setpoints, until a mode is chosen.
+            self.fell &= self.mode == HOLD
+            self.status = 5 if self.fell or self.failing else 4
             self.extra_facts = [
                 RcChannels(AUTOPILOT, self.pulses),
                 LandedState(AUTOPILOT, self.landed),
@@ -242,7 +246,7 @@ class Model(Seat):
                 self.claims.add("sticks")
                 self.pulses = (1900, 1500, 1000, 1500)
             case "failsafe":
-                self.status = 5
+                self.failing = True
             case "landing":
                 self.claims.add("landing")
                 self.landed = 4
@@ -272,7 +276,7 @@ class Model(Seat):
         if "sticks" in self.claims:
             self.attended_until_s = max(self.attended_until_s, self.now_s + _STICKS_REST_S)
         self.claims -= {"sticks", "landing", "two vehicles"}
-        self.pulses, self.landed, self.status = (1500, 1500, 1000, 1500), 2, 4
+        self.pulses, self.landed, self.failing = (1500, 1500, 1000, 1500), 2, False
 
 
 def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False) -> Model:

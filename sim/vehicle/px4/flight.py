@@ -106,6 +106,11 @@ class Px4Flight(MissionFlight):
         return self.mode is Px4Mode.TAKEOFF
 
     @property
+    def reports_failsafe(self) -> bool:
+        """Also after a lost stream, until a mode is chosen: measured on PX4 1.16, which stayed CRITICAL."""
+        return super().reports_failsafe or self._may_re_enter
+
+    @property
     def landing(self) -> bool:
         """True while landing, by mode or by mission."""
         return self.mode is Px4Mode.LAND or super().landing

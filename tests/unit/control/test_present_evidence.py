@@ -97,13 +97,24 @@ def test_arduplane_flies_on_as_commanded_after_a_stall() -> None:
 
 
 def test_px4_that_fell_out_of_offboard_in_the_stall_is_given_back() -> None:
+    """As measured on PX4 1.16, it reports a failsafe in that Hold until a mode is chosen."""
     seat = flying(PX4, Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0))
+    seat.status = 5
     stall(seat, 1.2, HOLD)
     while seat.mode == HOLD:
         sent = seat.fly(0.1)
         assert [m for m in sent if m.get_type().startswith("SET_POSITION")] == []
         assert seat.now_s - T0 < 60.0
     assert seat.mode == MISSION
+
+
+def test_px4_that_fell_out_of_offboard_with_an_invalid_setpoint_recovers_first() -> None:
+    seat = flying(PX4, Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0))
+    seat.status, seat.finite = 5, False
+    stall(seat, 1.2, HOLD)
+    seat.until(State.RE_ENTERING, limit_s=6.0)
+    seat.until(State.RECOVERING, limit_s=6.0)
+    assert seat.mode == OFFBOARD
 
 
 def test_px4_still_in_offboard_after_a_stall_is_entered_again_as_ever() -> None:
