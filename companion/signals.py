@@ -40,6 +40,18 @@ IGNORED = {
 }
 
 
+def exit_on_ending() -> None:
+    """End the process in order, exit code 0, at a signal that ends the service: before anything is flown."""
+    for number in IGNORED:
+        signal.signal(number, signal.SIG_IGN)
+    for number in ENDING:
+        signal.signal(number, _exit)
+
+
+def _exit(_number: int, _frame: object) -> None:
+    raise SystemExit(0)
+
+
 @contextlib.contextmanager
 def handled(stop: Callable[[], None]) -> Iterator[None]:
     """Call `stop` at a signal that ends the service, and ignore the others; in the main thread only."""

@@ -20,6 +20,7 @@ from companion.links import open_all, open_link
 from companion.recording.recorder import MB, Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.runtime import Runtime
+from companion.signals import exit_on_ending
 from companion.watchdog import Watchdog
 from companion.web import Display
 
@@ -35,6 +36,7 @@ def run(
     The links of CONFIG are udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or
     serial:DEVICE:BAUD. Nothing is sent on a link that ends in ?listen. A link that fails is opened again.
     """
+    exit_on_ending()
     config = load_config(config_file)
     log_without_waiting()
     display = None if no_web or not config.web.enabled else Display(display_settings_in_flight(config))
