@@ -48,7 +48,7 @@ _log = logging.getLogger("companion")
 # From the time of a tick to its last message; a tick may be late by a stall that is no gap yet.
 _LONGEST_DELAY_US = LONGEST_STALL_US + 200_000
 # The autopilot has this long to take the aircraft back before the service ends anyway.
-_LONGEST_RELEASE_US = 8_000_000
+_LONGEST_RELEASE_US = 12_000_000
 # Longest emergency release, in ticks: a heartbeat comes every second and shows the result of a request.
 _EMERGENCY_TICKS = 30
 _SILENCE_REPORTED_AFTER_US = 5_000_000
@@ -192,13 +192,13 @@ class Runtime:
 
     def _tick(self) -> None:
         """Make the ticks that are due, and report to the watchdog."""
+        files = (file for file in (self._state_file, self._settings) if file is not None)
+        self.engine.shell_conditions = tuple(one for file in files for one in file.conditions())
         self._advance(self.clock.now_us())
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""
-        files = (file for file in (self._state_file, self._settings) if file is not None)
-        self.engine.shell_conditions = tuple(one for file in files for one in file.conditions())
         ticks, begun_s = self._stepper.ticks, time.perf_counter()
         self._stepper.advance(now_us)
         if self._stepper.ticks > ticks:

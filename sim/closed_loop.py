@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from companion.engine import Effect, Engine, Record, Stepper, Transmit
-from companion.mavlink.dialect import Encoder, Message
+from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import FrameSplitter, decode
-from companion.mavlink.translate import frame_to_fact
+from companion.mavlink.intake import Intake
 from companion.model import Layer
 from sim.metrics import FlightScore, score_of
 from sim.scenario import Autopilot, Scenario
@@ -61,7 +61,8 @@ class ClosedLoop:
         self.world.vehicle.add_channel(COMPANION_CHANNEL)
         self.world.vehicle.add_channel(RECEIVER_CHANNEL, stream_rate_hz=0.0)  # no listener
         self.flight = Flight(score_of(scenario, self.world), self.world.vehicle.truth)
-        self._encoder, self._boots = Encoder(), self.world.vehicle.boots
+        self._encoder, self._boots, self._own_encoder = Encoder(), self.world.vehicle.boots, Encoder()
+        self._intake = Intake(mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
         self._up, self._down = FrameSplitter(), FrameSplitter()
         self._stepper = None if engine is None else Stepper(engine, self._perform)
         self._now_us = start_us
@@ -108,9 +109,9 @@ class ClosedLoop:
             self._encoder, self._boots = Encoder(), vehicle.boots
         raw = self._encoder.encode(message, vehicle.system_id, vehicle.component_id)
         for frame in self._up.feed_datagram(raw):
-            fact = frame_to_fact(frame, self._now_us / 1e6)
-            if fact is not None:
-                self._stepper.receive(fact, self._now_us)
+            received = self._intake.judge(frame, self._now_us / 1e6)
+            if received is not None:
+                self._stepper.receive(received.fact, self._now_us, received.true_s)
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
         engine, flight = self.engine, self.flight
@@ -127,7 +128,7 @@ class ClosedLoop:
             flight.score.note_action(time_us / 1e6, [threat.track_id for threat in engine.decision.threats])
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
-        raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
+        raw = self._own_encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         kind = effect.message.get_type()
         self.flight.setpoints_sent += kind.startswith("SET_POSITION_TARGET_")
         if kind == "STATUSTEXT":

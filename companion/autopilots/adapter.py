@@ -106,6 +106,11 @@ class Adapter(ABC):
         return False
 
     @property
+    def last_setpoint_s(self) -> float:
+        """When the newest of those setpoints was sent without which it leaves the guided mode by itself."""
+        return -math.inf
+
+    @property
     def leaves_guided_by_itself(self) -> bool:
         """Whether the autopilot leaves the guided mode by itself, to a known mode, when our setpoints end."""
         return self.setpoint_loss_mode() not in (None, self.guided_mode)
@@ -145,7 +150,7 @@ class Adapter(ABC):
 
     @property
     def restarts_mission(self) -> bool:
-        """Whether the autopilot begins its mission anew when the mission's mode is entered again."""
+        """Whether entering the mission's mode again starts the mission from its first item."""
         return False
 
     @property

@@ -150,6 +150,11 @@ class Px4FixedWing(Adapter):
         return _LOST_STREAM_MODES.get(int(self._parameters.get(LOST_STREAM_PARAMETER, 0.0)))
 
     @property
+    def last_setpoint_s(self) -> float:
+        """The newest setpoint of the stream."""
+        return self._streamed_s
+
+    @property
     def invalid_after_climbs(self) -> bool:
         """True up to 1.16: leaving OFFBOARD in a climb makes the attitude setpoint NaN."""
         return self._version is None or self._version < _VALID_AFTER_CLIMBS_FROM

@@ -19,7 +19,9 @@ def conditions(context: ControlContext, unattended: UnattendedGuided, now_s: flo
     state, data, aircraft = context.supervisor.state, context.data, context.aircraft
     if aircraft.adapter is None:
         return []
-    if state in (State.RELEASING, State.STOPPING, State.RESYNCHRONISING):
+    if state is State.RESYNCHRONISING:
+        return [_alarm("no heartbeat since a stall, take over", _RELEASED_AFTER_S)]
+    if state in (State.RELEASING, State.STOPPING):
         return [_alarm(f"not in {context.prior_mode} yet, take over", _RELEASED_AFTER_S)]
     if state in FLYING:
         return _long_avoidance(context, now_s)
@@ -31,7 +33,7 @@ def conditions(context: ControlContext, unattended: UnattendedGuided, now_s: flo
 
 
 def _alarm(text: str, after_s: float) -> Condition:
-    ended = "Avoidance: the aircraft is not ours any more"
+    ended = "Avoidance: alarm over"
     return Condition(
         "unattended", mavlink.MAV_SEVERITY_CRITICAL, f"Avoidance: {text}", ended, after_s=after_s
     )

@@ -43,7 +43,7 @@ def _is_redirected(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
     adapter = aircraft.adapter
     if adapter is None or not aircraft.guided or not adapter.keeps_guided_target:
         return False
-    target = aircraft.navigation.target_while_ours
+    target = aircraft.navigation.confirmed_target
     if target is not None and adapter.is_own_target(target):
         return False
     was_guided = data.prior.mode == adapter.guided_mode
@@ -91,6 +91,10 @@ CLAIMS: tuple[Claim, ...] = (
 )
 
 
+# The claims with a hindrance look at the aircraft alone.
+_NO_DATA = StateData()
+
+
 class Claims:
     """Looks for claims while we have the aircraft, or are about to take it or give it back."""
 
@@ -112,8 +116,7 @@ class Claims:
 
 def hindrances(aircraft: Aircraft, now_s: float) -> list[str]:
     """The claims that keep the aircraft from being taken over now, in words for the operator."""
-    nothing = StateData()
-    return [claim.hindrance for claim in CLAIMS if claim.hindrance and claim.holds(aircraft, nothing, now_s)]
+    return [claim.hindrance for claim in CLAIMS if claim.hindrance and claim.holds(aircraft, _NO_DATA, now_s)]
 
 
 def printed() -> str:

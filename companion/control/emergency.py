@@ -59,7 +59,7 @@ class EmergencyRelease:
         adapter, request = self._adapter, self._request
         if adapter is None:
             return
-        fresh = 0.0 <= now_s - self._heartbeat_s <= EVIDENCE_S
+        fresh = 0.0 <= now_s - self._heartbeat_s <= EVIDENCE_S and self._aircraft.resynchronized
         claimed = any(self._holds(claim, now_s) for claim in _CLAIMS)
         if request is not None and fresh and not claimed and adapter.is_guided(self._mode):
             if request.due(self._mode, self._heartbeat_s, now_s):

@@ -21,7 +21,7 @@ from companion.control.state_machine import (
     ASKING,
     ENTERING,
     HELD,
-    OVERRIDES,
+    OVERLOOKED_WHEN_FOUND,
     WATCHING,
     YIELDED_TO,
     Event,
@@ -30,20 +30,21 @@ from companion.control.state_machine import (
     SupervisorParams,
 )
 from companion.control.take_over import TakeOver
-from companion.control.unattended_guided import FLICKER_S, UnattendedGuided
+from companion.control.unattended_guided import UnattendedGuided
+from companion.control.watching import Watching
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult
-from companion.model import Decision, Guidance, Layer, PriorFlightState, Role
+from companion.model import Decision, Guidance, Layer, Role
 from companion.output.notice import Condition, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.legs import Leg
 
-# The aircraft is taken over only when its mode was heard this recently.
-_FRESH_HEARTBEAT_S = 1.5
 # Datagrams overtake each other: a heartbeat from before the take-over may arrive this long after it.
 _OVERTAKEN_S = 1.5
+# A failsafe, a fence breach or rotors delay the release for no longer when the service ends.
+_LONGEST_YIELD_S = 5.0
 # Setpoints flown for this long after the last invalid one mean that the controller has recovered.
 _RECOVERED_AFTER_S = 3.0
 
@@ -75,8 +76,9 @@ class Handover:
         self._claims = Claims(aircraft)
         self._unattended = UnattendedGuided(self._context)
         self._requester = ModeRequester(self._context)
-        self._release = Release(self._context, self._requester)
+        self._release = Release(self._context, self._claims, self._requester)
         self._take_over = TakeOver(self._context, self._claims, self._requester, self._release)
+        self._watching = Watching(self._context, readiness, self._unattended, self._take_over, self._release)
 
     # --- interface
 
@@ -144,7 +146,7 @@ class Handover:
             return []
         if prior is not None:
             data.prior = prior
-            self._claims.begin(data, OVERRIDES - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED})
+            self._claims.begin(data, OVERLOOKED_WHEN_FOUND)
         if not (held or prior is not None):
             return []
         text = f"Avoidance ends, back to {self._context.prior_mode}"
@@ -186,7 +188,7 @@ class Handover:
         if override is Event.MODE_CHANGED and stopping and now_s - aircraft.mode_since_s < CERTAIN_S:
             return None  # nothing is requested meanwhile, and the service ends only when it is certain
         if override is Event.MODE_CHANGED and stopping and self._fell_while_yielding():
-            return self._give_back_found(Event.FOUND, now_s)
+            return self._release.begin_found(Event.FOUND, now_s)
         # PX4 reports the end of our setpoints as a failsafe, until a mode is chosen.
         if override in (Event.MODE_CHANGED, Event.FAILSAFE) and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
@@ -194,8 +196,11 @@ class Handover:
         return self._hands_off(override, now_s)
 
     def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
-        """Delay the release: for `abandoned_s` after a claim, and while the pilot moves the sticks."""
-        data, delay_s = self.supervisor.data, self._context.params.abandoned_s
+        """Delay the release: for some seconds after a claim, and for as long as the pilot moves the sticks.
+
+        Then the service ends without having given the aircraft back: it is the pilot's.
+        """
+        data, delay_s = self.supervisor.data, min(self._context.params.abandoned_s, _LONGEST_YIELD_S)
         aircraft = self._context.aircraft
         lasting = aircraft.sticks.in_use(now_s) or aircraft.is_ambiguous(now_s)
         if claims and (lasting or data.yields_until_s == -math.inf):
@@ -251,7 +256,7 @@ class Handover:
         invalid &= self.supervisor.heeds(Event.INVALID_OUTSIDE)
         event = Event.INVALID_OUTSIDE if invalid else Event.FOUND
         self.supervisor.handle(event)
-        return self._take_over.re_enter(now_s) if invalid else self._give_back_found(event, now_s)
+        return self._take_over.re_enter(now_s) if invalid else self._release.begin_found(event, now_s)
 
     def _may_be_overtaken(self, now_s: float) -> bool:
         """Whether the heartbeat may be from before the take-over, overtaken on its way by a newer one."""
@@ -271,7 +276,7 @@ class Handover:
         if orders.role is not Role.FLY:
             supervisor.data.suppressed_s = {}  # when the role is fly again, all are avoided
         if supervisor.state in WATCHING:
-            return self._watch(now_s)
+            return self._watching.step(now_s)
         if supervisor.state is State.STOPPED or self._is_just_back(now_s):
             return []
         if orders.role is not Role.FLY and supervisor.handle(Event.ADVISE):
@@ -308,8 +313,13 @@ class Handover:
             return self._lose("autopilot lost", now_s)
         if not aircraft.resynchronized:
             return []
+        loss_mode = context.adapter.setpoint_loss_mode()
+        if not aircraft.guided and aircraft.custom_mode == loss_mode != context.data.prior.mode:
+            return self._fell_out(now_s)
         if not aircraft.guided:
             return self._take_over.give_up(now_s)  # asked for before the gap, and not entered
+        if context.adapter.setpoint_invalid(now_s):
+            return self._fell_out(now_s)
         if context.adapter.entry_s == 0.0:
             return self._take_over.settle(now_s)
         # The autopilot may have left the guided mode by now, and would enter it again by our first setpoint.
@@ -370,86 +380,3 @@ class Handover:
             self.supervisor.handle(self._context.conflict)
             return self._take_over.go_on(now_s)
         return self._release.go_on(now_s)
-
-    # --- while the aircraft is not ours
-
-    def _watch(self, now_s: float) -> Outgoing:
-        context, data, supervisor = self._context, self.supervisor.data, self.supervisor
-        if not context.aircraft.resynchronized:
-            return []
-        self._unattended.note_mode(now_s)
-        self._note_choices()
-        if self._is_invalid_outside(now_s) and supervisor.handle(Event.INVALID_OUTSIDE):
-            return self._take_over.re_enter(now_s)
-        found = self._unattended.found(now_s)
-        if found is not None and supervisor.heeds(found[0]):
-            return self._reclaim(*found, now_s)
-        outgoing = self._invalid_notices(now_s)
-        ready = not self._readiness.hindrances(now_s, context.role) and now_s >= data.wait_until_s
-        if not ready and not context.clear:
-            outgoing.append(ConflictNotice(flying=False))
-        # The pilot resumed the mission while we flew: this conflict is not avoided.
-        if not ready or (supervisor.state is State.SUPPRESSED and not context.clear):
-            data.ready_since_s = None
-            if not ready:
-                supervisor.handle(Event.NOT_READY)
-            return outgoing
-        if supervisor.state in (State.HANDS_OFF, State.SUPPRESSED) and not self._has_settled(now_s):
-            return outgoing
-        supervisor.handle(Event.READY)
-        outgoing += self._release.restore_speed(now_s)
-        outgoing += self._release.restore_item(now_s)
-        fresh = now_s - context.aircraft.heartbeat_s <= _FRESH_HEARTBEAT_S
-        # A single heartbeat with another mode may be wrong.
-        certain = fresh and now_s - context.aircraft.mode_since_s >= FLICKER_S
-        return outgoing if context.clear or not certain else [*outgoing, *self._take_over.begin(now_s)]
-
-    def _has_settled(self, now_s: float) -> bool:
-        """Whether it has been ready for `settle_s`."""
-        data = self.supervisor.data
-        if data.ready_since_s is None:
-            data.ready_since_s = now_s
-        return now_s - data.ready_since_s >= self._context.params.settle_s
-
-    def _note_choices(self) -> None:
-        """Note a mode that someone else has chosen: our commands and the mission item are then dropped."""
-        aircraft, data = self._context.aircraft, self.supervisor.data
-        in_prior_mode = aircraft.custom_mode == data.prior.mode
-        if not aircraft.guided:
-            data.left_in_prior_mode &= in_prior_mode
-        if aircraft.adapter is not None and not in_prior_mode:
-            aircraft.adapter.commands.forget()
-            data.forget_item()
-
-    def _is_invalid_outside(self, now_s: float) -> bool:
-        """Whether the setpoint became invalid while we flew, but is reported only now."""
-        aircraft, data = self._context.aircraft, self.supervisor.data
-        if aircraft.adapter is None or not data.left_in_prior_mode or self._context.role is not Role.FLY:
-            return False
-        return aircraft.custom_mode == data.prior.mode and aircraft.adapter.setpoint_invalid(now_s)
-
-    def _invalid_notices(self, now_s: float) -> Outgoing:
-        """Warns the pilot that the controller has no valid setpoint: only the sticks fly the aircraft."""
-        adapter = self._context.aircraft.adapter
-        if adapter is None or not adapter.setpoint_invalid(now_s):
-            return []
-        text = "Avoidance: attitude setpoint lost, fly MANUAL or STABILIZED"
-        return [Notice(mavlink.MAV_SEVERITY_EMERGENCY, text)]
-
-    def _reclaim(self, event: Event, prior: PriorFlightState | None, now_s: float) -> Outgoing:
-        """Give back an aircraft that is in the guided mode and flown by no one."""
-        self.supervisor.handle(event)
-        data = self.supervisor.data
-        if prior is not None:
-            data.prior = prior
-        if event is Event.INVALID_OUTSIDE:
-            return self._take_over.re_enter(now_s)
-        data.reclaiming = event is Event.ABANDONED
-        return self._give_back_found(event, now_s)
-
-    def _give_back_found(self, event: Event, now_s: float) -> Outgoing:
-        self._claims.begin(
-            self.supervisor.data, OVERRIDES - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
-        )
-        text = f"Avoidance: {event}, giving back to {self._context.prior_mode}"
-        return [*self._release.begin(now_s, found=True), Notice(mavlink.MAV_SEVERITY_WARNING, text)]

@@ -2,10 +2,11 @@
 
 import math
 
+from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
 from companion.control.mode_request import CERTAIN_S, ModeRequest, Progress
 from companion.control.requesting import ModeRequester
-from companion.control.state_machine import Event, State
+from companion.control.state_machine import OVERLOOKED_WHEN_FOUND, Event, State
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from companion.output.notice import Notice
@@ -23,8 +24,9 @@ _FIRST_ITEM = 1
 class Release:
     """Leaves the guided mode for the former mode, or for the fallback mode when that is refused."""
 
-    def __init__(self, context: ControlContext, requester: ModeRequester) -> None:
+    def __init__(self, context: ControlContext, claims: Claims, requester: ModeRequester) -> None:
         self._context = context
+        self._claims = claims
         self._requester = requester
 
     def begin(self, now_s: float, *, found: bool = False) -> Outgoing:
@@ -51,6 +53,12 @@ class Release:
             settle_s=settle_s,
         )
         return self._requester.send(now_s)
+
+    def begin_found(self, event: Event, now_s: float) -> Outgoing:
+        """Give back an aircraft that was found in a mode in which it was left, for the reason `event`."""
+        self._claims.begin(self._context.data, OVERLOOKED_WHEN_FOUND)
+        text = f"Avoidance: {event}, giving back to {self._context.prior_mode}"
+        return [*self.begin(now_s, found=True), Notice(mavlink.MAV_SEVERITY_WARNING, text)]
 
     def confirm(self, now_s: float) -> bool:
         """End the release when the heartbeat shows the requested mode; true when it has ended."""

@@ -99,6 +99,8 @@ OVERRIDES = frozenset(
         Event.AMBIGUOUS,
     }
 )
+# An aircraft that is found where it was left is given back in spite of these, until they have ceased.
+OVERLOOKED_WHEN_FOUND = OVERRIDES - {Event.MODE_CHANGED, Event.STICKS, Event.DISARMED}
 # The service may end only after the aircraft is given back: these delay the release and do not end it.
 YIELDED_TO = frozenset({Event.STICKS, Event.FAILSAFE, Event.FENCE, Event.NO_WING, Event.AMBIGUOUS})
 

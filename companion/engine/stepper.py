@@ -11,9 +11,12 @@ from companion.mavlink.facts import Fact
 from companion.output.effects import Effect
 
 TICK_US = 100_000
-# A stall of ours that is longer than this is a gap. Its ticks are never made, and nothing acts on the
-# aircraft before a heartbeat from after the gap (see `Engine.note_gap`).
+# How long the service may do nothing. A longer stall is a gap: its ticks are never made, and nothing acts on
+# the aircraft before a heartbeat from after the gap (see `Engine.note_gap`).
 LONGEST_STALL_US = 500_000
+# Without a tick for this long the service manager restarts the service (WatchdogSec in its unit), and the
+# next run gives the aircraft back.
+WATCHDOG_S = 3.0
 # A log has no record of our stalls. Its longer gaps are of a machine that was suspended.
 LONGEST_GAP_IN_LOG_US = 5_000_000
 

@@ -53,8 +53,10 @@ class Conditions:
     def _see(self, condition: Condition, now_s: float) -> None:
         spell = self._spells.get(condition.key)
         if spell is None:
-            self._ended.pop(condition.key, None)
-            self._spells[condition.key] = _Spell(condition, now_s, now_s)
+            # The spell before goes on if its end has not been announced.
+            goes_on = self._ended.pop(condition.key, None) is not None
+            announced_s = self._announced_s.get(condition.key, now_s) if goes_on else None
+            self._spells[condition.key] = _Spell(condition, now_s, now_s, announced_s)
             return
         spell.condition, spell.seen_s = condition, now_s
 
@@ -88,14 +90,12 @@ class Conditions:
     def _endings(self) -> list[Notice]:
         holding = {spell.condition.ended for spell in self._spells.values()}
         notices = []
-        for key, condition in list(self._ended.items()):
-            still_holds = condition.ended in holding
-            if not still_holds and not self._take_text():
+        over = {condition.ended: None for condition in self._ended.values() if condition.ended not in holding}
+        for text in over:  # once for all that end together
+            if text is None or not self._take_text():
                 break
-            del self._ended[key]
-            if condition.ended is not None and not still_holds:
-                holding.add(condition.ended)  # once for all that end together
-                notices.append(Notice(mavlink.MAV_SEVERITY_NOTICE, condition.ended))
+            self._ended = {key: one for key, one in self._ended.items() if one.ended != text}
+            notices.append(Notice(mavlink.MAV_SEVERITY_NOTICE, text))
         return notices
 
     def _refill(self, now_s: float) -> None:

@@ -134,8 +134,7 @@ GCS_PARAMETERS: tuple[GcsParam, ...] = (
     _ranged("CA_OUTER_TIME", "avoidance.outer_time_s", "s", "in time; the greater reach counts"),
     _ranged("CA_INNER_DIST", "avoidance.inner_radius_m", "m", "reach of the inner layer"),
     _ranged("CA_INNER_TIME", "avoidance.inner_time_s", "s", "in time; the greater reach counts"),
-    _ranged("CA_DOMAIN", "avoidance.delta_beta_rad", "deg", "width of the transition domain", _DEGREES
-    ),
+    _ranged("CA_DOMAIN", "avoidance.delta_beta_rad", "deg", "width of transition domain", _DEGREES),
     _ranged("CA_BEGIN_NEAR", "avoidance.begin_near", "share", "begin below this miss, soon"),
     _ranged("CA_BEGIN_FAR", "avoidance.begin_far", "share", "begin below this miss, later"),
     _ranged("CA_REL_MARGIN", "avoidance.release_margin", "share", "extra margin to give back"),

@@ -32,8 +32,10 @@ from companion.ownship.mission import Mission
 from companion.ownship.navigation import Navigation
 from companion.ownship.position_gate import Place, PositionGate
 
-# The heartbeat with the mode comes once a second; after a silence it may be this late.
-_MODE_KNOWN_S = 2.5
+# PX4 leaves its guided mode a second after the last setpoint.
+_SETPOINTS_LOST_S = 0.9
+# A change of mode is judged when it is seen: this long after it at the latest.
+_JUDGED_WITHIN_S = 2.5
 # Reading the mission takes some seconds, more on a slow link. An autopilot that does not answer at all is
 # flown without it after the first time, one whose answers arrive after the second.
 _MISSION_AWAITED_S, _MISSION_READ_S = 6.0, 60.0
@@ -134,6 +136,8 @@ class Aircraft:
         self.contact.heartbeat_s = max(now_s, self.contact.heartbeat_s)
         self.flight_state.observe_heartbeat(fact, now_s)
         self.enter_mode(fact.custom_mode, now_s)
+        if self.guided:
+            self.navigation.observe_guided()
         return True
 
     # --- answers from several parts
@@ -165,14 +169,16 @@ class Aircraft:
         self._mode_heard = True
 
     def left_guided_by_itself(self, now_s: float) -> bool:
-        """Whether the link was lost, in either direction, and the mode is the one that is entered then."""
+        """Whether our setpoints stopped arriving, and the mode is the one that is entered then.
+
+        The same mode while they arrive is someone's choice.
+        """
         adapter = self.adapter
-        interrupted = self.contact.since_silence_s(now_s) <= _MODE_KNOWN_S or self.contact.uplink_interrupted(
-            now_s
-        )
-        if adapter is None or self.guided or not interrupted:
+        if adapter is None or self.guided or self.custom_mode != adapter.setpoint_loss_mode():
             return False
-        return self.custom_mode == adapter.setpoint_loss_mode()
+        seen_now = now_s - self.mode_since_s <= _JUDGED_WITHIN_S
+        without = self.mode_since_s - adapter.last_setpoint_s >= _SETPOINTS_LOST_S
+        return (seen_now and without) or self.contact.uplink_interrupted(now_s)
 
     def flying(self, min_height_m: float) -> bool:
         """Whether it is armed, at least this high above home, and neither taking off nor landing."""
@@ -394,7 +400,7 @@ class Aircraft:
         if mission is self.navigation.mission:
             return
         before = self.navigation.mission
-        if before is not None and (mission is None or mission.items != before.items):
+        if before is not None:
             self.navigation.plan_changes += 1
         self.navigation.mission = mission
         self.navigation.legs.learn(mission, self.place(), flown=self._in_mission)
@@ -441,7 +447,7 @@ class Aircraft:
 
     def redirected_from(self, target: GeoPoint | None) -> bool:
         """Whether the reported target is far from `target`, by default from the one of the guided mode."""
-        return self.navigation.redirected_from(target, self.heartbeat_s)
+        return self.navigation.redirected_from(target)
 
     def mission_outdated(self, now_s: float) -> bool:
         """Whether the autopilot has flown for a while to another place than the known mission leads to."""

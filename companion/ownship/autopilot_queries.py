@@ -62,7 +62,7 @@ class AutopilotQueries:
         self._missions = MissionReader()
         self.limits: PerformanceLimits = limits_in_effect(assumed, configured, ReportedLimits())
         self.mission: Mission | None = None
-        self._mission_items: tuple[MissionItem, ...] | None = None
+        self._mission: Mission | None = None
         self._fence_items: tuple[MissionItem, ...] | None = None
         self._uploaded_zones: tuple[FenceZone, ...] = ()
         self._fence_settings = FenceSettings()  # by the parameters alone
@@ -230,11 +230,13 @@ class AutopilotQueries:
         """Store the lists that were read; returns what to announce about them."""
         notices: list[Notice] = []
         mission, fence = self._missions.mission, self._missions.fence
-        if mission is not self._mission_items:
-            if mission is not None and mission != self._mission_items:
-                notices.append(_to_log(f"Mission: {len(mission)} items"))
-            self._mission_items = mission
-            self.mission = None if mission is None else Mission(mission)
+        if mission is None:
+            self.mission = None
+        elif self._mission is None or mission != self._mission.items:
+            self.mission = self._mission = Mission(mission)
+            notices.append(_to_log(f"Mission: {len(mission)} items"))
+        else:
+            self.mission = self._mission  # the same object for the same items
         if fence is not None and fence != self._fence_items:
             news = bool(fence or self._fence_items)
             self._fence_items = fence

@@ -159,7 +159,7 @@ class Legs:
 
 
 def same_items(one: Mission, other: Mission) -> bool:
-    """Whether two missions have the same items, whoever they were sent to."""
+    """Whether two missions have the same items; the address that they were sent to does not count."""
     return len(one.items) == len(other.items) and all(
         replace(a, target=b.target) == b for a, b in zip(one.items, other.items, strict=True)
     )

@@ -25,7 +25,7 @@ _REDIRECTED_M = 100.0
 class Navigation:
     """The mission item and the navigation target, and whether they agree.
 
-    While our setpoints are flown, the reported target is ours; it is stored apart (`target_while_ours`).
+    While our setpoints are flown, the reported target is ours; it is stored apart from the autopilot's own.
     """
 
     def __init__(self, kinematics: Kinematics) -> None:
@@ -33,8 +33,10 @@ class Navigation:
         self.legs = Legs()
         self.mission: Mission | None = None  # while it is known
         self.sequence: int | None = None  # of the mission item that is flown
-        self.target_while_ours: NavigationTarget | None = None
+        self._target_while_ours: NavigationTarget | None = None
         self._guided_target: NavigationTarget | None = None  # the first one since the guided mode is flown
+        # The newest one after which the guided mode was still shown: not that of another mode.
+        self.confirmed_target: NavigationTarget | None = None
         self._reported: tuple[NavigationTarget, float] | None = None  # the newest one, ours or not
         # Grows when the mission is changed, or someone selects another item while our setpoints are flown.
         self.plan_changes = 0
@@ -70,7 +72,7 @@ class Navigation:
         """
         self._reported = fact, now_s
         if ours:
-            self.target_while_ours = fact
+            self._target_while_ours = fact
             if guided and self._guided_target is None:
                 self._guided_target = fact
         else:
@@ -108,17 +110,18 @@ class Navigation:
 
     def forget_guided_target(self) -> None:
         """Begin to look for another target: the next one reported in the guided mode is ours."""
-        self.target_while_ours = self._guided_target = None
+        self._target_while_ours = self._guided_target = self.confirmed_target = None
 
-    def redirected_from(self, target: GeoPoint | None, guided_s: float) -> bool:
-        """Whether the target that is reported while our setpoints are flown is far from `target`.
+    def observe_guided(self) -> None:
+        """Note that the guided mode is shown: the target reported before belongs to it."""
+        self.confirmed_target = self._target_while_ours
 
-        By default, from the one reported when the guided mode was entered. `guided_s` is the last time that
-        the guided mode was shown: a target reported later may be that of another mode.
+    def redirected_from(self, target: GeoPoint | None) -> bool:
+        """Whether the target of the guided mode is far from `target` while our setpoints are flown.
+
+        By default, from the one reported when the guided mode was entered.
         """
-        if self._reported is None or self._reported[1] >= guided_s:
-            return False
-        other, first = self.target_while_ours, self._guided_target
+        other, first = self.confirmed_target, self._guided_target
         if target is None and first is not None:
             target = GeoPoint(first.lat_deg, first.lon_deg, 0.0)
         if target is None or other is None:

@@ -39,6 +39,7 @@ class PositionGate:
 
     def judge(self, fact: OwnPosition, at_s: float) -> Place:
         """What the position is that was true at `at_s`."""
+        self._changes_s = [one for one in self._changes_s if at_s - one <= _CHANGES_WITHIN_S]
         if self._here is None or not 0.0 <= at_s - self._here[1] <= _FORGOTTEN_S:
             return self._believe(fact, at_s, Place.HERE)
         if _continues(*self._here, fact, at_s):
@@ -55,7 +56,7 @@ class PositionGate:
         lasted_s = at_s - self._elsewhere_since_s
         silent_s = at_s - self._here[1]
         if lasted_s >= _MOVED_AFTER_S and silent_s >= _MOVED_AFTER_S:
-            self._elsewhere = None
+            self._elsewhere, self._changes_s = None, []
             return self._believe(fact, at_s, Place.MOVED)
         return Place.ELSEWHERE
 
@@ -64,7 +65,7 @@ class PositionGate:
         return place
 
     def _note_change(self, at_s: float) -> None:
-        self._changes_s = [*(one for one in self._changes_s if at_s - one <= _CHANGES_WITHIN_S), at_s]
+        self._changes_s.append(at_s)
 
 
 def _continues(before: OwnPosition, before_s: float, fact: OwnPosition, at_s: float) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from companion.control.state_machine import State
 from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
-from companion.mavlink.facts import MissionCount, PressureAltitude, Traffic
+from companion.mavlink.facts import PressureAltitude, Traffic
 from companion.model import AltitudeReference, TrafficReport, TrafficSource, adsb_key
 from companion.units import (
     NMAC_HORIZONTAL_M,
@@ -226,9 +226,6 @@ class _Flight:
         effects = engine.tick(now_s)
         flown.decision_ms.append((time.perf_counter() - begun) * 1e3)
         messages = _messages(effects)
-        for message in messages:
-            if message.get_type() == "MISSION_REQUEST_LIST":
-                engine.receive(MissionCount(AUTOPILOT, engine.sender, message.mission_type, 0), now_s)
         if self._plane.execute(messages):
             # The autopilot sends its heartbeat five times a second, so it reports a new mode that soon.
             for fact in (self._plane.heartbeat(), *self._plane.facts(now_s)):

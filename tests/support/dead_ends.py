@@ -51,6 +51,9 @@ EVENT_S = 1.5
 # Giving back takes a request, a heartbeat and, with PX4, a stream of setpoints before it.
 _GIVEN_BACK_S = 3.5
 _EVIDENCE_S = 1.6
+# A target that is not ours counts once a later heartbeat still shows the guided mode.
+_REDIRECTED_S = 1.2
+_CENTERED = (1500, 1500, 1000, 1500)
 # An alarm is due when giving back takes longer than usual.
 _ALARM_S = 12.0
 _SETPOINTS_LOST_S = 1.0
@@ -115,10 +118,10 @@ class Model(Seat):
         self._heard: tuple[float, int] | None = None  # the newest heartbeat that was received
         self._setpoint_s = T0
         self.target = NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0)
-        self.pulses = (1500, 1500, 1000, 1500)
+        self.pulses = _CENTERED
         self.landed = 2
         self.fell = self.failing = False
-        self.attended_until_s = T0
+        self.attended_until_s = self.redirected_s = T0
 
     # --- the world
 
@@ -182,10 +185,11 @@ class Model(Seat):
             if "two vehicles" in self.claims:
                 self.attended_until_s = self.now_s + _TWO_VEHICLES_S
                 self.extra_facts.append(OtherVehicle(AUTOPILOT))
-            was_held = self.engine._handover.holds
             claimed = {claim for claim in self.claims if self.receives}
+            if self.now_s - self.redirected_s < _REDIRECTED_S:
+                claimed.discard("fly here")
             sent = self.fly(0.1)
-            self._check(sent, claimed if was_held else set())
+            self._check(sent, claimed)
             self._count()
 
     # --- what must hold
@@ -198,7 +202,7 @@ class Model(Seat):
                 assert self._heard is not None
                 age_s = self.now_s - self._heard[0]
                 assert age_s <= _EVIDENCE_S, f"mode requested {age_s:.1f} s after the last heartbeat"
-        if claimed and state is State.HANDS_OFF:
+        if claimed and state is not State.STOPPING:
             assert not acting, f"{[m.get_type() for m in acting]} after {claimed}"
 
     def _count(self) -> None:
@@ -216,7 +220,7 @@ class Model(Seat):
         works = self.receives and self.transmits and self.accepts and not (attended or ended or warned)
         self.unattended_s = self.unattended_s + 0.1 if works else 0.0
         limit_s = RULES.abandoned_s + _GIVEN_BACK_S
-        assert self.unattended_s <= limit_s, f"nobody flies for {self.unattended_s:.1f} s in {self.state}"
+        assert self.unattended_s <= limit_s, f"flown by no one for {self.unattended_s:.1f} s in {self.state}"
         self.alarm_s += 0.1
         alarmed = any(condition.key == "unattended" for condition in self.engine.conditions)
         silent = "fly here" in self.claims or self.stopped
@@ -232,6 +236,7 @@ class Model(Seat):
             case "pilot takes over":
                 self.chooses(FBWA if self.autopilot == ARDUPILOT else 3 << 16)
             case "pilot resumes mission":
+                self.claims -= {"sticks", "fly here"}  # the mission flies
                 self.chooses(AUTO if self.autopilot == ARDUPILOT else MISSION)
             case "flicker" | "flicker to mission":
                 other = FBWA if self.autopilot == ARDUPILOT else 3 << 16
@@ -241,9 +246,11 @@ class Model(Seat):
             case "fly here":
                 if self.autopilot == ARDUPILOT and self.mode == GUIDED:
                     self.claims.add("fly here")
+                    self.redirected_s = self.now_s
                     self.target = NavigationTarget(AUTOPILOT, -36.0, 150.0, 884.0)
             case "sticks":
-                self.claims.add("sticks")
+                if self.by_us:  # a mission flies on, wherever the sticks are
+                    self.claims.add("sticks")
                 self.pulses = (1900, 1500, 1000, 1500)
             case "failsafe":
                 self.failing = True
@@ -273,10 +280,10 @@ class Model(Seat):
     def mend(self) -> None:
         """End everything that disturbs; what was chosen stays."""
         self.receives = self.transmits = self.accepts = self.positions = True
-        if "sticks" in self.claims:
+        if self.pulses != _CENTERED:  # moving them back is a claim too
             self.attended_until_s = max(self.attended_until_s, self.now_s + _STICKS_REST_S)
         self.claims -= {"sticks", "landing", "two vehicles"}
-        self.pulses, self.landed, self.failing = (1500, 1500, 1000, 1500), 2, False
+        self.pulses, self.landed, self.failing = _CENTERED, 2, False
 
 
 def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False) -> Model:

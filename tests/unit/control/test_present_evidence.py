@@ -209,7 +209,7 @@ def test_after_a_flicker_of_the_mode_the_aircraft_is_given_back(other: int, targ
     seat.fly(0.2)
     seat.mode = GUIDED
     seat.fly(3.0)
-    assert seat.state not in FLYING, "whoever chose the other mode has the aircraft, for now"
+    assert seat.state not in FLYING, "the other mode may be the pilot's choice"
     seat.fly(7.0)
     assert modes(seat.sent)[-1] == AUTO
     assert seat.mode == AUTO

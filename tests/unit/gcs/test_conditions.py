@@ -83,3 +83,23 @@ def test_an_end_is_announced_once_when_all_that_share_it_have_ended() -> None:
     assert [text for _, text in spoken(keeper, [], 10.0, 20.0)] == ["on again"]
     assert len(spoken(keeper, [low, blind], 100.0, 101.0)) == 2
     assert [text for _, text in spoken(keeper, [], 101.0, 110.0)] == ["on again"]
+
+
+def test_an_end_waits_for_another_condition_that_shares_it() -> None:
+    """The other one may begin meanwhile, and may end before it was announced."""
+    keeper = Conditions()
+    low = LOW._replace(ended="on again")
+    blind = Condition("blind", 4, "no position", "on again", after_s=20.0)
+    assert len(spoken(keeper, [low], 0.0, 1.0)) == 1
+    assert spoken(keeper, [blind], 1.0, 15.0) == []
+    assert [text for _, text in spoken(keeper, [], 15.0, 25.0)] == ["on again"]
+
+
+def test_a_condition_that_returns_before_its_end_was_announced_ends_later() -> None:
+    keeper = Conditions()
+    low = LOW._replace(ended="on again")
+    blind = Condition("blind", 4, "no position", "on again")
+    assert len(spoken(keeper, [low, blind], 0.0, 1.0)) == 2
+    assert spoken(keeper, [blind], 1.0, 6.0) == [], "the first one has ended, the text waits"
+    assert spoken(keeper, [low, blind], 6.0, 8.0) == [], "told half a minute ago at most"
+    assert [text for _, text in spoken(keeper, [], 8.0, 20.0)] == ["on again"], "of both"

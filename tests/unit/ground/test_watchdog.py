@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from companion import runtime
-from companion.engine import TICK_US
+from companion.engine import TICK_US, WATCHDOG_S
 from companion.watchdog import Watchdog
 from tests.support.paths import CONFIGS
 
@@ -100,7 +100,7 @@ def test_the_unit_file_restarts_the_service_and_waits_for_the_release() -> None:
     assert service["User"] not in {"root", "0"}
     assert service["RestartPreventExitStatus"] == "2"
     assert " run " in service["ExecStart"]
-    assert float(service["WatchdogSec"]) == 3.0
+    assert float(service["WatchdogSec"]) == WATCHDOG_S
     release_s = (runtime._LONGEST_RELEASE_US + runtime._EMERGENCY_TICKS * TICK_US) / 1e6
     assert float(service["TimeoutStopSec"]) > release_s + 2.0
     assert not set(service) & {"PrivateDevices", "ProtectClock", "DevicePolicy"}, "they hide serial ports"

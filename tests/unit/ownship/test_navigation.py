@@ -101,10 +101,22 @@ def test_a_target_of_our_own_setpoints_is_no_target_of_the_autopilot() -> None:
     navigation = flying()
     target(navigation, 47.2)
     target(navigation, 47.05, ours=True)
+    navigation.observe_guided()
     assert navigation.target(0.0) == GeoPoint(47.2, 8.0, 650.0)
-    assert navigation.redirected_from(GeoPoint(47.2, 8.0, 650.0), 9.0)
-    assert not navigation.redirected_from(GeoPoint(47.0505, 8.0, 650.0), 9.0)
-    assert not navigation.redirected_from(None, 9.0)
+    assert navigation.redirected_from(GeoPoint(47.2, 8.0, 650.0))
+    assert not navigation.redirected_from(GeoPoint(47.0505, 8.0, 650.0))
+    assert not navigation.redirected_from(None)
+
+
+def test_a_target_counts_once_the_guided_mode_is_still_shown_after_it() -> None:
+    navigation = flying()
+    target(navigation, 47.05, ours=True)
+    navigation.observe_guided()
+    target(navigation, 47.2, ours=True)
+    assert not navigation.redirected_from(None)
+    navigation.observe_guided()
+    target(navigation, 47.2, ours=True)  # reported again in the same instant, as often as heartbeats
+    assert navigation.redirected_from(None)
 
 
 def test_destinations_are_those_of_the_mission_that_is_known() -> None:
