@@ -54,7 +54,7 @@ class UnattendedGuided:
     def _note_fall(self) -> None:
         """Follow whether the present mode is the one that followed the guided mode by itself."""
         aircraft, data = self._context.aircraft, self._context.data
-        if aircraft.custom_mode != self._loss_mode:
+        if aircraft.custom_mode != self._context.loss_mode:
             if data.away_s is None:
                 data.away_s = aircraft.heartbeat_s
             return
@@ -62,11 +62,6 @@ class UnattendedGuided:
             data.seen_guided = data.fell_out = False  # chosen by someone
         data.away_s = None
         data.fell_out |= data.seen_guided
-
-    @property
-    def _loss_mode(self) -> int | None:
-        adapter = self._context.aircraft.adapter
-        return None if adapter is None else adapter.setpoint_loss_mode()
 
     def is_left(self, now_s: float) -> bool:
         """Whether the aircraft is in the guided mode, or in the one that follows, by our doing."""
@@ -77,9 +72,9 @@ class UnattendedGuided:
         redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
         if not aircraft.armed or data.guided_since_s is None or redirected:
             return False
-        if self._loss_mode not in (None, self._context.adapter.guided_mode):
+        if self._context.loss_mode is not None:
             # It leaves the guided mode by itself; while it stays there, someone else sends setpoints.
-            return data.fell_out and aircraft.custom_mode == self._loss_mode
+            return data.fell_out and aircraft.custom_mode == self._context.loss_mode
         return aircraft.guided
 
     def prior_if_left(self, now_s: float) -> PriorFlightState | None:
