@@ -110,7 +110,7 @@ class Engine:
             self.aircraft,
             self.queries,
             self._picture,
-            ObstacleMap(config.known_obstacles, config.obstacles),
+            ObstacleMap(config.known_obstacles, config.obstacles) if config.known_obstacles else None,
             config,
             self._handover,
             avoider or Avoider(config.avoidance),
@@ -263,7 +263,7 @@ class Engine:
             return bool(self._answers)
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
-                self._rates.observe(fact, now_s)
+                self._rates.traffic_s = now_s
             return self._receive_traffic(fact, now_s)
         return self._receive_telemetry(fact, now_s, at_s)
 
@@ -277,7 +277,7 @@ class Engine:
             self.foreign += 1
             self._look_for_companion(fact, now_s)
             return self._is_of_another_system(fact) and self._receive_traffic(fact, now_s)
-        self._rates.observe(fact, now_s)
+        self._rates.observe(fact)
         self._picture.observe_ownship(fact, at_s)
         match fact:
             case Heartbeat():
