@@ -192,7 +192,7 @@ class Handover:
         # PX4 reports the end of our setpoints as a failsafe, until a mode is chosen.
         if override in (Event.MODE_CHANGED, Event.FAILSAFE) and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
-            return None if aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
+            return None if aircraft.contact.just_regained(now_s) else self._fell_out(now_s)
         return self._hands_off(override, now_s)
 
     def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
@@ -202,7 +202,7 @@ class Handover:
         """
         data, delay_s = self.supervisor.data, min(self._context.params.abandoned_s, _LONGEST_YIELD_S)
         aircraft = self._context.aircraft
-        lasting = aircraft.sticks.in_use(now_s) or aircraft.is_ambiguous(now_s)
+        lasting = aircraft.sticks.in_use(now_s) or aircraft.identity.is_ambiguous(now_s)
         if claims and (lasting or data.yields_until_s == -math.inf):
             data.yields_until_s = now_s + delay_s
 
@@ -294,7 +294,7 @@ class Handover:
 
     def _is_just_back(self, now_s: float) -> bool:
         """Whether it left the guided mode in a silence that ended too recently to know its state."""
-        if not (self._context.aircraft.contact_just_regained(now_s) and self._left_guided_by_itself(now_s)):
+        if not (self._context.aircraft.contact.just_regained(now_s) and self._left_guided_by_itself(now_s)):
             return False
         return Event.MODE_CHANGED in self._claims.current(self.supervisor.data, now_s)
 

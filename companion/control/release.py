@@ -112,7 +112,7 @@ class Release:
         if present >= wanted or context.aircraft.custom_mode != data.prior.mode:
             return []
         own_restart = present <= _FIRST_ITEM and context.adapter.restarts_mission
-        if not own_restart or context.aircraft.plan_changes != data.plan:
+        if not own_restart or context.aircraft.navigation.plan_changes != data.plan:
             return []
         data.given_back_s = -math.inf
         adapter = context.adapter

@@ -43,7 +43,7 @@ class UnattendedGuided:
             return
         # The guided mode came back: it is someone's choice, unless it had not been left at all.
         flickered = aircraft.heartbeat_s - data.left_guided_s <= FLICKER_S
-        moved_m = aircraft.from_guided_target_m(now_s)
+        moved_m = aircraft.navigation.from_guided_target_m(now_s)
         same_target = moved_m is not None and moved_m <= _SAME_TARGET_M
         if data.guided_since_s is not None and (flickered or same_target):
             data.seen_guided = True
@@ -68,7 +68,7 @@ class UnattendedGuided:
         aircraft, data = self._context.aircraft, self._context.data
         if aircraft.adapter is None:
             return False
-        moved_m = aircraft.from_guided_target_m(now_s)
+        moved_m = aircraft.navigation.from_guided_target_m(now_s)
         redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
         if not aircraft.armed or data.guided_since_s is None or redirected:
             return False
@@ -100,7 +100,11 @@ class UnattendedGuided:
                 data.unattended_since_s = None
             return None
         # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
-        attended = aircraft.sticks.in_use(now_s) or aircraft.landing() or aircraft.is_ambiguous(now_s)
+        attended = (
+            aircraft.sticks.in_use(now_s)
+            or aircraft.flight_state.landing
+            or aircraft.identity.is_ambiguous(now_s)
+        )
         # Who moved the sticks may have chosen the mode, too, that the autopilot enters by itself.
         attended |= data.fell_out and data.let_go is Event.STICKS
         if attended or data.unattended_since_s is None:

@@ -119,7 +119,7 @@ class Deciding:
             if self.goal is not None and now_s - self._held_s <= _SPEED_RETURNS_S:
                 # The present speed is still that of the avoidance.
                 goal = replace(goal, airspeed_mps=self.goal.airspeed_mps)
-            if self._aircraft.mission_outdated(now_s):
+            if self._aircraft.navigation.mission_outdated(now_s):
                 self._queries.reread_mission(now_s)
             return goal
         leg = self._handover.leg()

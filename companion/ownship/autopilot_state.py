@@ -185,7 +185,7 @@ class Contact:
         """Whether messages arrive right now, with a heartbeat since the last silence."""
         return now_s - self._fact_s <= _SILENCE_S and self.heartbeat_s >= self._silent_until_s
 
-    def contact_just_regained(self, now_s: float) -> bool:
+    def just_regained(self, now_s: float) -> bool:
         """Whether a silence ended so recently that not all frequent messages have arrived since."""
         return now_s - self._silent_until_s < _CONTACT_RENEWED_S
 
