@@ -46,8 +46,9 @@ def _is_redirected(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
     target = aircraft.navigation.confirmed_target
     if target is not None and adapter.is_own_target(target):
         return False
-    was_guided = data.prior.mode == adapter.guided_mode
-    return aircraft.navigation.redirected_from(data.prior.target if was_guided else None)
+    before = data.prior.target if data.prior.mode == adapter.guided_mode else None
+    navigation = aircraft.navigation
+    return navigation.is_redirected if before is None else navigation.redirected_from(before)
 
 
 CLAIMS: tuple[Claim, ...] = (
