@@ -218,6 +218,8 @@ class Runtime:
             self.links,
             skipped_ticks=self._stepper.skipped_ticks,
             unusable=self.intake.unusable,
+            outdated=self.intake.past,
+            repeated=self.intake.repeated,
             setpoints_sent=self.setpoints_sent,
             recording_problem=self._recording_problem,
         )
@@ -419,9 +421,11 @@ class Runtime:
             )
         refused = self.engine.tracker.dropped.total()
         _log.info(
-            "%d unusable messages, %d from others, %d traffic reports refused",
+            "messages unusable %d, outdated %d, from others %d; requests repeated %d; traffic refused %d",
             self.intake.unusable,
+            self.intake.past,
             self.engine.foreign,
+            self.intake.repeated,
             refused,
         )
 

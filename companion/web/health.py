@@ -59,6 +59,8 @@ class Health:
     skipped_ticks: int
     links: tuple[LinkCount, ...]
     unusable: int
+    outdated: int
+    repeated: int
     setpoints_sent: int
     recording_problem: str | None
 
@@ -71,6 +73,8 @@ class Health:
         *,
         skipped_ticks: int = 0,
         unusable: int = 0,
+        outdated: int = 0,
+        repeated: int = 0,
         setpoints_sent: int = 0,
         recording_problem: str | None = None,
     ) -> "Health":
@@ -94,6 +98,8 @@ class Health:
             skipped_ticks,
             counts,
             unusable,
+            outdated,
+            repeated,
             setpoints_sent,
             recording_problem,
         )
