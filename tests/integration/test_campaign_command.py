@@ -2,10 +2,11 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.support.commands import call
 
 KEYS = {
     "encounters", "p_nmac", "p_lowc", "risk_ratio", "risk_ratio_ci95", "lowc_ratio", "lowc_ratio_ci95",
@@ -14,14 +15,7 @@ KEYS = {
 
 
 def companion_sim(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from sim.cli import main; main()", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    return call(*arguments, module="sim", folder=folder)
 
 
 def test_a_campaign_reports_and_continues(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from sim.scenario import Scenario
 from sim.server import VehicleServer
 from sim.world import build_world
 from tests.integration.test_loop_over_udp import SOON
+from tests.support.commands import call
 from tests.support.faulty_flight import free_ports
 
 pytest.importorskip("mavsdk", reason="MAVSDK's library cannot be loaded on this platform")
@@ -138,8 +139,9 @@ def running(config: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def check(config: Path) -> str:
-    words = [sys.executable, "-m", "companion", "check", str(config)]
-    return subprocess.run(words, capture_output=True, text=True, timeout=60, check=True).stdout
+    done = call("check", str(config))
+    assert done.returncode == 0
+    return done.stdout
 
 
 def test_settings_outlast_the_companion_that_is_killed(tmp_path: Path) -> None:
