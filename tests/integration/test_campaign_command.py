@@ -20,15 +20,15 @@ def companion_sim(*arguments: str, folder: Path) -> subprocess.CompletedProcess[
 
 def test_a_campaign_reports_and_continues(tmp_path: Path) -> None:
     options = ("--seed", "2", "--report", "r.json", "--page", "p.html", "--workers", "2")
-    first = companion_sim("campaign", "--encounters", "10", *options, folder=tmp_path)
+    first = companion_sim("campaign", "--encounters", "4", *options, folder=tmp_path)
     assert first.returncode == 0, first.stderr
     report = json.loads((tmp_path / "r.json").read_text())
     assert set(report["avoiders"]["companion"]) >= KEYS
-    assert report["avoiders"]["companion"]["encounters"] == 10
+    assert report["avoiders"]["companion"]["encounters"] == 4
     assert (tmp_path / "p.html").read_text().startswith("<!doctype html>")
-    more = companion_sim("campaign", "--encounters", "12", *options, folder=tmp_path)
+    more = companion_sim("campaign", "--encounters", "6", *options, folder=tmp_path)
     assert more.returncode == 0, more.stderr
-    assert len((tmp_path / "campaign.ndjson").read_text().splitlines()) == 13
+    assert len((tmp_path / "campaign.ndjson").read_text().splitlines()) == 7
 
 
 def test_one_encounter_is_shown(tmp_path: Path) -> None:

@@ -44,6 +44,9 @@ from mavsdk.plugins.param import ParamError, ProtocolVersion
 pytestmark = pytest.mark.wire
 
 PATIENCE_S = 15.0
+# The manoeuvre, and where the aircraft ahead is.
+_CHANGE = r"((CLIMB|DESCEND)(( to)? \d+ m)?|(LEFT|RIGHT) \d{3}|(SLOWER|FASTER)( \d+ m/s)?)"
+CONFLICT = rf"(Advise )?(HOLD|{_CHANGE}(, {_CHANGE})*)[:!] SOON1( 12 o'clock)? \d\.\d km( level)?"
 US = 196
 DEFAULTS = {tunable.name: tunable.value(EngineConfig()) for tunable in GCS_PARAMETERS}
 
@@ -233,7 +236,7 @@ async def test_the_mission_is_resumed_and_the_role_changed_by_commands(tmp_path:
             assert denied == mavlink.MAV_RESULT_DENIED
             await until(lambda: runtime.engine.supervisor.flying)
             text = await asyncio.to_thread(station.wait, "STATUSTEXT", lambda m: "SOON1" in m.text)
-            assert re.search(r"SOON1 (12 o'clock )?\d", text.text)
+            assert re.fullmatch(CONFLICT, text.text)
             collision = await asyncio.to_thread(station.wait, "COLLISION")
             assert collision.id == 0xA00001
             done = await asyncio.to_thread(station.command, resume, 1.0)
@@ -265,7 +268,7 @@ async def test_mavsdk_lists_reads_and_sets_them(tmp_path: Path) -> None:
             async for status in TelemetryAsync(system).subscribe_status_text():
                 if "SOON1" in status.text:
                     break
-        assert re.fullmatch(r"[A-Z].*[:!] SOON1 (12 o'clock )?\d\.\d km.*", status.text)
+        assert re.fullmatch(CONFLICT, status.text)
 
 
 async def check_settings(params: Any, operator: GcsRequests) -> None:

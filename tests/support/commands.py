@@ -12,8 +12,9 @@ _PATIENCE_S = 240.0
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(
     [
-        "companion.cli", "companion.preflight", "companion.replay", "companion.report.page", "companion.runtime",
-        "sim.cli", "sim.campaign.command", "sim.demo", "sim.paper.command", "matplotlib.pyplot",
+        "companion.cli", "companion.preflight", "companion.replay", "companion.runtime",
+        "companion.report.page", "sim.cli", "sim.campaign.command", "sim.demo",
+        "sim.paper.command", "matplotlib.pyplot",
     ]
 )  # fmt: skip
 

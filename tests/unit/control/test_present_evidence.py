@@ -21,10 +21,12 @@ from tests.support.pilots_seat import (
     ARDUPILOT,
     AUTO,
     AUTOPILOT,
+    CENTERED_US,
     FBWA,
     GUIDED,
     HOLD,
     MISSION,
+    MOVED_US,
     OFFBOARD,
     PX4,
     SELECT_ITEM,
@@ -319,8 +321,8 @@ def test_mavros_and_cameras_are_no_companions() -> None:
     seat.until(*FLYING)
 
 
-STICKS = RcChannels(AUTOPILOT, (1900, 1500, 1000, 1500))
-CENTRED = RcChannels(AUTOPILOT, (1500, 1500, 1000, 1500))
+STICKS = RcChannels(AUTOPILOT, MOVED_US)
+CENTRED = RcChannels(AUTOPILOT, CENTERED_US)
 
 
 @BOTH
