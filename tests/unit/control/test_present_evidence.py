@@ -303,6 +303,18 @@ def test_a_claim_keeps_the_aircraft_from_being_taken(fact: Fact) -> None:
     assert seat.engine.conditions
 
 
+@BOTH
+def test_two_vehicles_are_reported_in_any_mode(autopilot: int) -> None:
+    seat = flying(autopilot)
+    seat.extra_facts = [OtherVehicle(AUTOPILOT)]
+    seat.fly(4.0)
+    assert seat.state is State.HANDS_OFF
+    assert [one.text for one in seat.engine.conditions if "two vehicles" in one.text]
+    seat.extra_facts = []
+    seat.fly(15.0)
+    assert not [one.text for one in seat.engine.conditions if "two vehicles" in one.text]
+
+
 @pytest.mark.parametrize("component_id", [197, 196])
 def test_beside_another_companion_the_aircraft_is_given_back(component_id: int) -> None:
     seat = flying()
