@@ -224,6 +224,7 @@ class Runtime:
             unusable=self.intake.unusable,
             late=self.intake.past,
             of_others=self.intake.of_others,
+            repeated=self.intake.repeated,
             setpoints_sent=self.setpoints_sent,
             recording_problem=self._recording_problem,
         )
@@ -426,11 +427,12 @@ class Runtime:
         intake = self.intake
         _log.info(
             "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
-            "%d traffic reports refused",
+            "%d requests repeated, %d traffic reports refused",
             intake.unusable,
             intake.past,
             intake.of_others,
             self.engine.foreign,
+            intake.repeated,
             self.engine.tracker.dropped.total(),
         )
 

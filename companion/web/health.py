@@ -64,6 +64,7 @@ class Health:
     unusable: int
     late: int
     of_others: int
+    repeated: int
     setpoints_sent: int
     recording_problem: str | None
 
@@ -78,6 +79,7 @@ class Health:
         unusable: int = 0,
         late: int = 0,
         of_others: int = 0,
+        repeated: int = 0,
         setpoints_sent: int = 0,
         recording_problem: str | None = None,
     ) -> "Health":
@@ -103,6 +105,7 @@ class Health:
             unusable,
             late,
             of_others,
+            repeated,
             setpoints_sent,
             recording_problem,
         )

@@ -59,6 +59,7 @@ class Metrics(Collector):
         yield _counter(
             "messages_of_others", "Messages of another vehicle with a known address", health.of_others
         )
+        yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)
         yield _counter("command_rejections", "Commands refused or not answered", live.rejections)

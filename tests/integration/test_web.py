@@ -118,6 +118,7 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
             unusable=3,
             late=4,
             of_others=5,
+            repeated=2,
         ),
     )
     async with site(live(snapshot)) as at:
@@ -131,6 +132,7 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
     assert families["companion_messages_unusable"].samples[0].value == 3.0
     assert families["companion_messages_late"].samples[0].value == 4.0
     assert families["companion_messages_of_others"].samples[0].value == 5.0
+    assert families["companion_requests_repeated"].samples[0].value == 2.0
     assert families["companion_engagements"].samples[0].value == 1.0
     assert families["companion_up"].samples[0].value == 1.0
 
