@@ -29,8 +29,6 @@ from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Tr
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
 _OVERTIME_S = 10.0
-# A mission at the present height to the millimetre states none of its own, as where no waypoint is known.
-_STATES_NONE_M = 1e-3
 # After that, this share of the margin itself is given up too, so that we follow no track along its edge.
 _GIVEN_UP = 0.05
 # The mission is judged for this long after its next position; in overtime, and this long after it, for less.
@@ -112,7 +110,7 @@ class Avoider:
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
-        self._bound_heights(flight)
+        self._bound_heights(now_s, flight)
         if flight.bends and relevant:
             flight = with_path(flight, self.envelope, self._beyond_s(now_s))
         if not relevant or (
@@ -133,13 +131,11 @@ class Avoider:
             return self._without_conflict(now_s, flight)
         return self._avoid(now_s, flight, assessment, relevant)
 
-    def _bound_heights(self, flight: OwnFlight) -> None:
+    def _bound_heights(self, now_s: float, flight: OwnFlight) -> None:
         """Limit the heights to the permitted change, from the mission's heights."""
         own_m, change_m = -flight.state.position_m[2], self.params.largest_height_change_m
-        mission_m: float | None = flight.mission.altitude_m
-        if abs(flight.mission.altitude_m - own_m) < _STATES_NONE_M:
-            mission_m = None
-        self._height.update(own_m, mission_m, change_m, avoiding=self._last_guidance is not None)
+        mission_m = flight.mission_altitude_m
+        self._height.update(now_s, own_m, mission_m, change_m, avoiding=self._last_guidance is not None)
         self._bounded = self._height.limit(self.envelope, mission_m, change_m)
 
     def _beyond_s(self, now_s: float) -> float:

@@ -1,6 +1,7 @@
 """Where the autopilot flies to: the item of its mission, and its own navigation target."""
 
 import math
+from dataclasses import replace
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import MissionProgress, NavigationTarget
@@ -155,14 +156,19 @@ class Navigation:
         elif not self._differs(item, place, frame, now_s):
             place = item
         own = self._kinematics
-        speed_mps = own.airspeed_mps()
+        goal = Goal(
+            airspeed_mps=own.airspeed_mps(), height_is_known=place is item or self._has_target_height()
+        )
         line = self._line() if item is not None and place is item else None
         if line is not None:
-            return line.goal(frame, Goal(airspeed_mps=speed_mps))
+            return line.goal(frame, goal)
         if place is not None:
-            return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
+            return replace(goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
         altitude_m = None if own.position is None else own.position.altitude_m
-        return Goal(course_rad=own.course_rad(), airspeed_mps=speed_mps, altitude_m=altitude_m)
+        return replace(goal, course_rad=own.course_rad(), altitude_m=altitude_m, height_is_known=False)
+
+    def _has_target_height(self) -> bool:
+        return self._target is not None and self._target.altitude_m is not None
 
     def leg(self) -> Leg | None:
         """The leg where the aircraft belongs; `None` when it is unknown, or another place is flown to."""
