@@ -43,7 +43,9 @@ class Navigation:
         self.plan_changes = 0
         self._target: NavigationTarget | None = None
         self._target_s = -math.inf
+        self._target_reported_s = -math.inf  # not refreshed
         self._sequence_s = -math.inf
+        self._item_since_s = -math.inf
         self._differs_since_s: float | None = None
 
     def observe_progress(
@@ -58,6 +60,7 @@ class Navigation:
             self.plan_changes += 1
         if before != fact.sequence and not self._lead_to_the_same(before, fact.sequence):
             self.legs.item_changed(before, self._kinematics.place(), flown=flown and before is not None)
+            self._item_since_s = now_s
         self.sequence, self._sequence_s = fact.sequence, now_s
 
     def _lead_to_the_same(self, one: int | None, other: int) -> bool:
@@ -77,7 +80,7 @@ class Navigation:
             if guided and self._guided_target is None:
                 self._guided_target = fact
         else:
-            self._target, self._target_s = fact, now_s
+            self._target, self._target_s, self._target_reported_s = fact, now_s, now_s
 
     def refresh(self, now_s: float) -> None:
         """Treat item and target as reported now, as after a silence."""
@@ -147,13 +150,14 @@ class Navigation:
     def goal(self, frame: LocalFrame, now_s: float, *, in_mission: bool) -> Goal:
         """The mission item, otherwise the navigation target, otherwise the present course and height.
 
-        Where item and target are different places, the known mission is outdated, and the target counts.
+        Where item and target are different places, the known mission is outdated, and the target counts,
+        unless it was reported before that item was selected.
         """
         place = self.target(now_s)
         item = self._item_place(now_s) if in_mission else None
         if item is None:
             self._differs_since_s = None
-        elif not self._differs(item, place, frame, now_s):
+        elif self._target_reported_s < self._item_since_s or not self._differs(item, place, frame, now_s):
             place = item
         own = self._kinematics
         goal = Goal(
