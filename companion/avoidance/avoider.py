@@ -13,6 +13,7 @@ from companion.avoidance.assess import (
     reason,
     threats_of,
 )
+from companion.avoidance.blocked_item import guidance_past, keeps_clear
 from companion.avoidance.cone import TransitionDomain, any_of
 from companion.avoidance.constraints import Constraints, HeightReference, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
@@ -111,8 +112,9 @@ class Avoider:
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
         self._bound_heights(now_s, flight)
-        if flight.bends and relevant:
-            flight = with_path(flight, self.envelope, self._beyond_s(now_s))
+        beyond_s = self._beyond_s(now_s)
+        if relevant and (flight.bends or (beyond_s < _BEYOND_S and flight.goal.position_m is not None)):
+            flight = with_path(flight, self.envelope, beyond_s)
         if not relevant or (
             self._policy.has_fast_path
             and not flight.bends
@@ -179,6 +181,11 @@ class Avoider:
         if self._avoiding_since_s is None or now_s < self._avoiding_since_s:
             self._avoiding_since_s = now_s
         constraints, last = self._constraints, self._last_that_can_be_flown(flight)
+        past = self._guidance_past(now_s, flight, assessment)
+        if past is not None and keeps_clear(past, flight, assessment, constraints):
+            return self._fly_past(past, flight, assessment, relevant)
+        if past is not None:
+            flight = flight._replace(mission=replace(flight.mission, altitude_m=past.altitude_m))
         context = conflict_context(
             flight,
             assessment,
@@ -201,6 +208,14 @@ class Avoider:
         found = threats_of(assessment, relevant, self.params.priced_tracks)
         return Decision(layer, guidance, found, reason(found[0], guidance, flight.state))
 
+    def _guidance_past(
+        self, now_s: float, flight: OwnFlight, assessment: TrafficAssessment
+    ) -> Guidance | None:
+        """In overtime, the guidance above or below a track that blocks the mission's item; `None` if none."""
+        if self._overtime(now_s) <= 0.0 or Control.HEIGHT not in self.params.controls - self._lost:
+            return None
+        return guidance_past(flight, assessment, self._bounded)
+
     def _last_that_can_be_flown(self, flight: OwnFlight) -> Guidance | None:
         """The last guidance, with the mission's value in place of each one whose control is lost since."""
         last, mission = self._last_guidance, flight.mission
@@ -211,6 +226,19 @@ class Avoider:
             mission.airspeed_mps if Control.SPEED in self._lost else last.airspeed_mps,
             mission.altitude_m if Control.HEIGHT in self._lost else last.altitude_m,
         )
+
+    def _fly_past(
+        self,
+        guidance: Guidance,
+        flight: OwnFlight,
+        assessment: TrafficAssessment,
+        relevant: Sequence[Track],
+    ) -> Decision:
+        """Fly to the mission's item above or below the tracks that block it."""
+        self._inner.reset()
+        self._last_layer, self._last_guidance = self._policy.layers.holding_layer, guidance
+        found = threats_of(assessment, relevant, self.params.priced_tracks)
+        return Decision(self._last_layer, guidance, found, reason(found[0], guidance, flight.state))
 
     def _fly_jointly(
         self,
