@@ -1,5 +1,6 @@
 """The data types that all rooms share. SI units, radians, north-east-down; `None` means unknown."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
@@ -13,6 +14,11 @@ LatLon = tuple[float, float]
 """Latitude and longitude [deg]."""
 # Units in texts for the operator: metres and m/s, or feet and knots.
 TextUnits = Literal["metric", "aviation"]
+
+# Smaller changes from the present flight have no words: of course, height and airspeed.
+STEADY_TURN_RAD, STEADY_CLIMB_M, STEADY_SPEED_MPS = math.radians(3.0), 5.0, 2.0
+# Heights that differ by less than this are the same height, in words.
+LEVEL_M = 10
 
 
 class Role(IntEnum):

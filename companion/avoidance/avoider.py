@@ -201,7 +201,7 @@ class Avoider:
             None if last is None else constraints.within_limits(last),
         )
         layer, rows = self._policy.layers.choose(conflict, self._policy.outer, self._inner, self._last_layer)
-        if layer is not Layer.INNER:
+        if self._last_layer is Layer.INNER and layer is not Layer.INNER:
             self._inner.reset()
         guidance = rows.best_guidance
         self._last_layer, self._last_guidance = layer, guidance

@@ -98,20 +98,20 @@ class OperatorNotices:
         """Systems that are heard and should not be, and an aircraft of the wrong type."""
         aircraft = self._aircraft
         if aircraft.adapter is not None:
-            if others := aircraft.others(now_s):
+            if others := aircraft.identity.others(now_s):
                 text = f"another autopilot, system {min(others)}"
                 yield _condition(text, text, matters=False)
             elif not aircraft.fixed_wing:
                 yield _condition("type", "not a fixed wing, advising only", matters=False)
             return
-        if len(aircraft.others(now_s)) > 1:
+        if len(aircraft.identity.others(now_s)) > 1:
             yield _condition(
                 "several autopilots",
                 "several autopilots, set autopilot_system_id",
                 "only one autopilot is left",
             )
             return
-        for number, since_s in aircraft.unwanted_since_s(now_s).items():
+        for number, since_s in aircraft.identity.unwanted_since_s(now_s).items():
             if now_s - since_s >= _CONFIGURED_AWAITED_S:
                 yield _condition(
                     "unwanted autopilot",

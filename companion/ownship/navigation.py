@@ -38,6 +38,7 @@ class Navigation:
         self._guided_target: NavigationTarget | None = None  # the first one since the guided mode is flown
         # The newest one after which the guided mode was still shown: not that of another mode.
         self.confirmed_target: NavigationTarget | None = None
+        self.is_redirected = False  # it is far from the one reported when the guided mode was entered
         self._reported: tuple[NavigationTarget, float] | None = None  # the newest one, ours or not
         # Grows when the mission is changed, or someone selects another item while our setpoints are flown.
         self.plan_changes = 0
@@ -115,22 +116,20 @@ class Navigation:
     def forget_guided_target(self) -> None:
         """Begin to look for another target: the next one reported in the guided mode is ours."""
         self._newest_guided_target = self._guided_target = self.confirmed_target = None
+        self.is_redirected = False
 
     def observe_guided(self) -> None:
         """Note that the guided mode is shown: the target reported before belongs to it."""
-        self.confirmed_target = self._newest_guided_target
+        self.confirmed_target, first = self._newest_guided_target, self._guided_target
+        if first is not None:
+            self.is_redirected = self.redirected_from(GeoPoint(first.lat_deg, first.lon_deg, 0.0))
 
-    def redirected_from(self, target: GeoPoint | None) -> bool:
-        """Whether the target of the guided mode is far from `target` while our setpoints are flown.
-
-        By default, from the one reported when the guided mode was entered.
-        """
-        other, first = self.confirmed_target, self._guided_target
-        if target is None and first is not None:
-            target = GeoPoint(first.lat_deg, first.lon_deg, 0.0)
-        if target is None or other is None:
+    def redirected_from(self, place: GeoPoint) -> bool:
+        """Whether the target of the guided mode is far from a place while our setpoints are flown."""
+        other = self.confirmed_target
+        if other is None:
             return False
-        frame = LocalFrame(target.lat_deg, target.lon_deg)
+        frame = LocalFrame(place.lat_deg, place.lon_deg)
         moved_m = frame.to_ned_m(GeoPoint(other.lat_deg, other.lon_deg, 0.0))[:2]
         return math.hypot(*moved_m) > _REDIRECTED_M
 

@@ -186,6 +186,8 @@ class Model(Seat):
                 self.attended_until_s = self.now_s + _TWO_VEHICLES_S
                 self.extra_facts.append(OtherVehicle(AUTOPILOT))
             claimed = {claim for claim in self.claims if self.receives}
+            if not self.receives:
+                self.redirected_s = self.now_s
             if self.now_s - self.redirected_s < _REDIRECTED_S:
                 claimed.discard("fly here")
             sent = self.fly(0.1)

@@ -105,7 +105,7 @@ def test_a_target_of_our_own_setpoints_is_no_target_of_the_autopilot() -> None:
     assert navigation.target(0.0) == GeoPoint(47.2, 8.0, 650.0)
     assert navigation.redirected_from(GeoPoint(47.2, 8.0, 650.0))
     assert not navigation.redirected_from(GeoPoint(47.0505, 8.0, 650.0))
-    assert not navigation.redirected_from(None)
+    assert not navigation.is_redirected
 
 
 def test_the_missions_target_of_while_we_asked_is_no_target_of_the_guided_mode() -> None:
@@ -113,7 +113,7 @@ def test_the_missions_target_of_while_we_asked_is_no_target_of_the_guided_mode()
     navigation.observe_target(NavigationTarget(AUTOPILOT, 47.2, 8.0, 650.0), 0.0, ours=True, guided=False)
     navigation.observe_guided()
     target(navigation, 47.05, ours=True)
-    assert not navigation.redirected_from(None)
+    assert not navigation.is_redirected
 
 
 def test_a_target_counts_once_the_guided_mode_is_still_shown_after_it() -> None:
@@ -121,10 +121,10 @@ def test_a_target_counts_once_the_guided_mode_is_still_shown_after_it() -> None:
     target(navigation, 47.05, ours=True)
     navigation.observe_guided()
     target(navigation, 47.2, ours=True)
-    assert not navigation.redirected_from(None)
+    assert not navigation.is_redirected
     navigation.observe_guided()
     target(navigation, 47.2, ours=True)  # reported again in the same instant, as often as heartbeats
-    assert navigation.redirected_from(None)
+    assert navigation.is_redirected
 
 
 def test_destinations_are_those_of_the_mission_that_is_known() -> None:
