@@ -159,6 +159,7 @@ class Goal:
     With `leg_from_m` the position is reached along the straight leg from there, sloped like it: from beside
     the leg the aircraft first flies back to it. With `loiter_radius_m` it circles the position afterwards,
     to the left if negative, with a usual radius if 0. From the position the flight continues to `then_m`.
+    `height_is_known` is false where the mission's height is unknown, and the altitude that of the aircraft.
     """
 
     course_rad: float | None = None
@@ -169,6 +170,7 @@ class Goal:
     leg_from_m: Vec3 | None = None
     loiter_radius_m: float | None = None
     then_m: Vec3 | None = None
+    height_is_known: bool = True
 
 
 @dataclass(frozen=True, slots=True)

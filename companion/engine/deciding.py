@@ -135,7 +135,8 @@ class Deciding:
         place = self._handover.goes_on_to()
         if place is None:
             return self.goal
-        return replace(self.goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
+        position_m = frame.to_ned_m(place)
+        return replace(self.goal, position_m=position_m, altitude_m=place.altitude_m, height_is_known=True)
 
     def _frame_here(self) -> LocalFrame | None:
         """The local frame, which follows the aircraft; the goal is converted to a new frame."""

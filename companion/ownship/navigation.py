@@ -1,6 +1,7 @@
 """Where the autopilot flies to: the item of its mission, and its own navigation target."""
 
 import math
+from dataclasses import replace
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import MissionProgress, NavigationTarget
@@ -43,7 +44,9 @@ class Navigation:
         self.plan_changes = 0
         self._target: NavigationTarget | None = None
         self._target_s = -math.inf
+        self._target_reported_s = -math.inf  # not refreshed
         self._sequence_s = -math.inf
+        self._item_since_s = -math.inf
         self._differs_since_s: float | None = None
 
     def observe_progress(
@@ -58,6 +61,7 @@ class Navigation:
             self.plan_changes += 1
         if before != fact.sequence and not self._lead_to_the_same(before, fact.sequence):
             self.legs.item_changed(before, self._kinematics.place(), flown=flown and before is not None)
+            self._item_since_s = now_s
         self.sequence, self._sequence_s = fact.sequence, now_s
 
     def _lead_to_the_same(self, one: int | None, other: int) -> bool:
@@ -77,7 +81,7 @@ class Navigation:
             if self._guided_target is None:
                 self._guided_target = fact
         elif not ours:
-            self._target, self._target_s = fact, now_s
+            self._target, self._target_s, self._target_reported_s = fact, now_s, now_s
 
     def refresh(self, now_s: float) -> None:
         """Treat item and target as reported now, as after a silence."""
@@ -145,23 +149,29 @@ class Navigation:
     def goal(self, frame: LocalFrame, now_s: float, *, in_mission: bool) -> Goal:
         """The mission item, otherwise the navigation target, otherwise the present course and height.
 
-        Where item and target are different places, the known mission is outdated, and the target counts.
+        Where item and target are different places, the known mission is outdated, and the target counts,
+        unless it was reported before that item was selected.
         """
         place = self.target(now_s)
         item = self._item_place(now_s) if in_mission else None
         if item is None:
             self._differs_since_s = None
-        elif not self._differs(item, place, frame, now_s):
+        elif self._target_reported_s < self._item_since_s or not self._differs(item, place, frame, now_s):
             place = item
         own = self._kinematics
-        speed_mps = own.airspeed_mps()
+        goal = Goal(
+            airspeed_mps=own.airspeed_mps(), height_is_known=place is item or self._has_target_height()
+        )
         line = self._line() if item is not None and place is item else None
         if line is not None:
-            return line.goal(frame, Goal(airspeed_mps=speed_mps))
+            return line.goal(frame, goal)
         if place is not None:
-            return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
+            return replace(goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
         altitude_m = None if own.position is None else own.position.altitude_m
-        return Goal(course_rad=own.course_rad(), airspeed_mps=speed_mps, altitude_m=altitude_m)
+        return replace(goal, course_rad=own.course_rad(), altitude_m=altitude_m, height_is_known=False)
+
+    def _has_target_height(self) -> bool:
+        return self._target is not None and self._target.altitude_m is not None
 
     def leg(self) -> Leg | None:
         """The leg where the aircraft belongs; `None` when it is unknown, or another place is flown to."""
