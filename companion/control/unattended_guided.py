@@ -68,6 +68,12 @@ class UnattendedGuided:
         adapter = self._context.aircraft.adapter
         return None if adapter is None else adapter.setpoint_loss_mode()
 
+    def nothing_is_left(self, now_s: float) -> bool:
+        """Whether no earlier take-over has left anything, so that another way of flying may be chosen."""
+        data = self._context.data
+        awaited = data.left_behind is not None or now_s - data.requested_s < _LATE_S
+        return data.guided_since_s is None and not awaited
+
     def is_left(self, now_s: float) -> bool:
         """Whether the aircraft is in the guided mode, or in the one that follows, by our doing."""
         aircraft, data = self._context.aircraft, self._context.data
