@@ -1,7 +1,7 @@
 """One file per autopilot: its modes and parameters, and the messages that make it fly a guidance."""
 
 from companion.autopilots import ardupilot, px4
-from companion.autopilots.adapter import Adapter
+from companion.autopilots.adapter import Adapter, is_setpoint
 from companion.autopilots.ardupilot import ArduPlane
 from companion.autopilots.px4 import Px4FixedWing
 from companion.mavlink.dialect import mavlink
@@ -35,4 +35,14 @@ def choose(autopilot: int, target: Sender) -> Adapter | None:
     return None if kind is None else kind(target)
 
 
-__all__ = ["MODES_OF", "MODE_NAMES", "NAMES", "NEVER_TAKEN", "Adapter", "ArduPlane", "Px4FixedWing", "choose"]
+__all__ = [
+    "MODES_OF",
+    "MODE_NAMES",
+    "NAMES",
+    "NEVER_TAKEN",
+    "Adapter",
+    "ArduPlane",
+    "Px4FixedWing",
+    "choose",
+    "is_setpoint",
+]

@@ -37,6 +37,24 @@ class RefusedValue:
     value: float
 
 
+# Commands of where to fly in the guided mode; a speed may also be the mission's.
+_GUIDED_COMMANDS = frozenset(
+    {
+        mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+        mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+        mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
+        mavlink.MAV_CMD_DO_CHANGE_ALTITUDE,
+    }
+)
+
+
+def is_setpoint(message: Message) -> bool:
+    """Whether a message says where to fly: a position target, or a command of course, height or speed."""
+    if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+        return True
+    return getattr(message, "command", None) in _GUIDED_COMMANDS
+
+
 class Adapter(ABC):
     """One autopilot at the address `target`; its methods return the messages to send.
 

@@ -200,7 +200,7 @@ async def test_the_command_prints_all_findings_and_no_log(tmp_path: Path) -> Non
     async with talking(vehicle, port, ScaledClock(1.0, start_s=vehicle.time_s)):
         code, lines, errors = await check(tmp_path, port, 6.0)
     assert code == 0
-    assert any(line.startswith("autopilot") and "PX4 1.15.0, system 1, fixed wing" in line for line in lines)
+    assert any(line.startswith("autopilot") and "PX4 1.16.0, system 1, fixed wing" in line for line in lines)
     assert lines[-1] == "would fly: in a conflict it takes over the aircraft"
     assert errors == ""
 

@@ -9,6 +9,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
     AttitudeTarget,
+    AutopilotVersion,
     CommandResult,
     Fact,
     Heartbeat,
@@ -25,11 +26,14 @@ from tests.support.missions import empty_missions
 
 AUTOPILOT, US, GCS = Sender(1, 1), Sender(1, 196), Sender(255, 190)
 T0 = 1_700_000_000.0
-ARDUPILOT, PX4 = 3, 12
+# MAV_AUTOPILOT; PX4 1.18 is told from earlier versions by its version.
+ARDUPILOT, PX4, PX4_1_18 = 3, 12, 12 + 1_000
 AUTO, LOITER, GUIDED, FBWA = 10, 12, 15, 5
 HOLD, MISSION, OFFBOARD = 4 << 16 | 3 << 24, 4 << 16 | 4 << 24, 6 << 16
+GUIDED_COURSE = 4 << 16 | 19 << 24
+GUIDED_MODES = {ARDUPILOT: GUIDED, PX4: OFFBOARD, PX4_1_18: GUIDED_COURSE}
 SET_MODE, SELECT_ITEM = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
-REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
+REPOSITION, CHANGE_ALTITUDE = mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_CMD_DO_CHANGE_ALTITUDE
 _QUESTIONS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
 _ACTS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT", "PARAM_SET"}
 
@@ -131,6 +135,8 @@ class Seat:
             facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))
         if self._tick == 1:
             facts.append(Parameter(AUTOPILOT, "FW_AIRSPD_TRIM", self.trim_mps))
+        if self._tick == 1 and self.autopilot == PX4_1_18:
+            facts.append(AutopilotVersion(AUTOPILOT, "1.18.0", 1, 18, capabilities=0))
         if self.positions:
             lat_deg, height_m = -35.0 + flown_s * 22.0 / 110_940.0, self.height_m
             velocity_mps = 22.0, 0.0, self.sink_mps
@@ -139,7 +145,7 @@ class Seat:
             )
         if self.heartbeats and self._tick % 2 == 0:
             mode = self.armed, self.mode, self.status
-            facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot, *mode))
+            facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot % 1_000, *mode))
         if self.intruder and self._tick % 10 == 0:
             north_m = 22.0 * (self.meet_s - T0) + 60.0 * (self.meet_s - now_s)
             speed_mps = 60.0

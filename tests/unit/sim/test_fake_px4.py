@@ -71,7 +71,7 @@ def test_the_version_and_unknown_messages() -> None:
     bench = on_ground()
     assert bench.by_long(REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == ACCEPTED
     (version,) = bench.messages("AUTOPILOT_VERSION")
-    assert version.flight_sw_version >> 16 == 0x010F
+    assert version.flight_sw_version >> 16 == 0x0110
     assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
     assert bench.by_long(REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_WIND) == FAILED
     assert bench.by_long(SET_INTERVAL, mavlink.MAVLINK_MSG_ID_COLLISION, 1e6) == FAILED
