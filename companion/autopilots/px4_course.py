@@ -40,7 +40,9 @@ _HEARTBEAT_INTERVAL_S = 0.25
 _AFTER_REFUSAL_S = 0.6
 # The cruise speed is flown anyway: another one is commanded when it differs by more than gusts make it vary.
 _SPEED_KEPT_MPS = 1.0
-# The target is reported twice a second: this long after a height was acknowledged it shows that height.
+# The target is reported twice a second: this long after a height was acknowledged it shows that height. While
+# it does, the height is not repeated: another one would be someone else's order.
+_REPORTED_S = 3.0
 _SHOWN_AFTER_S, _SAME_HEIGHT_M = 2.0, 1.0
 _OWN_HEIGHTS_KNOWN, _FORMER_HEIGHTS_KNOWN = 50, 8
 # Until this long after the first command, the target may be one from before.
@@ -59,6 +61,7 @@ class GuidedCourse(Way):
         self._former_m: deque[float] = deque(maxlen=_FORMER_HEIGHTS_KNOWN)  # reported before
         self._accepted_s: float | None = None  # the height sent last
         self._untaken_m: float | None = None
+        self._reported: tuple[float, float] | None = None  # the height of the target, and when
         self._began_s: float | None = None
         self._heartbeat_s = -math.inf  # requested
         self._silent_until_s = -math.inf
@@ -75,8 +78,9 @@ class GuidedCourse(Way):
         return -math.inf
 
     def entering(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """Requests for the heartbeat that shows the mode."""
+        """Requests for the heartbeat that shows the mode; the targets until then are former ones."""
         self._began_s = None
+        self._heights_m.clear()
         return self._heartbeat_request(now_s)
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:  # noqa: ARG002
@@ -111,10 +115,9 @@ class GuidedCourse(Way):
             self._observe_height(fact.altitude_m, now_s)
 
     def drop_commands(self) -> None:
-        """Forget what was sent."""
+        """Forget what was sent; the heights are still known, as the aircraft may be left in the mode."""
         self._values.forget()
-        self._heights_m.clear()
-        self._accepted_s = self._began_s = self._untaken_m = None
+        self._accepted_s = self._untaken_m = None
         self._silent_until_s = -math.inf
 
     def restarted(self) -> None:
@@ -157,7 +160,12 @@ class GuidedCourse(Way):
 
     def _height(self, command: GuidanceCommand, now_s: float) -> list[Message]:
         altitude_m = command.guidance.altitude_m
-        if not self._values.is_due(_HEIGHT, altitude_m, now_s, _HEIGHT_CHANGE_M, _REPEAT_S):
+        reported_m = self._reported_m(now_s)
+        if reported_m is not None and self._heights_m and not self._is_known(reported_m):
+            return []  # someone else's order, which the next heartbeat confirms
+        shown = reported_m is not None and abs(reported_m - altitude_m) <= _SAME_HEIGHT_M
+        repeat_s = math.inf if shown else _REPEAT_S
+        if not self._values.is_due(_HEIGHT, altitude_m, now_s, _HEIGHT_CHANGE_M, repeat_s):
             return []
         if not self._heights_m or self._heights_m[-1] != altitude_m:
             self._heights_m.append(altitude_m)
@@ -182,6 +190,12 @@ class GuidedCourse(Way):
         lowest_mps = self._parameters.get("FW_AIRSPD_MIN", 0.0)
         return max(min(airspeed_mps, self._parameters.get("FW_AIRSPD_MAX", math.inf)), lowest_mps)
 
+    def _reported_m(self, now_s: float) -> float | None:
+        """The height of the target reported just now; `None` without a recent report."""
+        if self._reported is None or now_s - self._reported[1] > _REPORTED_S:
+            return None
+        return self._reported[0]
+
     def _is_known(self, altitude_m: float) -> bool:
         """Whether it is a height that we commanded, or one from before."""
         known_m = (*self._heights_m, *self._former_m)
@@ -189,7 +203,9 @@ class GuidedCourse(Way):
 
     def _observe_height(self, altitude_m: float, now_s: float) -> None:
         """Compare the reported height with ours: an earlier one shows that ours was not taken."""
-        known = self._is_known(altitude_m)
+        known, self._reported = self._is_known(altitude_m), (altitude_m, now_s)
+        if self._heights_m and abs(altitude_m - self._heights_m[-1]) <= _SAME_HEIGHT_M:
+            self._adapter.commands.drop(_HEIGHT)
         if self._began_s is None or now_s - self._began_s <= _FORMER_TARGETS_S:
             self._former_m.extend([] if known else [altitude_m])
             return

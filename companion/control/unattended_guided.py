@@ -79,8 +79,9 @@ class UnattendedGuided:
         aircraft, data = self._context.aircraft, self._context.data
         if aircraft.adapter is None:
             return False
-        moved_m = aircraft.from_guided_target_m(now_s)
+        moved_m, target = aircraft.from_guided_target_m(now_s), aircraft.navigation.reported_target(now_s)
         redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
+        redirected |= target is not None and self._context.adapter.is_foreign_target(target)
         if not aircraft.armed or data.guided_since_s is None or redirected:
             return False
         if self._loss_mode not in (None, self._context.adapter.guided_mode):
@@ -110,8 +111,9 @@ class UnattendedGuided:
             if since_s is None or aircraft.heartbeat_s - since_s > FLICKER_S:
                 data.unattended_since_s = None
             return None
-        # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
-        attended = aircraft.sticks.in_use(now_s) or aircraft.landing() or aircraft.is_ambiguous(now_s)
+        # While the pilot flies with the sticks, the aircraft lands, or nothing is heard, it is not abandoned.
+        attended = not aircraft.in_contact(now_s)
+        attended |= aircraft.sticks.in_use(now_s) or aircraft.landing() or aircraft.is_ambiguous(now_s)
         # Who moved the sticks may have chosen the mode, too, that the autopilot enters by itself.
         attended |= data.fell_out and data.let_go is Event.STICKS
         if attended or data.unattended_since_s is None:

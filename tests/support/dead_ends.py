@@ -124,7 +124,7 @@ class Model(Seat):
         self.pulses = _CENTERED
         self.landed = 2
         self.fell = self.failing = False
-        self.attended_until_s = self.redirected_s = T0
+        self.attended_until_s = self.redirected_s = self.sticks_s = T0
 
     # --- the world
 
@@ -203,6 +203,8 @@ class Model(Seat):
             claimed = {claim for claim in self.claims if self.receives}
             if self.now_s - self.redirected_s < _REDIRECTED_S:
                 claimed.discard("fly here")
+            if self.now_s - self.sticks_s > _STICKS_REST_S:
+                claimed.discard("sticks")
             sent = self.fly(0.1)
             self._check(sent, claimed)
             self._count()
@@ -266,6 +268,8 @@ class Model(Seat):
             case "sticks":
                 if self.by_us:  # a mission flies on, wherever the sticks are
                     self.claims.add("sticks")
+                if self.pulses == _CENTERED:
+                    self.sticks_s = self.now_s
                 self.pulses = (1900, 1500, 1000, 1500)
             case "failsafe":
                 self.failing = True

@@ -43,6 +43,12 @@ def acts(message: Message) -> bool:
     return message.get_type() in _ACTS and getattr(message, "command", None) not in _QUESTIONS
 
 
+def asks_version(message: Message) -> bool:
+    """Whether a message requests AUTOPILOT_VERSION."""
+    asks = getattr(message, "command", None) == mavlink.MAV_CMD_REQUEST_MESSAGE
+    return asks and message.param1 == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+
+
 class Seat:
     """Obeys those mode and parameter commands that `obeys` accepts; a test changes everything else."""
 
@@ -113,6 +119,8 @@ class Seat:
                 self._answers.append(LinkAnswer(AUTOPILOT, self.now_s))
             if isinstance(effect, Transmit) and self.knows_mission:
                 self._answers += empty_missions([effect.message], AUTOPILOT, US)
+            if isinstance(effect, Transmit) and self.autopilot == PX4_1_18 and asks_version(effect.message):
+                self._answers.append(AutopilotVersion(AUTOPILOT, "1.18.0", 1, 18, capabilities=0))
             if isinstance(effect, Transmit) and acts(effect.message):
                 self.sent.append(effect.message)
                 if self.obeys(effect.message):
@@ -135,8 +143,6 @@ class Seat:
             facts.append(LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR))
         if self._tick == 1:
             facts.append(Parameter(AUTOPILOT, "FW_AIRSPD_TRIM", self.trim_mps))
-        if self._tick == 1 and self.autopilot == PX4_1_18:
-            facts.append(AutopilotVersion(AUTOPILOT, "1.18.0", 1, 18, capabilities=0))
         if self.positions:
             lat_deg, height_m = -35.0 + flown_s * 22.0 / 110_940.0, self.height_m
             velocity_mps = 22.0, 0.0, self.sink_mps
