@@ -10,9 +10,9 @@ from sim.scenario import Autopilot, Scenario, Start, load_scenario
 from sim.vehicle import MissionItem, waypoint_item
 from sim.vehicle.mission import NAV_LAND
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
-from tests.support.overrides import BOTH
+from tests.support.overrides import ALL
 
-both = pytest.mark.parametrize("autopilot", BOTH)
+every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def on_the_runway(takeoff_height_m: float) -> Scenario:
@@ -21,7 +21,7 @@ def on_the_runway(takeoff_height_m: float) -> Scenario:
     return replace(scenario, mission=mission, start=Start("ground"))
 
 
-@both
+@every
 def test_no_commands_while_disarmed_on_the_ground(autopilot: Autopilot) -> None:
     loop = MonitoredLoop(on_the_runway(60.0), autopilot=autopilot)
     loop.world.vehicle.flight.disarm(force=True)
@@ -31,7 +31,7 @@ def test_no_commands_while_disarmed_on_the_ground(autopilot: Autopilot) -> None:
     assert loop.sent == []
 
 
-@both
+@every
 def test_no_commands_during_the_missions_take_off(autopilot: Autopilot) -> None:
     """The take-off ends far above the minimum height; a take-over is allowed after it."""
     loop = MonitoredLoop(on_the_runway(90.0), autopilot=autopilot)
@@ -45,7 +45,7 @@ def test_no_commands_during_the_missions_take_off(autopilot: Autopilot) -> None:
     loop.until(State.ENGAGING, limit_s=15.0)
 
 
-@both
+@every
 def test_no_commands_below_the_minimum_height(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(min_height_m=310.0))
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, config=config)
@@ -56,7 +56,7 @@ def test_no_commands_below_the_minimum_height(autopilot: Autopilot) -> None:
     assert loop.sent == []
 
 
-@both
+@every
 def test_no_commands_during_the_missions_landing(autopilot: Autopilot) -> None:
     scenario = without_traffic(duration_s=100.0)
     loop = MonitoredLoop(scenario, autopilot=autopilot)
