@@ -75,6 +75,33 @@ def test_no_commands_during_the_missions_landing(autopilot: Autopilot) -> None:
     assert loop.sent == []
 
 
+@every
+@pytest.mark.parametrize(
+    "vtol_state", [1, 2, 3], ids=["transition to wing", "transition to rotors", "rotors"]
+)
+def test_a_vtol_on_its_rotors_is_advised_only(autopilot: Autopilot, vtol_state: int) -> None:
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot)
+    loop.world.vehicle.show_vtol_state(vtol_state)
+    loop.run(2.5)
+    loop.intrude(3000.0)
+    loop.run(8.0)
+    assert loop.sent == []
+    assert any(text.startswith("Advise ") for text in loop.flight.texts)
+
+
+@every
+def test_a_vtol_in_wing_flight_is_flown_until_it_leaves_that(autopilot: Autopilot) -> None:
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot)
+    loop.world.vehicle.show_vtol_state(4)
+    loop.run(2.5)
+    loop.intrude(3000.0)
+    loop.until(State.OUTER, limit_s=10.0)
+    loop.world.vehicle.show_vtol_state(2)
+    loop.until(State.HANDS_OFF, limit_s=2.0)
+    loop.run(4.0)
+    assert loop.sent_since(State.HANDS_OFF) == []
+
+
 @pytest.mark.parametrize(
     ("autopilot", "mode"),
     [("ardupilot", "TAKEOFF"), ("ardupilot", "RTL"), ("px4", "TAKEOFF"), ("px4", "LAND"), ("px4", "RETURN")],

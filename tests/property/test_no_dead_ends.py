@@ -18,6 +18,11 @@ def test_after_any_two_events_it_is_flown_given_back_or_alarmed(autopilot: int, 
 
 
 @ALL
+def test_a_target_of_someone_else_is_left_alone_after_a_silence(autopilot: int) -> None:
+    walk(autopilot, ("flicker", "conflict begins", "fly here", "stall", "flicker", "reception lost"))
+
+
+@ALL
 @given(
     events=st.lists(st.sampled_from(EVENTS), min_size=3, max_size=9),
     before_conflict=st.booleans(),
