@@ -280,10 +280,8 @@ class Px4FixedWing(Adapter):
     # --- for the operator
 
     def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
-        """PX4's own avoidance, if it does more than warn; since 1.18 it never acts from OFFBOARD."""
-        if self._since(_GUIDED_COURSE_FROM) and self._way is self._offboard:
-            return None
-        return px4_traffic.acting(parameters)
+        """PX4's own avoidance, if it does more than warn in the modes that we fly."""
+        return px4_traffic.acting(parameters, offboard=self._way is self._offboard)
 
     @property
     def traffic_parameters(self) -> tuple[str, ...]:

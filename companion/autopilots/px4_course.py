@@ -5,7 +5,7 @@ Read in its source and flown in its simulation:
 - A course is denied in any other mode, and so is a heading; DO_CHANGE_ALTITUDE is refused for now in all
   other modes but Hold, whose height it changes.
 - DO_CHANGE_ALTITUDE is acknowledged for any height; one outside the fence is not flown, which only the
-  reported target shows. DO_CHANGE_SPEED is acknowledged for any speed, and flown with the next course.
+  reported target shows. DO_CHANGE_SPEED is acknowledged for any speed.
 - Without commands it flies on for ever.
 - PX4 sends its heartbeat once a second, and more often only on request.
 """
@@ -36,6 +36,8 @@ _SPEED_CHANGE_MPS = 0.3
 _REPEAT_S = 2.0
 # At this rate a pilot's mode change is known almost as soon as with ArduPlane.
 _HEARTBEAT_INTERVAL_S = 0.25
+# The mode is acknowledged, and shown, some hundredths of a second before it takes commands.
+_SETTLED_S = 0.1
 # A refusal may be the first sign of a mode change: nothing more is sent before heartbeats had time to come.
 _AFTER_REFUSAL_S = 0.6
 # The cruise speed is flown anyway: another one is commanded when it differs by more than gusts make it vary.
@@ -88,7 +90,7 @@ class GuidedCourse(Way):
         if self._began_s is None:
             self._began_s = now_s
         requests = self._heartbeat_request(now_s)
-        if now_s < self._silent_until_s:
+        if now_s < max(self._silent_until_s, self._began_s + _SETTLED_S - 1e-3):
             return requests
         commands = [
             *self._speed(command, now_s),
@@ -182,7 +184,6 @@ class GuidedCourse(Way):
             return []
         if not self._values.is_due(_SPEED, wanted_mps, now_s, _SPEED_CHANGE_MPS, _REPEAT_S):
             return []
-        self._values.resend(_COURSE)  # PX4 flies a new speed with the next course
         return [self._adapter.change_speed(wanted_mps)]
 
     def _within_limits(self, airspeed_mps: float) -> float:

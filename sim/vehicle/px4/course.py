@@ -25,7 +25,6 @@ class GuidedCourse:
 
     course_rad: float
     altitude_m: float
-    airspeed_mps: float | None = None  # as commanded; flown from the next course or height on
     _due: deque[tuple[float, str, float]] = field(default_factory=deque)
     _flown: dict[str, float] = field(default_factory=dict)
 
@@ -33,13 +32,15 @@ class GuidedCourse:
         """Turn to a course over ground."""
         self.course_rad = course_rad
         self._due.append((now_s + _COURSE_DELAY_S, "course", course_rad))
-        self._take_speed()
 
     def change_altitude(self, altitude_m: float, now_s: float) -> None:
         """Climb or sink to a height."""
         self.altitude_m = altitude_m
         self._due.append((now_s + _HEIGHT_DELAY_S, "altitude", altitude_m))
-        self._take_speed()
+
+    def change_speed(self, airspeed_mps: float) -> None:
+        """Fly another airspeed, within the limits."""
+        self._flown["airspeed"] = airspeed_mps
 
     def fly(self, aircraft: FixedWing, now_s: float) -> None:
         """Command the aircraft for the next step."""
@@ -54,10 +55,6 @@ class GuidedCourse:
         aircraft.hold_altitude(self._flown.setdefault("altitude", self.altitude_m))
         if "airspeed" in self._flown:
             aircraft.hold_airspeed(self._flown["airspeed"])
-
-    def _take_speed(self) -> None:
-        if self.airspeed_mps is not None:
-            self._flown["airspeed"] = self.airspeed_mps
 
 
 def guided_airframe(airframe: Airframe) -> Airframe:

@@ -194,10 +194,10 @@ class Px4Flight(MissionFlight):
     def change_speed(self, airspeed_mps: float) -> None:
         """DO_CHANGE_SPEED: flown in the modes that navigate by themselves, until the mode changes.
 
-        GUIDED_COURSE flies any speed, from its next course or height on.
+        GUIDED_COURSE acknowledges any speed, and flies the nearest one within its limits.
         """
         if self.in_course:
-            self.course.airspeed_mps = airspeed_mps
+            self.course.change_speed(airspeed_mps)
         elif not (self.in_offboard or self.piloted):
             self.aircraft.hold_airspeed(airspeed_mps)
 

@@ -36,6 +36,7 @@ class EchoedTraffic:
         self._queues.clear()
 
 
+_CLIMB_ASSUMED_MPS = 10.0  # DAA_DFLT_VEL, of the other aircraft
 # DAA_LVL_*_ACT of 1.18, from the mildest action to the most severe, and the modes that rank with each.
 _DAA_ACTIONS = {2: Px4Mode.RETURN, 3: Px4Mode.LAND, 4: Px4Mode.HOLD}
 _SEVERITY = {Px4Mode.HOLD: 1, Px4Mode.RETURN: 2, Px4Mode.LAND: 3}
@@ -69,7 +70,7 @@ class DetectAndAvoid:
     """Detect-and-avoid of 1.18 after ASTM F3442: four levels, each with its action; never from OFFBOARD.
 
     Critical and high are cylinders of both aircraft together; medium and low are the same ones, extended by
-    the way of both in the alert time.
+    the way of both in the alert time. Flown in the simulation of the main branch, not in release 1.18.
     """
 
     def __init__(self, flight: Px4Flight, heard: HeardTraffic) -> None:
@@ -95,7 +96,8 @@ class DetectAndAvoid:
             radius_m, height_m = 2.0 * values[f"DAA_LVL_{size}_RAD"], 2.0 * values[f"DAA_LVL_{size}_HGT"]
             ahead_s = 0.0 if latency is None else values[f"DAA_LVL_{latency}_TIME"]
             own_m = ahead_s * flight.ground_speed_mps
-            if self._heard.is_within(flight.place, radius_m + own_m, height_m, now_s, ahead_s=ahead_s):
+            above_m = height_m + ahead_s * (abs(flight.aircraft.climb_mps) + _CLIMB_ASSUMED_MPS)
+            if self._heard.is_within(flight.place, radius_m + own_m, above_m, now_s, ahead_s=ahead_s):
                 return level
         return 0
 
