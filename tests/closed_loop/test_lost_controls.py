@@ -156,7 +156,7 @@ def test_guided_course_that_is_refused_gives_way_to_offboard_at_once(result: int
     vehicle.receive = refuses_course  # type: ignore[method-assign]
     loop.until(State.ENGAGING)
     loop.until_true(lambda: loop.mode_name == "OFFBOARD", limit_s=3.5)
-    flight = loop.run(100.0)
+    flight = loop.run(170.0)
     assert clear(flight)
     assert flight.resumed
     assert flight.texts.count("Avoidance: GUIDED_COURSE refused, flying OFFBOARD") == 1

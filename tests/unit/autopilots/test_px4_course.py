@@ -41,10 +41,11 @@ def of_version(major: int, minor: int) -> Px4FixedWing:
 
 @pytest.fixture
 def adapter() -> Px4FixedWing:
-    """In GUIDED_COURSE since 10 s, at 600 m."""
+    """In GUIDED_COURSE since 9.9 s, at 600 m; it takes commands from 10 s on."""
     adapter = of_version(1, 18)
     adapter.entering(COMMAND, 9.0)
     adapter.observe(NavigationTarget(TARGET, 47.5, 8.6, 650.0), 9.5)  # of the mission
+    adapter.command(COMMAND, 9.9, urgent=False)
     return adapter
 
 
