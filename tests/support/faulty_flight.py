@@ -189,7 +189,7 @@ class FaultyFlight:
         await asyncio.sleep(3.0)
         assert self.engine.supervisor.flying
 
-    async def resumed(self, limit_s: float = 120.0) -> None:
+    async def resumed(self, limit_s: float = 180.0) -> None:
         """Fly until the mission has been resumed for some time."""
         await self.until(lambda: self.vehicle.truth.on_mission, limit_s)
         await asyncio.sleep(6.0)
