@@ -142,6 +142,17 @@ def test_px4_without_course_commands_is_flown_in_offboard_the_next_time() -> Non
     loop.until_true(lambda: loop.mode_name == "OFFBOARD", limit_s=20.0)
 
 
+def test_heights_that_guided_course_acknowledges_and_does_not_fly_are_avoided_by_turning() -> None:
+    """As outside its fence, where only the reported target shows it."""
+    loop = Counting(SOON, "px4-1.18")
+    flight = loop.world.vehicle.flight
+    flight.change_altitude = lambda _altitude_m: True  # type: ignore[attr-defined]
+    flown = loop.run(110.0)
+    assert not is_near_miss(flown)
+    assert "Avoidance: height not taken, outside PX4's fence?" in "".join(flown.texts)
+    assert flown.engagements == 1
+
+
 @pytest.mark.parametrize("result", [1, 2, UNSUPPORTED, 4])
 def test_guided_course_that_is_refused_gives_way_to_offboard_at_once(result: int) -> None:
     loop = Counting(SOON, "px4-1.18")
