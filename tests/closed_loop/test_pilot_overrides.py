@@ -4,6 +4,7 @@ import pytest
 
 from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
+from companion.mavlink.dialect import mavlink
 from sim.scenario import Autopilot
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
 from tests.support.overrides import (
@@ -139,6 +140,25 @@ def test_after_released_sticks_guided_is_not_left_unattended(autopilot: Autopilo
     assert loop.mode_name == {ARDUPILOT: "AUTO", PX4: "HOLD", PX4_1_18: "MISSION"}[autopilot]
     if autopilot == PX4:
         assert loop.sent_since(State.HANDS_OFF) == []
+
+
+def test_a_height_by_the_ground_station_in_guided_course_is_left_alone() -> None:
+    """It leaves the mode; only the reported target shows it."""
+    loop = in_state(PX4_1_18, State.OUTER)
+    loop.run(4.0)
+    vehicle = loop.world.vehicle
+    theirs_m = vehicle.truth.place.altitude_m + 33.0
+    order = mavlink.MAVLink_command_long_message(
+        1, 1, mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, 0, theirs_m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    )
+    order.get_header().srcSystem, order.get_header().srcComponent = 255, 190
+    vehicle.receive(order, loop.now_s, 0)
+    loop.until(State.HANDS_OFF, limit_s=2.0)
+    loop.run(20.0)
+    assert loop.sent_since(State.HANDS_OFF) == []
+    assert loop.mode_name == "GUIDED_COURSE"
+    assert any("hands off, another target" in text for text in loop.flight.texts)
+    assert vehicle.truth.place.altitude_m == pytest.approx(theirs_m, abs=6.0)
 
 
 # --- the autopilot's own avoidance
