@@ -96,13 +96,23 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     for limit in engine.queries.limits.sourced:
         yield Finding("limit", str(limit))
     yield from _conditions(engine)
-    other = adapter.other_avoider(engine.queries.parameters)
-    yield Finding("other avoidance", other or "not active", other is None)
+    yield Finding("flown in", adapter.mode_name(adapter.guided_mode))
+    yield from _other_avoidance(adapter, engine.queries.parameters)
     offset_s = aircraft.contact.clock_offset_s
     text = "unknown" if offset_s is None else f"{offset_s:+.1f} s from ours"
     yield Finding("autopilot clock", text, offset_s is not None and abs(offset_s) < 5.0)
     tracks = engine.snapshot(now_s).tracks
     yield Finding("traffic", ", ".join(track.track_id for track in tracks) or "none heard")
+
+
+def _other_avoidance(adapter: Adapter, parameters: Mapping[str, float]) -> Iterator[Finding]:
+    """The autopilot's own avoidance: whether it acts, what to do then, and its settings."""
+    other = adapter.other_avoider(parameters)
+    acts = f"{other} acts: set it to warn only, or supervisor.beside_other_avoider to fly"
+    yield Finding("other avoidance", "not active" if other is None else acts, other is None)
+    known = [f"{name} {parameters[name]:.0f}" for name in adapter.traffic_parameters if name in parameters]
+    if known:
+        yield Finding("traffic settings", ", ".join(known))
 
 
 def _conditions(engine: Engine) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 
 from companion import signals
+from companion.autopilots import is_setpoint
 from companion.clock import Clock, SteadyClock
 from companion.control.emergency import EmergencyRelease
 from companion.control.state_machine import State
@@ -383,7 +384,7 @@ class Runtime:
             link.send(raw)
         if self.recorder is not None:
             self.recorder.sent(time_us, raw)
-        if effect.message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+        if is_setpoint(effect.message):
             self.setpoints_sent += 1
             if self._arrived_s is not None:
                 self.latencies_s.append(time.perf_counter() - self._arrived_s)

@@ -6,6 +6,7 @@ All messages are packed, framed, decoded and translated as in flight; only the s
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from companion.autopilots import is_setpoint
 from companion.engine import Effect, Engine, Record, Stepper, Transmit
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import FrameSplitter, decode
@@ -130,7 +131,7 @@ class ClosedLoop:
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         raw = self._own_encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         kind = effect.message.get_type()
-        self.flight.setpoints_sent += kind.startswith("SET_POSITION_TARGET_")
+        self.flight.setpoints_sent += is_setpoint(effect.message)
         if kind == "STATUSTEXT":
             self.flight.texts.append(str(effect.message.text))
         for frame in self._down.feed_datagram(raw):

@@ -16,7 +16,8 @@ from sim.vehicle import MissionItem, takeoff_item, waypoint_item
 SCENARIO_FOLDER = Path(__file__).with_name("scenarios")
 DEFAULT_SCENARIO = "two-intruders"
 
-Autopilot = Literal["ardupilot", "px4"]
+# "px4" is 1.16, which is flown in OFFBOARD; 1.18 in GUIDED_COURSE.
+Autopilot = Literal["ardupilot", "px4", "px4-1.18"]
 
 
 @checked.dataclass(frozen=True, config=STRICT)

@@ -30,12 +30,15 @@ def make_vehicle(scenario: Scenario, start_s: float, autopilot: Autopilot = "ard
     """The scenario's vehicle on its mission and armed: about to take off, or in the air on the way."""
     start = scenario.start
     heading_rad = math.radians(start.heading_deg)
-    kind = FakePx4 if autopilot == "px4" else FakeArduPlane
+    is_px4 = autopilot != "ardupilot"
+    kind = FakePx4 if is_px4 else FakeArduPlane
     options: dict[str, Any] = {
         "mission": scenario.items,
         "wind_mps": (scenario.wind.north_mps, scenario.wind.east_mps),
-        "parameters": _PX4_PARAMETERS if autopilot == "px4" else {},
+        "parameters": _PX4_PARAMETERS if is_px4 else {},
     }
+    if autopilot == "px4-1.18":
+        options["firmware"] = "1.18"
     if start.where == "air":
         return kind.airborne(
             scenario.home_place,

@@ -1,7 +1,7 @@
 """One file per autopilot: its modes and parameters, and the messages that make it fly a guidance."""
 
 from companion.autopilots import ardupilot, px4
-from companion.autopilots.adapter import Adapter
+from companion.autopilots.adapter import Adapter, is_setpoint
 from companion.autopilots.ardupilot import ArduPlane
 from companion.autopilots.px4 import Px4FixedWing
 from companion.mavlink.dialect import mavlink
@@ -17,7 +17,9 @@ NEVER_TAKEN = frozenset(
     {
         "MANUAL", "STABILIZE", "STABILIZED", "TRAINING", "ACRO", "RATTITUDE", "FBWA", "ALTCTL", "POSCTL",
         "AUTOTUNE", "INITIALISING", "READY", "TAKEOFF", "LAND", "AUTOLAND", "LOITER_QLAND", "QSTABILIZE",
-        "QHOVER", "QLOITER", "QLAND", "QRTL", "AVOID_ADSB", "OFFBOARD",
+        "QHOVER", "QLOITER", "QLAND", "QRTL", "QAUTOTUNE", "QACRO", "AVOID_ADSB", "OFFBOARD", "SIMPLE",
+        "TERMINATION", "ALTITUDE_CRUISE", "POSITION_SLOW", "PRECLAND", "VTOL_TAKEOFF", "DESCEND",
+        "GUIDED_COURSE", *(f"EXTERNAL{number}" for number in range(1, 9)),
     }
 )  # fmt: skip
 
@@ -33,4 +35,14 @@ def choose(autopilot: int, target: Sender) -> Adapter | None:
     return None if kind is None else kind(target)
 
 
-__all__ = ["MODES_OF", "MODE_NAMES", "NAMES", "NEVER_TAKEN", "Adapter", "ArduPlane", "Px4FixedWing", "choose"]
+__all__ = [
+    "MODES_OF",
+    "MODE_NAMES",
+    "NAMES",
+    "NEVER_TAKEN",
+    "Adapter",
+    "ArduPlane",
+    "Px4FixedWing",
+    "choose",
+    "is_setpoint",
+]

@@ -37,6 +37,24 @@ class RefusedValue:
     value: float
 
 
+# Commands of where to fly in the guided mode; a speed may also be the mission's.
+_GUIDED_COMMANDS = frozenset(
+    {
+        mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
+        mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE,
+        mavlink.MAV_CMD_GUIDED_CHANGE_SPEED,
+        mavlink.MAV_CMD_DO_CHANGE_ALTITUDE,
+    }
+)
+
+
+def is_setpoint(message: Message) -> bool:
+    """Whether a message says where to fly: a position target, or a command of course, height or speed."""
+    if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+        return True
+    return getattr(message, "command", None) in _GUIDED_COMMANDS
+
+
 class Adapter(ABC):
     """One autopilot at the address `target`; its methods return the messages to send.
 
@@ -50,9 +68,6 @@ class Adapter(ABC):
     mode_commands: ClassVar[frozenset[int]] = frozenset(
         {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_REPOSITION}
     )
-    # How long `entering` is streamed before the guided mode is requested, `leaving` before the former mode.
-    entry_s: ClassVar[float] = 0.0
-    exit_s: ClassVar[float] = 0.0
     # The mode that flies the mission.
     mission_mode: ClassVar[str]
     # Whether the mission's item 0 is home, and whether a mode change ends the speed of its DO_CHANGE_SPEED.
@@ -85,6 +100,26 @@ class Adapter(ABC):
     def is_mission(self, custom_mode: int) -> bool:
         """Whether the mission is flown in this mode."""
         return self.mode_name(custom_mode) == self.mission_mode
+
+    def choose_way(self) -> None:  # noqa: B027 - optional
+        """Choose one of several ways of flying; called only while none is flown and none is left."""
+
+    def fall_back(self, postponements: int) -> bool:  # noqa: ARG002
+        """Choose another way of flying after the guided mode was refused; true when there was one.
+
+        `postponements`: the number of requests that were temporarily rejected; 0 for a refusal.
+        """
+        return False
+
+    @property
+    def entry_s(self) -> float:
+        """How long [s] `entering` is streamed before the guided mode is requested."""
+        return 0.0
+
+    @property
+    def exit_s(self) -> float:
+        """How long [s] `leaving` is streamed before the former mode is requested."""
+        return 0.0
 
     @property
     @abstractmethod
@@ -165,6 +200,11 @@ class Adapter(ABC):
     def other_avoider(self, parameters: Mapping[str, float]) -> str | None:
         """The autopilot's own avoidance and its setting, if the parameters let it act; otherwise `None`."""
 
+    @property
+    def traffic_parameters(self) -> tuple[str, ...]:
+        """The parameters of the autopilot's own avoidance."""
+        return ()
+
     def advice(self, parameters: Mapping[str, float]) -> list[str]:  # noqa: ARG002
         """Parameters that the operator should change, in words."""
         return []
@@ -192,6 +232,10 @@ class Adapter(ABC):
 
     def is_own_target(self, target: NavigationTarget) -> bool:  # noqa: ARG002
         """Whether a reported navigation target is a place that we have commanded the autopilot to fly to."""
+        return False
+
+    def is_foreign_target(self, target: NavigationTarget) -> bool:  # noqa: ARG002
+        """Whether a target reported in the guided mode is certainly not ours."""
         return False
 
     def restarted(self) -> None:

@@ -7,13 +7,12 @@ course and speed; the message is sent complete for its height and for other read
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
-from companion.autopilots.commands import Outcome
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
-from companion.autopilots.refused_commands import RefusedCommands
+from companion.autopilots.value_commands import ValueCommands
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message, mavlink
@@ -43,6 +42,8 @@ MODES = {
     19: "QLOITER",
     20: "QLAND",
     21: "QRTL",
+    22: "QAUTOTUNE",
+    23: "QACRO",
     24: "THERMAL",
     25: "LOITER_QLAND",
     26: "AUTOLAND",
@@ -122,11 +123,6 @@ PARAMETERS = ParameterTable(
 )
 
 
-class _Sent(NamedTuple):
-    value: float
-    at_s: float
-
-
 class ArduPlane(Adapter):
     """Guidance for ArduPlane 4.1 and later."""
 
@@ -161,8 +157,7 @@ class ArduPlane(Adapter):
     def __init__(self, target: Sender) -> None:
         super().__init__(target)
         self._restarts_mission = False
-        self._sent: dict[int, _Sent] = {}
-        self._refusals = RefusedCommands()
+        self._values = ValueCommands(_CONTROLS)
         self._places: deque[GeoPoint] = deque(maxlen=_PLACES_KNOWN)
         self._setpoints_s: deque[float] = deque(maxlen=_MAX_SETPOINTS_PER_S)
 
@@ -200,14 +195,13 @@ class ArduPlane(Adapter):
     def drop_commands(self) -> None:
         """Drop all commands under way, and what is known of those sent."""
         super().drop_commands()
-        self._sent.clear()
-        self._refusals.forget_values()
+        self._values.forget()
         self._places.clear()
 
     def restarted(self) -> None:
         """Forget what the autopilot refused."""
         super().restarted()
-        self._refusals.off.clear()
+        self._values.restarted()
 
     @property
     def lost_controls(self) -> frozenset[Control]:
@@ -216,9 +210,9 @@ class ArduPlane(Adapter):
         The height is never lost: position targets, which are not acknowledged, command it too.
         """
         lost = set()
-        if {mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_CMD_DO_REPOSITION} <= self._refusals.off:
+        if {mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, mavlink.MAV_CMD_DO_REPOSITION} <= self._values.off:
             lost.add(Control.HEADING)
-        if mavlink.MAV_CMD_GUIDED_CHANGE_SPEED in self._refusals.off:
+        if mavlink.MAV_CMD_GUIDED_CHANGE_SPEED in self._values.off:
             lost.add(Control.SPEED)
         return frozenset(lost)
 
@@ -231,17 +225,8 @@ class ArduPlane(Adapter):
         super().observe(fact, now_s)
         if isinstance(fact, Parameter) and fact.name == _MISSION_RESTART:
             self._restarts_mission = fact.value >= 1.0
-        if not isinstance(fact, CommandResult) or fact.command not in _CONTROLS or not under_way:
-            return
-        outcome = self.commands.outcome(fact.command)
-        if outcome is Outcome.ACCEPTED:
-            self._refusals.accepted(fact.command)
-        elif outcome is Outcome.REFUSED and fact.result == mavlink.MAV_RESULT_UNSUPPORTED:
-            self._refusals.off.add(fact.command)
-        elif outcome is Outcome.REFUSED and (sent := self._sent.get(fact.command)) is not None:
-            again = self._refusals.refused(fact.command, sent.value)
-            if again:
-                del self._sent[fact.command]  # so that it is sent again
+        if isinstance(fact, CommandResult) and under_way:
+            self._values.answered(fact, self.commands.outcome(fact.command))
 
     def leaving(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
         """Nothing; a course that is still under way must not arrive after the mode was changed."""
@@ -262,9 +247,14 @@ class ArduPlane(Adapter):
             return None
         return f"AVD_ENABLE with AVD_F_ACTION {parameters['AVD_F_ACTION']:.0f}"
 
+    @property
+    def traffic_parameters(self) -> tuple[str, ...]:
+        """The parameters of AP_Avoidance."""
+        return self.parameters.first
+
     def refused_values(self) -> list[RefusedValue]:
         """Values that were refused since the last call, also when moderated."""
-        return [RefusedValue(_CONTROLS[kind], value) for kind, value in self._refusals.take_given_up()]
+        return self._values.refused_values()
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:
         """Course, speed and height commands when they changed, and the stream of position targets."""
@@ -272,7 +262,7 @@ class ArduPlane(Adapter):
         if self._speed_is_due(command, now_s):
             messages.append(self.commands.ask(self._change_speed(command), now_s))
         height = (mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, command.guidance.altitude_m)
-        if self._is_due(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
+        if self._values.is_due(*height, now_s, _HEIGHT_CHANGE_M, _SPEED_AND_HEIGHT_REPEAT_S):
             messages.append(self.commands.ask(self._change_height(command), now_s))
         if self._setpoint_due(now_s, urgent=urgent):
             self._setpoints_s.append(now_s)
@@ -282,10 +272,10 @@ class ArduPlane(Adapter):
     def _course(self, command: GuidanceCommand, now_s: float) -> list[Message]:
         """A course command if it is due; by a place far ahead where heading commands are unsupported."""
         kind, repeat_s = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING, _HEADING_REPEAT_S
-        if kind in self._refusals.off:
+        if kind in self._values.off:
             kind, repeat_s = mavlink.MAV_CMD_DO_REPOSITION, _PLACE_REPEAT_S
         course_rad = command.guidance.course_rad
-        if not self._is_due(kind, course_rad, now_s, _HEADING_CHANGE_RAD, repeat_s, circular=True):
+        if not self._values.is_due(kind, course_rad, now_s, _HEADING_CHANGE_RAD, repeat_s, circular=True):
             return []
         by_place = kind == mavlink.MAV_CMD_DO_REPOSITION
         message = self._go_far_ahead(command) if by_place else self._change_heading(command)
@@ -296,33 +286,9 @@ class ArduPlane(Adapter):
         kind, wanted_mps = mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, command.guidance.airspeed_mps
         if command.airspeed_mps is None:
             return False
-        if kind not in self._sent and abs(wanted_mps - command.airspeed_mps) <= _SPEED_KEPT_MPS:
+        if not self._values.was_sent(kind) and abs(wanted_mps - command.airspeed_mps) <= _SPEED_KEPT_MPS:
             return False
-        return self._is_due(kind, wanted_mps, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S)
-
-    def _is_due(
-        self,
-        command: int,
-        value: float,
-        now_s: float,
-        change: float,
-        repeat_s: float,
-        *,
-        circular: bool = False,
-    ) -> bool:
-        """Whether to send a value, because it changed or was sent long ago; if so, stores it as sent.
-
-        Never for a command that is refused altogether.
-        """
-        if command in self._refusals.off:
-            return False
-        sent = self._sent.get(command)
-        if sent is not None and now_s - sent.at_s < repeat_s:
-            off = value - sent.value
-            if abs(wrap_pi(off) if circular else off) <= change:
-                return False
-        self._sent[command] = _Sent(value, now_s)
-        return True
+        return self._values.is_due(kind, wanted_mps, now_s, _SPEED_CHANGE_MPS, _SPEED_AND_HEIGHT_REPEAT_S)
 
     def _setpoint_due(self, now_s: float, *, urgent: bool) -> bool:
         times_s = self._setpoints_s
@@ -345,7 +311,7 @@ class ArduPlane(Adapter):
 
     def _go_far_ahead(self, command: GuidanceCommand) -> Message:
         """A reposition along the course; outside GUIDED, as after a pilot's mode change, it is refused."""
-        refused = self._refusals.was_refused(mavlink.MAV_CMD_DO_REPOSITION, command.guidance.course_rad)
+        refused = self._values.was_refused(mavlink.MAV_CMD_DO_REPOSITION, command.guidance.course_rad)
         place = self._ahead(command, _PLACE_WITHIN_FENCE_M if refused else _PLACE_AHEAD_M)
         self._places.append(place)
         return self.reposition(place, change_mode=False)
@@ -367,7 +333,7 @@ class ArduPlane(Adapter):
 
     def _change_speed(self, command: GuidanceCommand) -> Message:
         wanted_mps = command.guidance.airspeed_mps
-        refused = self._refusals.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps)
+        refused = self._values.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_SPEED, wanted_mps)
         if refused and command.airspeed_mps is not None:
             wanted_mps = _towards(command.airspeed_mps, wanted_mps, _SPEED_STEP_MPS)
         airspeed, full_acceleration = 0, 0.0
@@ -375,7 +341,7 @@ class ArduPlane(Adapter):
 
     def _change_height(self, command: GuidanceCommand) -> Message:
         wanted_m = command.guidance.altitude_m
-        if self._refusals.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
+        if self._values.was_refused(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, wanted_m):
             wanted_m = _towards(command.position.altitude_m, wanted_m, _HEIGHT_STEP_M)
         return self.command_int(mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE, z_m=wanted_m)
 

@@ -40,11 +40,12 @@ def _is_overruled(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
 
 def _is_redirected(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
     """Whether someone gave the guided mode another target, as with "fly here"."""
-    adapter = aircraft.adapter
-    if adapter is None or not aircraft.guided or not adapter.keeps_guided_target:
+    adapter, target = aircraft.adapter, aircraft.navigation.confirmed_target
+    if adapter is None or not aircraft.guided:
         return False
-    target = aircraft.navigation.confirmed_target
-    if target is not None and adapter.is_own_target(target):
+    if target is not None and adapter.is_foreign_target(target):
+        return True
+    if not adapter.keeps_guided_target or (target is not None and adapter.is_own_target(target)):
         return False
     before = data.prior.target if data.prior.mode == adapter.guided_mode else None
     navigation = aircraft.navigation

@@ -46,13 +46,19 @@ class ModeRequester:
             self._refused(data.request, fact, now_s)
 
     def _refused(self, request: ModeRequest, fact: CommandResult, now_s: float) -> None:
-        entering = self._context.supervisor.state in ENTERING
-        if entering and fact.result == mavlink.MAV_RESULT_UNSUPPORTED:
-            self._context.adapter.guided_mode_unsupported = True
-        if entering and fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+        entering, adapter = self._context.supervisor.state in ENTERING, self._context.adapter
+        postponed = entering and fact.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        if postponed:
             request.postponed(now_s)
-            return
-        request.refused(now_s)
+        else:
+            request.refused(now_s)
         # If several requests were sent, another one may still be obeyed.
-        if entering and request.refusals >= request.tries:
-            self._context.data.forget_request()
+        answered = request.refusals + request.postponements >= request.tries
+        if entering and answered and adapter.fall_back(request.postponements if postponed else 0):
+            self._context.data.request = ModeRequest(
+                request.start, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+            )
+        elif entering and not postponed:
+            adapter.guided_mode_unsupported |= fact.result == mavlink.MAV_RESULT_UNSUPPORTED
+            if request.refusals >= request.tries:
+                self._context.data.forget_request()

@@ -32,6 +32,7 @@ class TakeOver:
         context, data = self._context, self._context.data
         adapter = context.adapter
         context.supervisor.handle(context.conflict)
+        adapter.choose_way()
         data.prior = context.aircraft.prior_flight_state(now_s)
         data.plan = context.aircraft.navigation.plan_changes
         data.guided_since_s = data.flown_since_s = None

@@ -63,13 +63,21 @@ class UnattendedGuided:
         data.away_s = None
         data.fell_out |= data.seen_guided
 
+    def nothing_is_left(self, now_s: float) -> bool:
+        """Whether no earlier take-over has left anything, so that another way of flying may be chosen."""
+        data = self._context.data
+        awaited = data.left_behind is not None or now_s - data.requested_s < _LATE_S
+        return data.guided_since_s is None and not awaited
+
     def is_left(self, now_s: float) -> bool:
         """Whether the aircraft is in the guided mode, or in the one that follows, by our doing."""
         aircraft, data = self._context.aircraft, self._context.data
         if aircraft.adapter is None:
             return False
-        moved_m = aircraft.navigation.from_guided_target_m(now_s)
+        navigation = aircraft.navigation
+        moved_m, target = navigation.from_guided_target_m(now_s), navigation.reported_target(now_s)
         redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
+        redirected |= target is not None and self._context.adapter.is_foreign_target(target)
         if not aircraft.armed or data.guided_since_s is None or redirected:
             return False
         if self._context.loss_mode is not None:
@@ -99,9 +107,10 @@ class UnattendedGuided:
             if since_s is None or aircraft.heartbeat_s - since_s > FLICKER_S:
                 data.unattended_since_s = None
             return None
-        # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
+        # While the pilot flies with the sticks, the aircraft lands, or nothing is heard, it is not abandoned.
         attended = (
-            aircraft.sticks.in_use(now_s)
+            not aircraft.in_contact(now_s)
+            or aircraft.sticks.in_use(now_s)
             or aircraft.flight_state.landing
             or aircraft.identity.is_ambiguous(now_s)
         )

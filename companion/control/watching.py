@@ -35,6 +35,8 @@ class Watching:
         if not context.aircraft.resynchronized:
             advice = [] if context.clear else [ConflictNotice(flying=False)]
             return [*self._invalid_notices(now_s), *advice]
+        if context.aircraft.adapter is not None and self._unattended.nothing_is_left(now_s):
+            context.aircraft.adapter.choose_way()
         self._unattended.note_mode(now_s)
         self._note_choices()
         if self._is_invalid_outside(now_s) and supervisor.handle(Event.INVALID_OUTSIDE):

@@ -32,10 +32,12 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AttitudeTarget,
     AutopilotVersion,
+    AvailableMode,
     CommandRequest,
     CommandResult,
     Fact,
     Heartbeat,
+    NavigationTarget,
     OtherCompanion,
     OwnPosition,
     Parameter,
@@ -55,7 +57,7 @@ from companion.ownship.message_rates import MessageRates
 from companion.traffic import Tracker, TrafficPicture
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
-_ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion)
+_ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
 _NOTICES = (Notice, ConflictNotice, ResumeNotice)
 _KEEP_INTERVAL_S = 1.0
 

@@ -1,12 +1,60 @@
 """The MAVLink dialect: the one place that imports pymavlink, which packs and unpacks messages; no I/O."""
 
-from typing import Any, TypeAlias
+import struct
+from typing import Any, ClassVar, TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega
 
 # pymavlink's generated code is untyped: message fields are attributes created at run time.
 mavlink: Any = ardupilotmega
 Message: TypeAlias = Any
+
+AVAILABLE_MODES = 435
+
+
+class AvailableModesMessage(mavlink.MAVLink_message):  # type: ignore[misc]
+    """AVAILABLE_MODES of common.xml, in the form of pymavlink's classes; its dialect lacks the message."""
+
+    id = AVAILABLE_MODES
+    msgname = "AVAILABLE_MODES"
+    fieldnames: ClassVar = [
+        "number_modes", "mode_index", "standard_mode", "custom_mode", "properties", "mode_name"
+    ]  # fmt: skip
+    ordered_fieldnames: ClassVar = [
+        "custom_mode", "properties", "number_modes", "mode_index", "standard_mode", "mode_name"
+    ]  # fmt: skip
+    fieldtypes: ClassVar = ["uint8_t", "uint8_t", "uint8_t", "uint32_t", "uint32_t", "char"]
+    fielddisplays_by_name: ClassVar[dict[str, str]] = {}
+    fieldenums_by_name: ClassVar[dict[str, str]] = {}
+    fieldunits_by_name: ClassVar[dict[str, str]] = {}
+    native_format = bytearray(b"<IIBBBc")
+    orders: ClassVar = [2, 3, 4, 0, 1, 5]
+    lengths: ClassVar = [1, 1, 1, 1, 1, 1]
+    array_lengths: ClassVar = [0, 0, 0, 0, 0, 35]
+    crc_extra = 134
+    unpacker = struct.Struct("<IIBBB35s")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, *values: Any) -> None:
+        """Make it from the values of `fieldnames`; the name is bytes."""
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = self.fieldnames
+        self._instance_field, self._instance_offset = self.instance_field, self.instance_offset
+        for name, value in zip(self.fieldnames, values, strict=True):
+            setattr(self, name, value)
+        self._name_bytes: bytes = values[-1]
+        self.mode_name = self._name_bytes.split(b"\x00", 1)[0].decode("ascii", errors="replace")
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        """The frame of the message."""
+        fields = [getattr(self, name) for name in self.ordered_fieldnames[:-1]]
+        payload = self.unpacker.pack(*fields, self._name_bytes)
+        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return packed
+
+
+mavlink.mavlink_map.setdefault(AVAILABLE_MODES, AvailableModesMessage)
 
 CRC_EXTRA: dict[int, int] = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map.items()}
 MAX_PAYLOAD: dict[int, int] = {

@@ -302,6 +302,17 @@ class AutopilotVersion:
 
 
 @dataclass(frozen=True, slots=True)
+class AvailableMode:
+    """AVAILABLE_MODES: one of the `total` modes of the autopilot; `index` counts from 1."""
+
+    sender: Sender
+    custom_mode: int
+    index: int
+    total: int
+    selectable: bool
+
+
+@dataclass(frozen=True, slots=True)
 class CommandRequest:
     """COMMAND_LONG or COMMAND_INT to `target` (component 0: all); `None` replaces NaN and infinities."""
 
@@ -375,6 +386,7 @@ Fact = (
     | OtherVehicle
     | OtherCompanion
     | AutopilotVersion
+    | AvailableMode
     | CommandRequest
     | ParameterRequest
     | ParameterSet

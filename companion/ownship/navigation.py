@@ -102,15 +102,20 @@ class Navigation:
         altitude_m = self._kinematics.altitude_m() if target.altitude_m is None else target.altitude_m
         return GeoPoint(target.lat_deg, target.lon_deg, altitude_m)
 
+    def reported_target(self, now_s: float) -> NavigationTarget | None:
+        """The target reported just now; `None` without a recent one."""
+        recent = self._reported is not None and now_s - self._reported[1] <= _TARGET_NEW_S
+        return self._reported[0] if recent and self._reported is not None else None
+
     def from_guided_target_m(self, now_s: float) -> float | None:
         """How far the target reported just now is from that of the guided mode that we flew in [m].
 
         `None` when one of them is unknown.
         """
-        first = self._guided_target
-        if first is None or self._reported is None or now_s - self._reported[1] > _TARGET_NEW_S:
+        first, now = self._guided_target, self.reported_target(now_s)
+        if first is None or now is None:
             return None
-        now, frame = self._reported[0], LocalFrame(first.lat_deg, first.lon_deg)
+        frame = LocalFrame(first.lat_deg, first.lon_deg)
         return math.hypot(*frame.to_ned_m(GeoPoint(now.lat_deg, now.lon_deg, 0.0))[:2])
 
     def forget_guided_target(self) -> None:

@@ -14,11 +14,14 @@ class Autopilot(StrEnum):
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
+    PX4_1_18 = "px4-1.18"
 
 
 ScenarioOption = Annotated[
     str, typer.Option(metavar="NAME|FILE", help=f"One of {', '.join(scenario_names())}, or a YAML file.")
 ]
-AutopilotOption = Annotated[Autopilot, typer.Option(help="The autopilot that the vehicle imitates.")]
+AutopilotOption = Annotated[
+    Autopilot, typer.Option(help="The autopilot that the vehicle imitates; px4 is version 1.16.")
+]
 SpeedupOption = Annotated[float, typer.Option(min=0.1, max=100.0, help="Simulated time against real time.")]
 ReportOption = Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")]

@@ -20,15 +20,17 @@ class HeardTraffic:
         if report.flags & _PLACED == _PLACED:
             self._heard[int(report.ICAO_address)] = (now_s, report)
 
-    def is_within(self, here: GeoPoint, horizontal_m: float, vertical_m: float, now_s: float) -> bool:
-        """True if any aircraft is inside that cylinder around a place."""
+    def is_within(
+        self, here: GeoPoint, horizontal_m: float, vertical_m: float, now_s: float, *, ahead_s: float = 0.0
+    ) -> bool:
+        """True if any aircraft is inside that cylinder around a place, wider by its own way in `ahead_s`."""
         frame = LocalFrame(here.lat_deg, here.lon_deg)
         for heard_s, report in self._heard.values():
             if now_s - heard_s > _TIMEOUT_S:
                 continue
             there = GeoPoint(report.lat / 1e7, report.lon / 1e7, report.altitude / 1e3)
             north_m, east_m, _ = frame.to_ned_m(there)
-            near = math.hypot(north_m, east_m) <= horizontal_m
+            near = math.hypot(north_m, east_m) <= horizontal_m + ahead_s * report.hor_velocity / 100.0
             if near and abs(there.altitude_m - here.altitude_m) <= vertical_m:
                 return True
         return False

@@ -7,8 +7,10 @@ import pytest
 
 from companion.control.state_machine import State
 from companion.engine import Transmit
+from companion.mavlink.dialect import Message
 from sim.closed_loop import Flight
 from sim.scenario import Autopilot, Scenario, Wind, load_scenario
+from sim.vehicle import FakeArduPlane
 from sim.vehicle.telemetry import AirspeedSensor
 from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop
 from tests.support.overrides import BOTH
@@ -112,6 +114,64 @@ def test_a_build_without_guided_commands_is_flown_by_places_and_heights() -> Non
     assert loop.commanded[REPOSITION] >= 1
     texts = [text for text in flight.texts if "unsupported" in text]
     assert len(texts) == len(set(texts)) == loop.engine.rejections
+
+
+def test_the_fake_of_such_a_build_is_flown_too() -> None:
+    loop = Counting(SOON)
+    vehicle = loop.world.vehicle
+    assert isinstance(vehicle, FakeArduPlane)
+    vehicle._commands.leave_out_guided_commands()
+    flight = loop.run(110.0)
+    assert clear(flight)
+    assert flight.resumed
+    assert loop.commanded[HEADING] == loop.commanded[HEIGHT] == 1
+    assert loop.commanded[REPOSITION] >= 1
+
+
+def test_px4_without_course_commands_is_flown_in_offboard_the_next_time() -> None:
+    loop = Counting(SOON, "px4-1.18")
+    loop.world.vehicle.refuse(HEADING, UNSUPPORTED)
+    loop.until(State.OUTER)
+    loop.run(5.0)
+    assert loop.commanded[HEADING] == 1
+    assert "Avoidance: courses refused, height only" in loop.flight.texts
+    flight = loop.run(160.0)
+    assert not is_near_miss(flight)
+    assert flight.resumed
+    loop.intrude(4000.0)
+    loop.until_true(lambda: loop.mode_name == "OFFBOARD", limit_s=20.0)
+
+
+def test_heights_that_guided_course_acknowledges_and_does_not_fly_are_avoided_by_turning() -> None:
+    """As outside its fence, where only the reported target shows it."""
+    loop = Counting(SOON, "px4-1.18")
+    flight = loop.world.vehicle.flight
+    flight.change_altitude = lambda _altitude_m: True  # type: ignore[attr-defined]
+    flown = loop.run(110.0)
+    assert not is_near_miss(flown)
+    assert "Avoidance: height not taken, outside PX4's fence?" in "".join(flown.texts)
+    assert flown.engagements == 1
+
+
+@pytest.mark.parametrize("result", [1, 2, UNSUPPORTED, 4])
+def test_guided_course_that_is_refused_gives_way_to_offboard_at_once(result: int) -> None:
+    loop = Counting(SOON, "px4-1.18")
+    vehicle = loop.world.vehicle
+
+    def refuses_course(message: Message, now_s: float, channel: int = 0) -> None:
+        course = getattr(message, "command", None) == DO_SET_MODE and message.param3 == 19.0
+        vehicle.refuse(DO_SET_MODE, result if course else None)
+        receive(message, now_s, channel)
+
+    receive = vehicle.receive
+    vehicle.receive = refuses_course  # type: ignore[method-assign]
+    loop.until(State.ENGAGING)
+    loop.until_true(lambda: loop.mode_name == "OFFBOARD", limit_s=3.5)
+    flight = loop.run(170.0)
+    assert clear(flight)
+    assert flight.resumed
+    assert flight.texts.count("Avoidance: GUIDED_COURSE refused, flying OFFBOARD") == 1
+    assert not any("did not answer" in text or "autopilot refused" in text for text in flight.texts)
 
 
 def test_without_any_course_command_the_height_alone_is_flown() -> None:

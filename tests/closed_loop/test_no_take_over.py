@@ -10,9 +10,9 @@ from sim.scenario import Autopilot, Scenario, Start, load_scenario
 from sim.vehicle import MissionItem, waypoint_item
 from sim.vehicle.mission import NAV_LAND
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
-from tests.support.overrides import BOTH
+from tests.support.overrides import ALL
 
-both = pytest.mark.parametrize("autopilot", BOTH)
+every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def on_the_runway(takeoff_height_m: float) -> Scenario:
@@ -21,7 +21,7 @@ def on_the_runway(takeoff_height_m: float) -> Scenario:
     return replace(scenario, mission=mission, start=Start("ground"))
 
 
-@both
+@every
 def test_no_commands_while_disarmed_on_the_ground(autopilot: Autopilot) -> None:
     loop = MonitoredLoop(on_the_runway(60.0), autopilot=autopilot)
     loop.world.vehicle.flight.disarm(force=True)
@@ -31,7 +31,7 @@ def test_no_commands_while_disarmed_on_the_ground(autopilot: Autopilot) -> None:
     assert loop.sent == []
 
 
-@both
+@every
 def test_no_commands_during_the_missions_take_off(autopilot: Autopilot) -> None:
     """The take-off ends far above the minimum height; a take-over is allowed after it."""
     loop = MonitoredLoop(on_the_runway(90.0), autopilot=autopilot)
@@ -45,7 +45,7 @@ def test_no_commands_during_the_missions_take_off(autopilot: Autopilot) -> None:
     loop.until(State.ENGAGING, limit_s=15.0)
 
 
-@both
+@every
 def test_no_commands_below_the_minimum_height(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(min_height_m=310.0))
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, config=config)
@@ -56,7 +56,7 @@ def test_no_commands_below_the_minimum_height(autopilot: Autopilot) -> None:
     assert loop.sent == []
 
 
-@both
+@every
 def test_no_commands_during_the_missions_landing(autopilot: Autopilot) -> None:
     scenario = without_traffic(duration_s=100.0)
     loop = MonitoredLoop(scenario, autopilot=autopilot)
@@ -73,6 +73,33 @@ def test_no_commands_during_the_missions_landing(autopilot: Autopilot) -> None:
     loop.run(12.0)
     assert vehicle.truth.place.altitude_m > 584.1 + 100.0, "above the minimum height"
     assert loop.sent == []
+
+
+@every
+@pytest.mark.parametrize(
+    "vtol_state", [1, 2, 3], ids=["transition to wing", "transition to rotors", "rotors"]
+)
+def test_a_vtol_on_its_rotors_is_advised_only(autopilot: Autopilot, vtol_state: int) -> None:
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot)
+    loop.world.vehicle.show_vtol_state(vtol_state)
+    loop.run(2.5)
+    loop.intrude(3000.0)
+    loop.run(8.0)
+    assert loop.sent == []
+    assert any(text.startswith("Advise ") for text in loop.flight.texts)
+
+
+@every
+def test_a_vtol_in_wing_flight_is_flown_until_it_leaves_that(autopilot: Autopilot) -> None:
+    loop = MonitoredLoop(without_traffic(), autopilot=autopilot)
+    loop.world.vehicle.show_vtol_state(4)
+    loop.run(2.5)
+    loop.intrude(3000.0)
+    loop.until(State.OUTER, limit_s=10.0)
+    loop.world.vehicle.show_vtol_state(2)
+    loop.until(State.HANDS_OFF, limit_s=2.0)
+    loop.run(4.0)
+    assert loop.sent_since(State.HANDS_OFF) == []
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop, without_traffic
-from tests.support.overrides import BOTH, HOLDS, MISSION_MODE, PX4, in_state
+from tests.support.overrides import ALL, HOLDS, MISSION_MODE, PX4, in_state
 
 US = (1, 196)
 RELEASED_WITHIN_S = 3.0
-both = pytest.mark.parametrize("autopilot", BOTH)
+every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def by_parameter(role: Role) -> Message:
@@ -28,7 +28,7 @@ def by_command(role: Role) -> Message:
 by_either = pytest.mark.parametrize("request_of", [by_parameter, by_command])
 
 
-@both
+@every
 @by_either
 @pytest.mark.parametrize("state", [State.OUTER, State.INNER])
 @pytest.mark.parametrize("role", [Role.ADVISE, Role.OFF])
@@ -53,7 +53,7 @@ def test_advise_or_off_releases_the_aircraft_and_ends_all_commands(
         assert decision.guidance is not None
 
 
-@both
+@every
 @by_either
 def test_after_fly_it_takes_over_again(autopilot: Autopilot, request_of: type) -> None:
     loop = in_state(autopilot, State.OUTER)
@@ -64,7 +64,7 @@ def test_after_fly_it_takes_over_again(autopilot: Autopilot, request_of: type) -
     loop.until(State.OUTER, State.INNER, limit_s=2.0)
 
 
-@both
+@every
 def test_advise_computes_and_reports_as_in_flight(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(role="advise"))
     sent: list[str] = []
@@ -89,7 +89,7 @@ def test_advise_computes_and_reports_as_in_flight(autopilot: Autopilot) -> None:
     assert len(loop.flight.decisions) > 80
 
 
-@both
+@every
 def test_fly_during_a_conflict_takes_over(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(role="off"))
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, config=config)

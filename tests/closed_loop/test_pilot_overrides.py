@@ -4,11 +4,12 @@ import pytest
 
 from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
+from companion.mavlink.dialect import mavlink
 from sim.scenario import Autopilot
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
 from tests.support.overrides import (
+    ALL,
     ARDUPILOT,
-    BOTH,
     COMMON,
     FAILSAFE,
     GUIDED_MODE,
@@ -16,6 +17,7 @@ from tests.support.overrides import (
     MISSION_MODE,
     OVERRIDES,
     PX4,
+    PX4_1_18,
     STATES,
     STICKS,
     TICK_US,
@@ -24,7 +26,7 @@ from tests.support.overrides import (
     mode_change,
 )
 
-both = pytest.mark.parametrize("autopilot", BOTH)
+every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def override(loop: MonitoredLoop, way: Override, during_s: float) -> None:
@@ -45,7 +47,7 @@ def override(loop: MonitoredLoop, way: Override, during_s: float) -> None:
 
 CASES = [
     pytest.param(autopilot, state, way, id=f"{autopilot}-{state}-{way}")
-    for autopilot in BOTH
+    for autopilot in ALL
     for state in STATES
     for way in OVERRIDES[autopilot]
     # The mission mode is no override while we request it or it is still the present mode.
@@ -77,10 +79,10 @@ def returning() -> MonitoredLoop:
     return loop
 
 
-OTHER_MODE = {ARDUPILOT: "FBWA", PX4: "ALTCTL"}
+OTHER_MODE = {ARDUPILOT: "FBWA", PX4: "ALTCTL", PX4_1_18: "ALTCTL"}
 
 
-@both
+@every
 def test_avoidance_resumes_only_after_settling_in_an_allowed_mode(autopilot: Autopilot) -> None:
     settle_s = 2.0
     config = EngineConfig(supervisor=SupervisorParams(settle_s=settle_s))
@@ -94,7 +96,7 @@ def test_avoidance_resumes_only_after_settling_in_an_allowed_mode(autopilot: Aut
     loop.until(State.OUTER, limit_s=2.0)
 
 
-@both
+@every
 def test_a_short_mode_change_restarts_the_settling_time(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(settle_s=2.0))
     loop = in_state(autopilot, State.OUTER, config)
@@ -128,16 +130,35 @@ def test_unattended_guided_is_released(way: Override) -> None:
     assert not loop.engine.supervisor.flying
 
 
-@both
+@every
 def test_after_released_sticks_guided_is_not_left_unattended(autopilot: Autopilot) -> None:
-    """PX4 leaves OFFBOARD by itself when our stream ends, without a release."""
+    """PX4 leaves OFFBOARD by itself when our stream ends, without a release; GUIDED_COURSE stays."""
     loop = in_state(autopilot, State.OUTER, EngineConfig(supervisor=SupervisorParams(settle_s=60.0)))
     override(loop, STICKS, during_s=1.0)
     loop.world.vehicle.move_sticks()
     loop.run(8.0)
-    assert loop.mode_name == {ARDUPILOT: "AUTO", PX4: "HOLD"}[autopilot]
+    assert loop.mode_name == {ARDUPILOT: "AUTO", PX4: "HOLD", PX4_1_18: "MISSION"}[autopilot]
     if autopilot == PX4:
         assert loop.sent_since(State.HANDS_OFF) == []
+
+
+def test_a_height_by_the_ground_station_in_guided_course_is_left_alone() -> None:
+    """It leaves the mode; only the reported target shows it."""
+    loop = in_state(PX4_1_18, State.OUTER)
+    loop.run(4.0)
+    vehicle = loop.world.vehicle
+    theirs_m = vehicle.truth.place.altitude_m + 33.0
+    order = mavlink.MAVLink_command_long_message(
+        1, 1, mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, 0, theirs_m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    )
+    order.get_header().srcSystem, order.get_header().srcComponent = 255, 190
+    vehicle.receive(order, loop.now_s, 0)
+    loop.until(State.HANDS_OFF, limit_s=2.0)
+    loop.run(20.0)
+    assert loop.sent_since(State.HANDS_OFF) == []
+    assert loop.mode_name == "GUIDED_COURSE"
+    assert any("hands off, another target" in text for text in loop.flight.texts)
+    assert vehicle.truth.place.altitude_m == pytest.approx(theirs_m, abs=6.0)
 
 
 # --- the autopilot's own avoidance
@@ -145,12 +166,17 @@ def test_after_released_sticks_guided_is_not_left_unattended(autopilot: Autopilo
 NEAR = {
     ARDUPILOT: {"AVD_ENABLE": 1.0, "AVD_F_ACTION": 2.0, "AVD_F_DIST_XY": 2500.0},
     PX4: {"NAV_TRAFF_AVOID": 2.0, "NAV_TRAFF_A_HOR": 2500.0, **HOLDS},
+    PX4_1_18: {"DAA_LVL_HIGH_ACT": 2.0, "DAA_LVL_HIGH_RAD": 1250.0},
 }
-FOUND = {ARDUPILOT: "AVD_ENABLE with AVD_F_ACTION 2", PX4: "NAV_TRAFF_AVOID 2"}
-ACTS = {ARDUPILOT: "AVOID_ADSB", PX4: "RETURN"}
+FOUND = {
+    ARDUPILOT: "AVD_ENABLE with AVD_F_ACTION 2",
+    PX4: "NAV_TRAFF_AVOID 2",
+    PX4_1_18: "DAA_LVL_HIGH_ACT 2",
+}
+ACTS = {ARDUPILOT: "AVOID_ADSB", PX4: "RETURN", PX4_1_18: "RETURN"}
 
 
-@both
+@every
 def test_beside_another_avoider_it_only_advises_and_reports_that_once(autopilot: Autopilot) -> None:
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, parameters=NEAR[autopilot])
     loop.run(12.0)
@@ -163,7 +189,7 @@ def test_beside_another_avoider_it_only_advises_and_reports_that_once(autopilot:
     assert any("Advise " in text and "SUDDEN" in text for text in texts), "still announced"
 
 
-@both
+@every
 def test_configured_to_fly_beside_it_avoidance_ends_when_it_acts(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(beside_other_avoider="fly"))
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, parameters=NEAR[autopilot], config=config)

@@ -9,13 +9,13 @@ from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
-from tests.support.overrides import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, in_state
+from tests.support.overrides import ALL, ARDUPILOT, GUIDED_MODE, MISSION_MODE, in_state
 
 US = (1, 196)
 CONTINUE = mavlink.MAV_CMD_DO_PAUSE_CONTINUE
 SECOND = 0xBBBBBB, "SECOND"
 ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
-both = pytest.mark.parametrize("autopilot", BOTH)
+every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def by_long(confirmation: int = 0) -> Message:
@@ -51,7 +51,7 @@ def until_released(loop: MonitoredLoop, autopilot: Autopilot) -> None:
     assert loop.mode_name == MISSION_MODE[autopilot]
 
 
-@both
+@every
 @pytest.mark.parametrize("command", [by_long, by_int])
 @pytest.mark.parametrize("state", [State.ENGAGING, State.OUTER, State.INNER, State.RELEASING])
 def test_the_mission_resumes_at_once_and_this_conflict_is_not_avoided_again(
@@ -79,7 +79,7 @@ def test_the_mission_resumes_at_once_and_this_conflict_is_not_avoided_again(
         assert len(texts[0]) <= 50
 
 
-@both
+@every
 def test_a_repeated_command_is_accepted_again(autopilot: Autopilot) -> None:
     loop = in_state(autopilot, State.OUTER)
     assert [result_of(loop, by_long(count)) for count in range(3)] == [ACCEPTED] * 3
@@ -100,7 +100,7 @@ def test_without_an_avoidance_it_is_denied() -> None:
     loop.until(State.OUTER, limit_s=10.0)
 
 
-@both
+@every
 def test_another_intruder_is_avoided_meanwhile(autopilot: Autopilot) -> None:
     loop = in_state(autopilot, State.OUTER)
     result_of(loop, by_long())
@@ -110,7 +110,7 @@ def test_another_intruder_is_avoided_meanwhile(autopilot: Autopilot) -> None:
     assert loop.mode_name == GUIDED_MODE[autopilot]
 
 
-@both
+@every
 def test_after_the_conflict_the_suppression_ends(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(settle_s=3.0))
     loop = in_state(autopilot, State.OUTER, config)
@@ -134,7 +134,7 @@ def test_role_fly_ends_the_suppression() -> None:
     loop.until(State.OUTER, State.INNER, limit_s=2.0)
 
 
-@both
+@every
 def test_a_pilot_override_meanwhile_is_respected(autopilot: Autopilot) -> None:
     loop = in_state(autopilot, State.OUTER)
     result_of(loop, by_long())

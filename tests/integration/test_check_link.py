@@ -171,13 +171,36 @@ async def test_in_the_air_it_would_fly_but_commands_nothing(
 @in_virtual_time
 async def test_it_would_not_fly_beside_another_active_avoidance() -> None:
     found, said, _ = await preflight(in_the_air(FakePx4, parameters={"NAV_TRAFF_AVOID": 2}), 10.0)
-    assert said["other avoidance"] == "NAV_TRAFF_AVOID 2"
+    what_to_do = "set it to warn only, or supervisor.beside_other_avoider to fly"
+    assert said["other avoidance"] == f"NAV_TRAFF_AVOID 2 acts: {what_to_do}"
+    assert said["traffic settings"] == "NAV_TRAFF_AVOID 2"
+    assert said["flown in"] == "OFFBOARD"
     conditions = [finding.text for finding in found.findings if finding.topic == "condition"]
     assert set(conditions) >= {
         "COM_OBL_RC_ACT 0: set 5 (Hold)",
         "autopilot avoids too (NAV_TRAFF_AVOID 2), advising only",
     }
     assert found.reasons_not_to_fly == ("another avoider acts: NAV_TRAFF_AVOID 2",)
+
+
+@in_virtual_time
+async def test_px4_1_18_is_flown_in_guided_course_unless_its_own_avoidance_acts() -> None:
+    found, said, heard = await preflight(in_the_air(FakePx4, firmware="1.18"), 12.0)
+    assert found.reasons_not_to_fly == ()
+    assert said["autopilot"].startswith("PX4 1.18.0alpha")
+    assert said["flown in"] == "GUIDED_COURSE"
+    assert said["other avoidance"] == "not active"
+    assert said["traffic settings"] == (
+        "NAV_TRAFF_AVOID 1, DAA_EN 1, DAA_LVL_CRIT_ACT 1, DAA_LVL_HIGH_ACT 1, DAA_LVL_MED_ACT 1, "
+        "DAA_LVL_LOW_ACT 1, COM_TRAFF_AVOID 0"
+    )
+    assert [message for message in heard if is_command(message)] == []
+    acting = {"DAA_LVL_MED_ACT": 4, "COM_TRAFF_AVOID": 3}
+    found, said, _ = await preflight(in_the_air(FakePx4, firmware="1.18", parameters=acting), 12.0)
+    assert found.reasons_not_to_fly == ("another avoider acts: DAA_LVL_MED_ACT 4",)
+    assert said["other avoidance"].startswith("DAA_LVL_MED_ACT 4 acts: set it to warn only")
+    conditions = [finding.text for finding in found.findings if finding.topic == "condition"]
+    assert "COM_TRAFF_AVOID 3: returns home without receiver heartbeats" in conditions
 
 
 @in_virtual_time
@@ -200,7 +223,7 @@ async def test_the_command_prints_all_findings_and_no_log(tmp_path: Path) -> Non
     async with talking(vehicle, port, ScaledClock(1.0, start_s=vehicle.time_s)):
         code, lines, errors = await check(tmp_path, port, 6.0)
     assert code == 0
-    assert any(line.startswith("autopilot") and "PX4 1.15.0, system 1, fixed wing" in line for line in lines)
+    assert any(line.startswith("autopilot") and "PX4 1.16.0, system 1, fixed wing" in line for line in lines)
     assert lines[-1] == "would fly: in a conflict it takes over the aircraft"
     assert errors == ""
 

@@ -23,13 +23,13 @@ from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+every = pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
 
 
 # --- late copies
 
 
-@both
+@every
 @pytest.mark.parametrize("late_s", [0.8, 5.0])
 @in_virtual_time
 async def test_late_copies_of_every_frame_change_nothing(autopilot: Autopilot, late_s: float) -> None:
@@ -90,7 +90,7 @@ def station(flight: FaultyFlight) -> Iterator[Station]:
         yield Station(flight, own)
 
 
-@both
+@every
 @pytest.mark.parametrize("late_s", [0.8, 5.0, 12.0])
 @in_virtual_time
 async def test_late_copies_of_an_operators_requests_do_not_undo_later_ones(
@@ -115,7 +115,7 @@ async def test_late_copies_of_an_operators_requests_do_not_undo_later_ones(
         assert len(answers(flight)) == 3
 
 
-@both
+@every
 @in_virtual_time
 async def test_a_late_copy_of_resume_is_not_obeyed_and_a_repetition_is(autopilot: Autopilot) -> None:
     async with faulty_flight(autopilot, forth=Faults(copy_after_s=5.0)) as flight:
@@ -163,8 +163,9 @@ def pid_of(flight: Aircraft) -> int:
         ("ardupilot", Mode.MANUAL, True),
         ("ardupilot", Mode.RTL, False),
         ("px4", "POSCTL", True),
+        ("px4-1.18", "POSCTL", True),
     ],
-    ids=["MANUAL", "RTL", "POSCTL"],
+    ids=["MANUAL", "RTL", "POSCTL", "POSCTL in GUIDED_COURSE"],
 )
 async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alone(
     autopilot: Autopilot, taken: Mode | str, while_flying: bool, tmp_path: Path
@@ -190,8 +191,11 @@ async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alo
         assert code == 0
 
 
-async def test_px4_after_a_short_stall_is_entered_again_in_order_or_given_back(tmp_path: Path) -> None:
-    async with aircraft("px4", tmp_path) as flight:
+@pytest.mark.parametrize("autopilot", ["px4", "px4-1.18"])
+async def test_px4_after_a_short_stall_is_entered_again_in_order_or_given_back(
+    autopilot: Autopilot, tmp_path: Path
+) -> None:
+    async with aircraft(autopilot, tmp_path) as flight:
         await flight.flown()
         os.kill(pid_of(flight), signal.SIGSTOP)
         await asyncio.sleep(1.3)

@@ -25,14 +25,17 @@ async def lose_the_link(flight: FaultyFlight, seconds: float) -> None:
     flight.relay.mend()
 
 
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4-1.18"])
 @pytest.mark.parametrize(("seconds", "engagements"), [(3.0, 1), (12.0, 2)])
 @in_virtual_time
-async def test_arduplane_flies_on_while_the_link_is_lost(seconds: float, engagements: int) -> None:
+async def test_guided_and_guided_course_fly_on_while_the_link_is_lost(
+    autopilot: Autopilot, seconds: float, engagements: int
+) -> None:
     """Up to five seconds the decision stands; after that it is given back as soon as it is heard again."""
-    async with faulty_flight("ardupilot") as flight:
+    async with faulty_flight(autopilot) as flight:
         await flight.engaged()
         await lose_the_link(flight, seconds)
-        assert flight.modes == ["AUTO", "GUIDED"]
+        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]
         told = any(text.startswith("Avoidance: autopilot lost") for text in flight.notes.texts())
         assert told is (engagements == 2)
         await flight.fly(3.0)

@@ -1,4 +1,4 @@
-"""Every scenario of `sim/scenarios` on both autopilots over real UDP: vehicle, link and runtime."""
+"""Every scenario of `sim/scenarios` by every way of flying over real UDP: vehicle, link and runtime."""
 
 import asyncio
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.wire
 SETTLED_S = 10.0
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
 @pytest.mark.parametrize("name", scenario_names())
 @in_virtual_time
 async def test_a_scenario_over_udp(name: str, autopilot: Autopilot) -> None:

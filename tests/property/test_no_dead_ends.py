@@ -5,19 +5,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.dead_ends import EVENTS, walk
-from tests.support.pilots_seat import ARDUPILOT, PX4
+from tests.support.pilots_seat import GUIDED_MODES
 
-BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+ALL = pytest.mark.parametrize("autopilot", GUIDED_MODES)
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("first", EVENTS)
 def test_after_any_two_events_it_is_flown_given_back_or_alarmed(autopilot: int, first: str) -> None:
     for second in EVENTS:
         walk(autopilot, (first, second))
 
 
-@BOTH
+@ALL
+def test_a_target_of_someone_else_is_left_alone_after_a_silence(autopilot: int) -> None:
+    walk(autopilot, ("flicker", "conflict begins", "fly here", "stall", "flicker", "reception lost"))
+
+
+@ALL
 @given(
     events=st.lists(st.sampled_from(EVENTS), min_size=3, max_size=9),
     before_conflict=st.booleans(),

@@ -36,13 +36,16 @@ from tests.support.pilots_seat import (
     AUTO,
     AUTOPILOT,
     CENTERED_US,
+    CHANGE_ALTITUDE,
     FBWA,
     GUIDED,
+    GUIDED_COURSE,
+    GUIDED_MODES,
     HOLD,
     MISSION,
     MOVED_US,
     OFFBOARD,
-    PX4,
+    PX4_1_18,
     SET_MODE,
     T0,
     Seat,
@@ -122,13 +125,19 @@ class Model(Seat):
         self.pulses = CENTERED_US
         self.landed = 2
         self.fell = self.failing = False
-        self.attended_until_s = self.redirected_s = T0
+        self.attended_until_s = self.redirected_s = self.sticks_s = T0
 
     # --- the world
 
     @property
-    def guided_mode(self) -> int:
-        return GUIDED if self.autopilot == ARDUPILOT else OFFBOARD
+    def guided_modes(self) -> set[int]:
+        """The modes in which we may fly: PX4 1.18 may refuse one and accept the other."""
+        return {GUIDED_MODES[self.autopilot], *([OFFBOARD] if self.autopilot == PX4_1_18 else [])}
+
+    @property
+    def takes_targets(self) -> bool:
+        """Whether the mode stays when someone else gives it a target: a place, or a height."""
+        return self.mode in (GUIDED, GUIDED_COURSE)
 
     def _does(self, message: Message) -> bool:
         """Whether the autopilot obeys a message that was sent."""
@@ -142,11 +151,17 @@ class Model(Seat):
                 return False
             wanted = round(message.param2)
             mode = wanted if self.autopilot == ARDUPILOT else wanted << 16 | round(message.param3) << 24
-            self.by_us = mode == self.guided_mode
+            self.by_us = mode in self.guided_modes
             if self.by_us:
-                lat_deg = -35.0 + (self.now_s - T0) * 22.0 / 110_940.0
-                self.target = NavigationTarget(AUTOPILOT, lat_deg, 149.0, 884.0)
+                self._is_here(884.0)
+        if getattr(message, "command", None) == CHANGE_ALTITUDE and self.mode == GUIDED_COURSE:
+            self._is_here(message.param1)
         return True
+
+    def _is_here(self, altitude_m: float) -> None:
+        """The target that the autopilot reports is where we are, at a height."""
+        lat_deg = -35.0 + (self.now_s - T0) * 22.0 / 110_940.0
+        self.target = NavigationTarget(AUTOPILOT, lat_deg, 149.0, altitude_m)
 
     def chooses(self, mode: int) -> None:
         """The pilot or the autopilot changes the mode."""
@@ -168,7 +183,7 @@ class Model(Seat):
     def advance(self, seconds: float) -> None:
         """Fly on, and check every tick."""
         for _ in range(round(seconds * 10)):
-            if self.autopilot == PX4 and self.mode == OFFBOARD:
+            if self.mode == OFFBOARD:
                 if self.now_s - self._setpoint_s > _SETPOINTS_LOST_S:
                     self.mode, self.fell = HOLD, True  # still by our doing
             else:
@@ -181,7 +196,7 @@ class Model(Seat):
                 LandedState(AUTOPILOT, self.landed),
                 self.target,
             ]
-            if self.autopilot == PX4:
+            if self.autopilot != ARDUPILOT:
                 self.extra_facts.append(Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0))
             if "two vehicles" in self.claims:
                 self.attended_until_s = self.now_s + _TWO_VEHICLES_S
@@ -191,6 +206,8 @@ class Model(Seat):
                 self.redirected_s = self.now_s
             if self.now_s - self.redirected_s < _REDIRECTED_S:
                 claimed.discard("fly here")
+            if self.now_s - self.sticks_s > _STICKS_REST_S:
+                claimed.discard("sticks")
             sent = self.fly(0.1)
             self._check(sent, claimed)
             self._count()
@@ -210,7 +227,7 @@ class Model(Seat):
 
     def _count(self) -> None:
         """Time in the guided mode, or in the one that follows it, by our doing and not flown by us."""
-        left = self.by_us and (self.mode == self.guided_mode or self.mode == HOLD)
+        left = self.by_us and (self.mode in self.guided_modes or self.mode == HOLD)
         flown = self.state in FLYING or self.state in ENTERING
         if not left or flown:
             self.unattended_s = self.alarm_s = 0.0
@@ -247,13 +264,15 @@ class Model(Seat):
                 self.advance(0.3)
                 self.shown_mode = None
             case "fly here":
-                if self.autopilot == ARDUPILOT and self.mode == GUIDED:
+                if self.takes_targets:
                     self.claims.add("fly here")
                     self.redirected_s = self.now_s
-                    self.target = NavigationTarget(AUTOPILOT, -36.0, 150.0, 884.0)
+                    self.target = NavigationTarget(AUTOPILOT, -36.0, 150.0, 1_000.0)
             case "sticks":
                 if self.by_us:  # a mission flies on, wherever the sticks are
                     self.claims.add("sticks")
+                if self.pulses == CENTERED_US:
+                    self.sticks_s = self.now_s
                 self.pulses = MOVED_US
             case "failsafe":
                 self.failing = True
@@ -300,7 +319,7 @@ def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False
     model.advance(6.0)
     model.mend()
     model.advance(RULES.abandoned_s + _TWO_VEHICLES_S + 9.0)
-    left = model.mode == model.guided_mode and model.by_us and model.state not in FLYING
+    left = model.mode in model.guided_modes and model.by_us and model.state not in FLYING
     assert not left or model.claims or model.stopped, "left in the guided mode"
     return model
 
@@ -310,7 +329,7 @@ def main() -> None:
     parser.add_argument("--depth", type=int, default=2)
     depth = parser.parse_args().depth
     walked = failed = 0
-    for autopilot in (ARDUPILOT, PX4):
+    for autopilot in GUIDED_MODES:
         for events in itertools.product(EVENTS, repeat=depth):
             walked += 1
             try:

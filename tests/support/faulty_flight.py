@@ -34,8 +34,8 @@ from sim.vehicle import FakeVehicle, Truth
 from sim.world import World, build_world
 
 START_S = 1_700_000_000.0
-GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
-MISSION = {"ardupilot": "AUTO", "px4": "MISSION"}
+GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD", "px4-1.18": "GUIDED_COURSE"}
+MISSION = {"ardupilot": "AUTO", "px4": "MISSION", "px4-1.18": "MISSION"}
 HOLD = 5  # COM_OBL_RC_ACT, as recommended
 # Climbs are allowed for a PX4 whose setpoint can become invalid in them, if they are the cheapest way.
 CLIMBS = EngineConfig(avoidance=AvoidanceParams(weights=CostWeights(spared_height=0.0)))
@@ -189,7 +189,7 @@ class FaultyFlight:
         await asyncio.sleep(3.0)
         assert self.engine.supervisor.flying
 
-    async def resumed(self, limit_s: float = 120.0) -> None:
+    async def resumed(self, limit_s: float = 180.0) -> None:
         """Fly until the mission has been resumed for some time."""
         await self.until(lambda: self.vehicle.truth.on_mission, limit_s)
         await asyncio.sleep(6.0)
@@ -216,7 +216,7 @@ def world_of(
     (intruder,) = HEAD_ON["intruders"]
     scenario = HEAD_ON | {"intruders": [intruder | {"miss_height_m": -below_m}]}
     world = build_world(checked_from(scenario, Scenario, "test"), start_s, autopilot=autopilot)
-    if autopilot == "px4":
+    if autopilot != "ardupilot":
         world.vehicle.parameters.record("COM_OBL_RC_ACT", lost_stream)
     receiver = DeafReceiver(world.intruders, world.frame, start_s)
     return replace(world, receiver=receiver), receiver

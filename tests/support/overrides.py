@@ -15,10 +15,13 @@ from tests.support.monitored_loop import MonitoredLoop, is_mode_request, without
 
 ARDUPILOT: Autopilot = "ardupilot"
 PX4: Autopilot = "px4"
+PX4_1_18: Autopilot = "px4-1.18"
 BOTH: tuple[Autopilot, ...] = (ARDUPILOT, PX4)
+# Every way of flying.
+ALL: tuple[Autopilot, ...] = (*BOTH, PX4_1_18)
 TICK_US = 100_000
-MISSION_MODE = {ARDUPILOT: "AUTO", PX4: "MISSION"}
-GUIDED_MODE = {ARDUPILOT: "GUIDED", PX4: "OFFBOARD"}
+MISSION_MODE = {ARDUPILOT: "AUTO", PX4: "MISSION", PX4_1_18: "MISSION"}
+GUIDED_MODE = {ARDUPILOT: "GUIDED", PX4: "OFFBOARD", PX4_1_18: "GUIDED_COURSE"}
 # The recommended setting: PX4 enters HOLD by itself when our stream ends.
 HOLDS = {"COM_OBL_RC_ACT": 5.0}
 
@@ -107,6 +110,11 @@ FENCE_HOME = Override("fence home", lambda loop: breach_fence(loop, action=1.0),
 FENCE_HOLD = Override("fence hold", lambda loop: breach_fence(loop, action=2.0), _heartbeat_of("HOLD"))
 
 COMMON = (STICKS, RUDDER, DISARMED, LANDING, FAILSAFE, FAILSAFE_HOME)
+_PX4 = (
+    *COMMON,
+    FENCE_HOLD,
+    *map(mode_change, ("MANUAL", "STABILIZED", "ALTCTL", "POSCTL", "HOLD", "RETURN", "LAND", "MISSION")),
+)
 OVERRIDES: dict[Autopilot, tuple[Override, ...]] = {
     ARDUPILOT: (
         *COMMON,
@@ -114,11 +122,8 @@ OVERRIDES: dict[Autopilot, tuple[Override, ...]] = {
         FENCE_HOME,
         *map(mode_change, ("MANUAL", "FBWA", "CRUISE", "LOITER", "RTL", "AVOID_ADSB", "AUTO")),
     ),
-    PX4: (
-        *COMMON,
-        FENCE_HOLD,
-        *map(mode_change, ("MANUAL", "STABILIZED", "ALTCTL", "POSCTL", "HOLD", "RETURN", "LAND", "MISSION")),
-    ),
+    PX4: _PX4,
+    PX4_1_18: _PX4,
 }
 
 # --- states at the time of the override

@@ -9,6 +9,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
     AttitudeTarget,
+    AutopilotVersion,
     CommandResult,
     Fact,
     Heartbeat,
@@ -25,11 +26,14 @@ from tests.support.missions import empty_missions
 
 AUTOPILOT, US, GCS = Sender(1, 1), Sender(1, 196), Sender(255, 190)
 T0 = 1_700_000_000.0
-ARDUPILOT, PX4 = 3, 12
+# MAV_AUTOPILOT; PX4 1.18 is told from earlier versions by its version.
+ARDUPILOT, PX4, PX4_1_18 = 3, 12, 12 + 1_000
 AUTO, LOITER, GUIDED, FBWA = 10, 12, 15, 5
 HOLD, MISSION, OFFBOARD = 4 << 16 | 3 << 24, 4 << 16 | 4 << 24, 6 << 16
+GUIDED_COURSE = 4 << 16 | 19 << 24
+GUIDED_MODES = {ARDUPILOT: GUIDED, PX4: OFFBOARD, PX4_1_18: GUIDED_COURSE}
 SET_MODE, SELECT_ITEM = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
-REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
+REPOSITION, CHANGE_ALTITUDE = mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_CMD_DO_CHANGE_ALTITUDE
 # The sticks, as pulses of a receiver [us].
 CENTERED_US, MOVED_US = (1500, 1500, 1000, 1500), (1900, 1500, 1000, 1500)
 _QUESTIONS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
@@ -39,6 +43,12 @@ _ACTS = {"COMMAND_LONG", "COMMAND_INT", "SET_POSITION_TARGET_GLOBAL_INT", "PARAM
 def acts(message: Message) -> bool:
     """Whether a message changes what the aircraft does."""
     return message.get_type() in _ACTS and getattr(message, "command", None) not in _QUESTIONS
+
+
+def asks_version(message: Message) -> bool:
+    """Whether a message requests AUTOPILOT_VERSION."""
+    asks = getattr(message, "command", None) == mavlink.MAV_CMD_REQUEST_MESSAGE
+    return asks and message.param1 == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 
 
 class Seat:
@@ -111,6 +121,8 @@ class Seat:
                 self._answers.append(LinkAnswer(AUTOPILOT, self.now_s))
             if isinstance(effect, Transmit) and self.knows_mission:
                 self._answers += empty_missions([effect.message], AUTOPILOT, US)
+            if isinstance(effect, Transmit) and self.autopilot == PX4_1_18 and asks_version(effect.message):
+                self._answers.append(AutopilotVersion(AUTOPILOT, "1.18.0", 1, 18, capabilities=0))
             if isinstance(effect, Transmit) and acts(effect.message):
                 self.sent.append(effect.message)
                 if self.obeys(effect.message):
@@ -141,7 +153,7 @@ class Seat:
             )
         if self.heartbeats and self._tick % 2 == 0:
             mode = self.armed, self.mode, self.status
-            facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot, *mode))
+            facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot % 1_000, *mode))
         if self.intruder and self._tick % 10 == 0:
             north_m = 22.0 * (self.meet_s - T0) + 60.0 * (self.meet_s - now_s)
             speed_mps = 60.0

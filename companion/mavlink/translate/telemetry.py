@@ -2,12 +2,13 @@
 
 import math
 
-from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.dialect import AVAILABLE_MODES, Message, mavlink
 from companion.mavlink.facts import (
     AirData,
     AirspeedSensor,
     AttitudeTarget,
     AutopilotVersion,
+    AvailableMode,
     Fact,
     GeoidSeparation,
     Heartbeat,
@@ -35,6 +36,7 @@ _DIFFERENTIAL_PRESSURE = mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
 _NO_PULSE = (0, 65_535)
 _CHANNELS = tuple(f"chan{number}_raw" for number in range(1, 19))
 _YEAR_2015_S = 1_420_070_400.0  # a clock that shows an earlier time was never set
+_NOT_SELECTABLE = 2  # MAV_MODE_PROPERTY_NOT_USER_SELECTABLE
 _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc", 255: ""}
 
 
@@ -171,6 +173,13 @@ def _autopilot_version(message: Message, sender: Sender, _received_s: float) -> 
     return AutopilotVersion(sender, version, major, minor, message.capabilities)
 
 
+def _available_mode(message: Message, sender: Sender, _received_s: float) -> Fact:
+    selectable = not message.properties & _NOT_SELECTABLE
+    return AvailableMode(
+        sender, message.custom_mode, message.mode_index, message.number_modes, selectable=selectable
+    )
+
+
 TRANSLATIONS: dict[int, Translation] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     mavlink.MAVLINK_MSG_ID_TIMESYNC: _time_sync,
@@ -187,4 +196,5 @@ TRANSLATIONS: dict[int, Translation] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: _attitude_target,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: _system_time,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: _autopilot_version,
+    AVAILABLE_MODES: _available_mode,
 }

@@ -12,7 +12,8 @@ from sim.vehicle.mission_flight import MissionFlight
 from sim.vehicle.navigation import Leg
 from sim.vehicle.outputs import CRITICAL, INFO, WARNING, ModeChanged, Text
 from sim.vehicle.parameters import Limits, Parameters
-from sim.vehicle.px4.modes import PILOTED, WITHOUT_POSITION_CONTROL, Px4Mode
+from sim.vehicle.px4.course import GuidedCourse, guided_airframe
+from sim.vehicle.px4.modes import PILOTED, WITHOUT_POSITION_CONTROL, Firmware, Px4Mode
 from sim.vehicle.px4.offboard import Offboard
 from sim.vehicle.px4.parameters import limits_of
 from sim.vehicle.px4.setpoint import Kind, Setpoint
@@ -62,10 +63,13 @@ class Px4Flight(MissionFlight):
         wind_mps: Vec2 = (0.0, 0.0),
         airframe: Airframe | None = None,
         strict: bool = True,
+        firmware: Firmware = "1.16",
     ) -> None:
         """Start disarmed in MANUAL at home, pointing along `heading_rad`; `strict` as for `Offboard`."""
         self.mode: Px4Mode = Px4Mode.MANUAL
-        self.offboard = Offboard(strict=strict)
+        self.firmware = firmware
+        self.offboard = Offboard(strict=strict, latches=firmware != "1.18")
+        self.course = GuidedCourse(heading_rad, home.altitude_m)
         self._setpoint_was_invalid = False
         self._may_re_enter = False
         self._frozen = False
@@ -86,8 +90,18 @@ class Px4Flight(MissionFlight):
 
     @property
     def companion_flies(self) -> bool:
+        """OFFBOARD and GUIDED_COURSE."""
+        return self.mode in (Px4Mode.OFFBOARD, Px4Mode.GUIDED_COURSE)
+
+    @property
+    def in_offboard(self) -> bool:
         """OFFBOARD."""
         return self.mode is Px4Mode.OFFBOARD
+
+    @property
+    def in_course(self) -> bool:
+        """GUIDED_COURSE."""
+        return self.mode is Px4Mode.GUIDED_COURSE
 
     @property
     def piloted(self) -> bool:
@@ -147,16 +161,51 @@ class Px4Flight(MissionFlight):
         self.set_mode(Px4Mode.HOLD)
         self.target = place
 
+    def change_course(self, course_rad: float) -> bool:
+        """GUIDED_CHANGE_HEADING: a course over ground; False outside GUIDED_COURSE."""
+        if self.in_course:
+            self.course.change_course(course_rad, self.flown_s)
+            self._show_course_target()
+        return self.in_course
+
+    def change_altitude(self, altitude_m: float) -> bool:
+        """DO_CHANGE_ALTITUDE: True if it is acknowledged, which it is outside the fence too.
+
+        1.18 changes the height of GUIDED_COURSE and HOLD alone; earlier versions enter HOLD.
+        """
+        if self.firmware != "1.18":
+            self.set_mode(Px4Mode.HOLD)
+        if not (self.in_course or self.mode is Px4Mode.HOLD):
+            return False
+        highest_m = self.parameters["GF_MAX_VER_DIST"]
+        if 0.0 < highest_m < altitude_m - self.home.altitude_m and self._fence_enabled():
+            self.events.append(Text(CRITICAL, "Altitude change is outside geofence"))
+        elif self.in_course:
+            self.course.change_altitude(altitude_m, self.flown_s)
+            self._show_course_target()
+        elif self.target is not None:
+            self.target = self.target._replace(altitude_m=altitude_m)
+        return True
+
+    def _show_course_target(self) -> None:
+        """Set the reported target: the place of the last command, and the height."""
+        self.target = self.place._replace(altitude_m=self.course.altitude_m)
+
     def change_speed(self, airspeed_mps: float) -> None:
-        """DO_CHANGE_SPEED: flown in the modes that navigate by themselves, until the mode changes."""
-        if not (self.companion_flies or self.piloted):
+        """DO_CHANGE_SPEED: flown in the modes that navigate by themselves, until the mode changes.
+
+        GUIDED_COURSE acknowledges any speed, and flies the nearest one within its limits.
+        """
+        if self.in_course:
+            self.course.change_speed(airspeed_mps)
+        elif not (self.in_offboard or self.piloted):
             self.aircraft.hold_airspeed(airspeed_mps)
 
     def forget_commands(self) -> None:
         """Reset stream and controller, as a reboot does; without a stream OFFBOARD is lost."""
-        self.offboard = Offboard(strict=self.offboard.strict)
+        self.offboard = Offboard(strict=self.offboard.strict, latches=self.offboard.latches)
         self._may_re_enter = False
-        if self.companion_flies:
+        if self.in_offboard:
             self._change_mode(self._loss_action())
 
     def apply_parameters(self) -> None:
@@ -171,7 +220,7 @@ class Px4Flight(MissionFlight):
     def advance(self) -> None:
         """Fly for one step; a lost stream ends OFFBOARD."""
         silent_s = self.offboard.silent_for_s(self.flown_s)
-        if self.companion_flies and silent_s > self.parameters["COM_OF_LOSS_T"]:
+        if self.in_offboard and silent_s > self.parameters["COM_OF_LOSS_T"]:
             self.events.append(Text(CRITICAL, "Offboard control lost"))
             self._change_mode(self._loss_action())
             self._may_re_enter = True
@@ -191,7 +240,7 @@ class Px4Flight(MissionFlight):
             aircraft = self.aircraft
             aircraft.hold_bank(aircraft.bank_rad + _ROLL_OFF_RPS * aircraft.airframe.roll_lag_s)
             aircraft.hold_climb(-_FALLING_MPS)
-            if self.companion_flies:
+            if self.in_offboard:
                 self.offboard.control(self.flown_s)
             return
         super()._command()
@@ -204,7 +253,7 @@ class Px4Flight(MissionFlight):
     def _change_mode(self, mode: Px4Mode) -> None:
         if mode is self.mode:
             return
-        if self.companion_flies:
+        if self.in_offboard:
             self.offboard.leave(self.flown_s, self.aircraft.altitude_m)
         self.mode = mode
         self.events.append(ModeChanged())
@@ -215,6 +264,9 @@ class Px4Flight(MissionFlight):
         self._climb_at = None
         if mode is Px4Mode.OFFBOARD:
             self.offboard.enter(self.flown_s)
+        elif self.in_course:
+            self.course = GuidedCourse(self.aircraft.course_rad, here.altitude_m)
+            self.aircraft.airframe = guided_airframe(self._cruising)
         elif mode is Px4Mode.MISSION:
             self._start_or_resume()
             self._climb_first()
@@ -226,8 +278,10 @@ class Px4Flight(MissionFlight):
             self.aircraft.hold_altitude(here.altitude_m)
 
     def _fly_mode(self) -> None:
-        if self.companion_flies:
+        if self.in_offboard:
             self._fly_setpoint()
+        elif self.in_course:
+            self.course.fly(self.aircraft, self.flown_s)
         elif self.mode is Px4Mode.LAND:
             self.aircraft.hold_bank(0.0)
             self.aircraft.hold_climb(-_LAND_SINK_MPS)

@@ -1,7 +1,9 @@
 """PX4's flight modes, and their flags in HEARTBEAT."""
 
 from enum import IntEnum
+from typing import Literal
 
+Firmware = Literal["1.16", "1.18"]
 _AUTO = 4
 
 
@@ -21,6 +23,7 @@ class Px4Mode(IntEnum):
     MISSION = _custom_mode(_AUTO, 4)
     RETURN = _custom_mode(_AUTO, 5)
     LAND = _custom_mode(_AUTO, 6)
+    GUIDED_COURSE = _custom_mode(_AUTO, 19)  # since 1.18
     ACRO = _custom_mode(5)
     OFFBOARD = _custom_mode(6)
     STABILIZED = _custom_mode(7)
@@ -39,9 +42,14 @@ _SAFETY_ARMED = 128
 _UNSTABILIZED = frozenset({Px4Mode.MANUAL, Px4Mode.ACRO})
 
 
-def mode_of(main: float, sub: float) -> Px4Mode | None:
+def modes_of(firmware: Firmware) -> tuple[Px4Mode, ...]:
+    """The modes of a version."""
+    return tuple(mode for mode in Px4Mode if firmware == "1.18" or mode is not Px4Mode.GUIDED_COURSE)
+
+
+def mode_of(main: float, sub: float, firmware: Firmware = "1.18") -> Px4Mode | None:
     """The mode for DO_SET_MODE's two numbers, None if unknown; `sub` matters only in AUTO."""
-    for mode in Px4Mode:
+    for mode in modes_of(firmware):
         if mode >> 16 & 0xFF == main and (main != _AUTO or mode >> 24 == sub):
             return mode
     return None

@@ -23,12 +23,14 @@ class Offboard:
     """The received setpoints and their effect on the controller. Times are seconds of the flight.
 
     `setpoint_invalid`: the attitude setpoint is NaN. `strict`: entering directly with position and velocity
-    always invalidates it; in measurements it did in 2 of 85 cases.
+    always invalidates it; in measurements it did in 2 of 85 cases. Without `latches`, as in 1.18, neither
+    entering nor leaving invalidates it.
     """
 
-    def __init__(self, *, strict: bool = True) -> None:
+    def __init__(self, *, strict: bool = True, latches: bool = True) -> None:
         """Start without a stream, with a valid controller."""
-        self.strict = strict
+        self.strict = strict and latches
+        self.latches = latches
         self.setpoint_invalid = False
         self._setpoints: deque[Setpoint] = deque(maxlen=_KEPT)
         self._stream_since_s = math.inf
@@ -100,7 +102,7 @@ class Offboard:
 
     def _leave_line(self, now_s: float, altitude_m: float) -> None:
         """Invalidate the setpoint if a recent setpoint's height is far from the present one."""
-        if self._entered_s is None:
+        if self._entered_s is None or not self.latches:
             return
         replaced_s = now_s
         for setpoint in reversed(self._setpoints):

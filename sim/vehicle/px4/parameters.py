@@ -1,6 +1,9 @@
 """PX4's parameters, and the limits that they set."""
 
+from typing import get_args
+
 from sim.vehicle.parameters import INT32, REAL32, Limits, Parameters, Row
+from sim.vehicle.px4.modes import Firmware
 
 _TABLE: tuple[Row, ...] = (
     ("COM_DISARM_LAND", 2, REAL32),
@@ -41,15 +44,33 @@ _TABLE: tuple[Row, ...] = (
     ("RTL_RETURN_ALT", 60, REAL32),
     ("SYS_AUTOSTART", 2100, INT32),
 )
+# What 1.18 has in addition, in the build with the conflict model after ASTM F3442.
+_SINCE_1_18: tuple[Row, ...] = (
+    ("COM_TRAFF_AVOID", 0, INT32),
+    ("DAA_EN", 1, INT32),
+    ("DAA_LVL_CRIT_ACT", 1, INT32),
+    ("DAA_LVL_CRIT_HGT", 16, REAL32),
+    ("DAA_LVL_CRIT_RAD", 77, REAL32),
+    ("DAA_LVL_HIGH_ACT", 1, INT32),
+    ("DAA_LVL_HIGH_HGT", 39, REAL32),
+    ("DAA_LVL_HIGH_RAD", 305, REAL32),
+    ("DAA_LVL_LOW_ACT", 1, INT32),
+    ("DAA_LVL_LOW_TIME", 33, INT32),
+    ("DAA_LVL_MED_ACT", 1, INT32),
+    ("DAA_LVL_MED_TIME", 33, INT32),
+)
 _READ_ONLY = frozenset({"MAV_SYS_ID"})
 
 # Distance before a square corner at which the path follower turns, independent of NAV_ACC_RAD.
 _TURN_RADIUS_M = 60.0
 
 
-def default_parameters() -> Parameters:
-    """The defaults of a small fixed wing."""
-    return Parameters(_TABLE, _READ_ONLY)
+def default_parameters(firmware: Firmware = "1.16") -> Parameters:
+    """The defaults of a small fixed wing; ValueError for an unsupported version."""
+    if firmware not in get_args(Firmware):
+        raise ValueError(f"firmware {firmware!r} is none of {', '.join(get_args(Firmware))}")
+    added = _SINCE_1_18 if firmware == "1.18" else ()
+    return Parameters(sorted((*_TABLE, *added)), _READ_ONLY)
 
 
 def limits_of(values: Parameters) -> Limits:

@@ -2,12 +2,12 @@
 
 import math
 
-from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.dialect import AvailableModesMessage, Message, mavlink
 from sim.vehicle.px4.flight import Px4Flight
-from sim.vehicle.px4.modes import base_mode
+from sim.vehicle.px4.modes import Firmware, base_mode, modes_of
 from sim.vehicle.telemetry import Builder, Telemetry
 
-_VERSION_1_15_0 = 1 << 24 | 15 << 16 | 255
+_VERSIONS: dict[Firmware, int] = {"1.16": 1 << 24 | 16 << 16 | 255, "1.18": 1 << 24 | 18 << 16 | 64}
 _POSITION_ONLY = 3576
 _RATES_IGNORED = 7
 
@@ -40,12 +40,25 @@ class Px4Telemetry(Telemetry):
     sensors = 0x0120_001F
     sensors_healthy = 0x0120_001F
 
-    def __init__(self, flight: Px4Flight, boot_s: float, geoid_height_m: float) -> None:
-        super().__init__(flight, boot_s, geoid_height_m, (_VERSION_1_15_0, _VERSION_1_15_0))
+    def __init__(
+        self, flight: Px4Flight, boot_s: float, geoid_height_m: float, firmware: Firmware = "1.16"
+    ) -> None:
+        version = _VERSIONS[firmware]
+        super().__init__(flight, boot_s, geoid_height_m, (version, version))
         self._flight: Px4Flight = flight
 
     def _base_mode(self) -> int:
         return base_mode(self._flight.mode, armed=self._flight.armed)
+
+    def available_modes(self) -> list[Message]:
+        """AVAILABLE_MODES of all modes; none before 1.18, where it depends on the build."""
+        if self._flight.firmware != "1.18":
+            return []
+        modes = modes_of(self._flight.firmware)
+        return [
+            AvailableModesMessage(len(modes), index, 0, int(mode), 0, mode.name.encode("ascii"))
+            for index, mode in enumerate(modes, 1)
+        ]
 
     def attitude_target(self, time_s: float) -> Message:
         """ATTITUDE_TARGET: NaN while the setpoint is invalid; no other message shows that."""

@@ -12,11 +12,11 @@ from sim.vehicle.mission import MissionItem
 from sim.vehicle.parameter_protocol import Bytewise
 from sim.vehicle.px4.commands import Px4Commands
 from sim.vehicle.px4.flight import Px4Flight
-from sim.vehicle.px4.modes import Px4Mode
+from sim.vehicle.px4.modes import Firmware, Px4Mode
 from sim.vehicle.px4.parameters import default_parameters
 from sim.vehicle.px4.setpoint import setpoint_from
 from sim.vehicle.px4.telemetry import DEFAULT_STREAM, Px4Telemetry
-from sim.vehicle.px4.traffic import EchoedTraffic, Px4Avoidance
+from sim.vehicle.px4.traffic import DetectAndAvoid, EchoedTraffic, Px4Avoidance
 from sim.vehicle.streams import Streams
 from sim.vehicle.vehicle import BOOTED_BEFORE_S, FakeVehicle
 
@@ -41,16 +41,18 @@ class FakePx4(FakeVehicle):
         wind_mps: Vec2 = (0.0, 0.0),
         airframe: Airframe | None = None,
         system_id: int = 1,
+        firmware: Firmware = "1.16",
         parameters: Mapping[str, float] | None = None,
         geoid_height_m: float = 0.0,
         strict: bool = True,
     ) -> None:
         """Start disarmed in MANUAL at home at `now_s` [s, Unix], with `mission` loaded.
 
-        `parameters` override its defaults. `strict`: entering OFFBOARD directly with position and velocity
-        always invalidates the controller's setpoint; in the real one this is rare.
+        `firmware` is the imitated version; `parameters` override its defaults. `strict`: entering OFFBOARD
+        directly with position and velocity always invalidates the controller's setpoint; in the real one this
+        is rare, and since 1.18 it never does.
         """
-        values = default_parameters()
+        values = default_parameters(firmware)
         for name, value in (parameters or {}).items():
             values.record(name, value)
         values.record("MAV_SYS_ID", system_id)
@@ -62,12 +64,15 @@ class FakePx4(FakeVehicle):
             wind_mps=wind_mps,
             airframe=airframe,
             strict=strict,
+            firmware=firmware,
         )
-        telemetry = Px4Telemetry(flight, now_s - BOOTED_BEFORE_S, geoid_height_m)
+        telemetry = Px4Telemetry(flight, now_s - BOOTED_BEFORE_S, geoid_height_m, firmware)
         super().__init__(flight, telemetry, Bytewise(), now_s, system_id=system_id, asks_for_int=True)
         self._flight: Px4Flight = flight
         self._traffic = EchoedTraffic()
-        self._avoidance = Px4Avoidance(flight, self._heard)
+        self._avoidance = (
+            DetectAndAvoid(flight, self._heard) if firmware == "1.18" else Px4Avoidance(flight, self._heard)
+        )
         self._commands: Px4Commands = Px4Commands(flight, telemetry, self._streams, self._send)
 
     @classmethod
@@ -131,7 +136,9 @@ class FakePx4(FakeVehicle):
         """Do nothing: MISSION_ACK is the only answer."""
 
     def _mode_changed(self) -> None:
-        """Send an early heartbeat on all channels."""
+        """Send an early heartbeat on all channels; 1.18 waits for the next second."""
+        if self._flight.firmware == "1.18":
+            return
         for channel in self._heartbeat_due_s:
             due_s = self.time_s + _HEARTBEAT_AFTER_MODE_S
             self._heartbeat_due_s[channel] = min(self._heartbeat_due_s[channel], due_s)
