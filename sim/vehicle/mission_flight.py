@@ -54,6 +54,10 @@ class MissionFlight(Flight):
             self._start_or_resume()
         return True
 
+    def resume_line(self) -> None:
+        """Fly on to the active item straight from here, as if the mission had been flown all the while."""
+        self._start_item()
+
     def _start_or_resume(self) -> None:
         if self.mission.active is None:
             self.mission.rewind()

@@ -255,6 +255,11 @@ class Px4Flight(MissionFlight):
         else:
             super()._start_or_resume()
 
+    def resume_line(self) -> None:
+        """Fly on to the active item straight from here, without the climb of an entry."""
+        self._climb_at = None
+        super().resume_line()
+
     def _climb_first(self) -> None:
         """Plan a climb in a loiter if the item is further above than NAV_FW_ALT_RAD, as PX4 does."""
         below_m = self.wanted_altitude_m - self.aircraft.altitude_m
