@@ -66,6 +66,8 @@ def _vehicle_at(recording: Recording, row: int, airframe: Airframe | None) -> Fa
     aircraft.airspeed_mps = float(track.airspeed_mps[row])
     aircraft.climb_mps = float(track.climb_mps[row])
     aircraft.bank_rad = float(track.bank_rad[row])
+    if recording.autopilot == "px4":
+        vehicle.flight.slopes_after_takeoff = (recording.version or (1, 16)) >= (1, 18)
     vehicle.flight.resume_line()
     vehicle.add_channel(_CHANNEL, stream_rate_hz=0.0)
     return vehicle

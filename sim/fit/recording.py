@@ -40,6 +40,7 @@ _DATA_REQUESTS = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CM
 _WANTED = frozenset(
     {
         "ATTITUDE",
+        "AUTOPILOT_VERSION",
         "GLOBAL_POSITION_INT",
         "HEARTBEAT",
         "HOME_POSITION",
@@ -114,11 +115,12 @@ class Steps:
 class Recording:
     """One flight of one autopilot. `items` are numbered as the autopilot numbers them.
 
-    `heartbeat_s`: times of all heartbeats; `modes` and `sequences`: mode and mission item as reported.
+    `version`: major and minor, if reported; `modes` and `sequences`: mode and mission item as reported.
     """
 
     name: str
     autopilot: Autopilot
+    version: tuple[int, int] | None
     home: GeoPoint
     items: tuple[MissionItem, ...]
     parameters: dict[str, float]
@@ -148,6 +150,7 @@ def read_recording(path: Path) -> Recording:
     return Recording(
         path.stem,
         autopilot,
+        _version(reported),
         _home(reported, path),
         _items(reported, sequences, autopilot),
         {m.param_id: _parameter(m, autopilot) for _, m in reported["PARAM_VALUE"]},
@@ -188,6 +191,11 @@ def _commands_vehicle(message: Message) -> bool:
     if message.get_type() not in _COMMANDS or message.target_system != _VEHICLE[0]:
         return False
     return getattr(message, "command", None) not in _DATA_REQUESTS
+
+
+def _version(reported: dict[str, list[tuple[float, Message]]]) -> tuple[int, int] | None:
+    versions = [message.flight_sw_version for _, message in reported["AUTOPILOT_VERSION"]]
+    return (versions[-1] >> 24, versions[-1] >> 16 & 0xFF) if versions else None
 
 
 def _home(reported: dict[str, list[tuple[float, Message]]], path: Path) -> GeoPoint:

@@ -6,8 +6,8 @@ from sim.vehicle.parameters import INT8, INT16, INT32, REAL32, Limits, Parameter
 
 Firmware = Literal["4.7", "4.3"]
 
-# Measured: with TECS_CLMB_MAX 5, climbs and descents were flown at 4.5 m/s.
-_CLIMB_EFFICIENCY = 0.9
+# Measured: with TECS_CLMB_MAX 5, climbs and descents were flown at 4.8 m/s.
+_CLIMB_EFFICIENCY = 0.96
 
 _TABLE: tuple[Row, ...] = (
     ("ADSB_ICAO_ID", 0, INT32),

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
@@ -15,20 +16,30 @@ from sim.vehicle.parameters import Limits, Parameters
 from sim.vehicle.px4.modes import PILOTED, WITHOUT_POSITION_CONTROL, Px4Mode
 from sim.vehicle.px4.offboard import Offboard
 from sim.vehicle.px4.parameters import limits_of
+from sim.vehicle.px4.path import MISSION_TIME_S, course_to_line_rad
 from sim.vehicle.px4.setpoint import Kind, Setpoint
 
-# With these and the dead time in `offboard`, turns of 30, 90 and 180 degrees at 14 m/s come within 5 degrees
-# in 1.9, 3.2 and 5.0 s; measured were 1.9, 3.4 and 4.7 s. No point mass turns the second 90 degrees that fast
-# at a bank of 50 degrees. A climb of 30 m takes 20 s, as measured with FW_T_CLMB_R_SP 3 and FW_T_ALT_TC 5.
+# Fitted to the odd engagements of the recorded flight of PX4 1.18-alpha. With the dead time in `offboard`,
+# turns of 30, 90 and 180 degrees at 14 m/s come within 5 degrees as measured on 1.16 (1.9, 3.4, 4.7 s).
 AIRFRAME = Airframe(
     bank_limit_rad=math.radians(50.0),
-    roll_rate_limit_rps=math.radians(90.0),
-    roll_lag_s=0.2,
+    roll_rate_limit_rps=math.radians(75.0),
+    roll_lag_s=0.25,
+    turn_share=1.0,
     bank_per_course_error=math.radians(75.0),
     airspeed_max_mps=20.0,
+    acceleration_limit_mps2=0.12,
+    airspeed_lag_s=20.0,
+    climb_without_acceleration_mps=2.0,
+    airspeed_gain_climbing=0.17,
+    airspeed_loss_sinking=0.9,
     climb_limit_mps=3.0,
     sink_limit_mps=2.0,
-    altitude_lag_s=5.0,
+    climb_lag_s=0.3,
+    altitude_lag_s=6.0,
+    altitude_feed_forward=0.8,
+    catch_up=1.4,
+    climb_loss_slow=0.3,
 )
 _LAND_SINK_MPS = 1.5
 # With an invalid setpoint it rolls off slowly and descends; these rates were not measured.
@@ -51,6 +62,7 @@ class Px4Flight(MissionFlight):
 
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
+    slopes_after_takeoff = False  # as recorded from 1.16; 1.18 does
 
     def __init__(
         self,
@@ -289,8 +301,14 @@ class Px4Flight(MissionFlight):
         self._fly_circle()
         self.target = target
         if self._climb_at.altitude_m - self.aircraft.altitude_m <= self.parameters["NAV_FW_ALT_RAD"]:
+            # As recorded from 1.18, it returns to the line from where the mission was entered.
+            start_m, up_to_m = self.frame.to_ned_m(self._climb_at)[:2], self._climb_at.altitude_m
             self._climb_at = None
-            self._start_item()  # straight from here
+            self._leg = replace(self._leg, start_m=start_m, start_altitude_m=up_to_m)
+
+    def _follow(self, leg: Leg) -> None:
+        course_rad = course_to_line_rad(self.aircraft, leg.end_m, leg.course_rad, MISSION_TIME_S)
+        self.aircraft.hold_course(course_rad)
 
     def _takeoff_done(self) -> None:
         self._change_mode(Px4Mode.HOLD)
