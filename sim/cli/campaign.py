@@ -41,6 +41,10 @@ LegsOption = Annotated[
     typer.Option("--legs", help="Missions with legs of 3 km, slopes and corners; default: a straight line."),
 ]
 
+AirframeOption = Annotated[
+    str, typer.Option("--airframe", metavar="NAME", help="Dynamics as recorded: ardupilot (default) or px4.")
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -51,6 +55,7 @@ def campaign(
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     legs: LegsOption = False,
+    airframe: AirframeOption = "ardupilot",
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -81,6 +86,7 @@ def campaign(
     plan = Plan(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
         tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs,
+        airframe,
     )  # fmt: skip
     note_if_slow()
     console = Console(highlight=False)
@@ -103,6 +109,7 @@ def encounter(
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     legs: LegsOption = False,
+    airframe: AirframeOption = "ardupilot",
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -114,6 +121,7 @@ def encounter(
         require("matplotlib", "companion-sim encounter --out", "sim")
         writable(out)
     models = tuple(map(str, model or ()))
-    plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height, legs=legs)
+    choice = (models, (surveillance,), intruders, lock_height)
+    plan = Plan(number + 1, seed, (avoider,), *choice, legs=legs, airframe=airframe)
     note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from sim.airframe import Airframe
+from sim.airframe import AIRFRAMES, Airframe
 from sim.fit.flown import fly
 from sim.fit.measures import Errors, Fit, errors_of, fit_of, measure, table
 from sim.fit.recording import Autopilot, Recording, read_recording
 from sim.fit.segments import segments_of
-from sim.vehicle.px4.flight import AIRFRAME
 from tests.support.own_recording import write_recording
 from tests.support.recordings import RECORDINGS
 
@@ -96,8 +95,8 @@ def test_a_fake_fits_its_own_recording(own: Recording) -> None:
     ],
 )
 def test_a_wrong_parameter_does_not_fit(own: Recording, wrong: dict[str, float], share: str) -> None:
-    base = Airframe() if own.autopilot == "ardupilot" else AIRFRAME
-    assert getattr(fit_with(own, replace(base, **wrong)), share) < 0.95
+    airframe = replace(AIRFRAMES[own.autopilot], **wrong)
+    assert getattr(fit_with(own, airframe), share) < 0.95
 
 
 def test_a_recording_of_another_flight_does_not_fit(own: Recording) -> None:

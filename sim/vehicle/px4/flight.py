@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
-from sim.dynamics import Airframe
+from sim.dynamics import PX4, Airframe
 from sim.vehicle import mission as mission_items
 from sim.vehicle.mission import Mission, MissionItem
 from sim.vehicle.mission_flight import MissionFlight
@@ -19,28 +19,6 @@ from sim.vehicle.px4.parameters import limits_of
 from sim.vehicle.px4.path import MISSION_TIME_S, course_to_line_rad
 from sim.vehicle.px4.setpoint import Kind, Setpoint
 
-# Fitted to the odd engagements of the recorded flight of PX4 1.18-alpha. With the dead time in `offboard`,
-# turns of 30, 90 and 180 degrees at 14 m/s come within 5 degrees as measured on 1.16 (1.9, 3.4, 4.7 s).
-AIRFRAME = Airframe(
-    bank_limit_rad=math.radians(50.0),
-    roll_rate_limit_rps=math.radians(75.0),
-    roll_lag_s=0.25,
-    turn_share=1.0,
-    bank_per_course_error=math.radians(75.0),
-    airspeed_max_mps=20.0,
-    acceleration_limit_mps2=0.12,
-    airspeed_lag_s=20.0,
-    climb_without_acceleration_mps=2.0,
-    airspeed_gain_climbing=0.17,
-    airspeed_loss_sinking=0.9,
-    climb_limit_mps=3.0,
-    sink_limit_mps=2.0,
-    climb_lag_s=0.3,
-    altitude_lag_s=6.0,
-    altitude_feed_forward=0.8,
-    catch_up=1.4,
-    climb_loss_slow=0.3,
-)
 _LAND_SINK_MPS = 1.5
 # With an invalid setpoint it rolls off slowly and descends; these rates were not measured.
 _ROLL_OFF_RPS = math.radians(3.0)
@@ -86,7 +64,7 @@ class Px4Flight(MissionFlight):
             home,
             parameters,
             Mission(home, items, has_home=False),
-            airframe=airframe or AIRFRAME,
+            airframe=airframe or PX4,
             heading_rad=heading_rad,
             wind_mps=wind_mps,
         )
