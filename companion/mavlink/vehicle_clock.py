@@ -40,7 +40,7 @@ _LONGEST_PAYLOAD = 12
 _unpack_ms = struct.Struct("<I").unpack_from
 # Datagrams overtake each other by less than this.
 _REORDERED_S = 0.6
-# Two heartbeats are further apart than this.
+# Two heartbeats of different paths are further apart than this.
 _SAME_HEARTBEAT_S = 0.05
 # How far a boot clock may run ahead of ours between two frames: losses, and simulations that run fast.
 _AHEAD_S, _FASTEST = 2.0, 3.0
@@ -174,6 +174,7 @@ class _Sender:
     present: _Clock | None = None
     others: list[_Clock] = field(default_factory=list)
     heartbeat_s: float = -math.inf  # when the newest heartbeat was true
+    heartbeat_path: _Path | None = None  # which brought it
     paths: list[_Path] = field(default_factory=list)
 
 
@@ -198,10 +199,13 @@ class VehicleClocks:
         timing = _timing(sender, path, boot_s is not None, received_s)
         if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT or timing.origin is not Origin.PRESENT:
             return timing
-        is_newer = timing.true_s > sender.heartbeat_s + _SAME_HEARTBEAT_S or path.clock is None
+        # On one path the numbers tell: a mode change sends a heartbeat at once, maybe just after another one.
+        in_order = path is sender.heartbeat_path and not path.outdated
+        is_later = timing.true_s > sender.heartbeat_s + _SAME_HEARTBEAT_S
+        is_newer = in_order or is_later or path.clock is None
         if path.is_overtaken(number) or not is_newer:
             return timing._replace(origin=Origin.PAST)
-        sender.heartbeat_s = timing.true_s
+        sender.heartbeat_s, sender.heartbeat_path = timing.true_s, path
         return timing
 
     def answered(self, frame: Frame, asked_s: float, received_s: float) -> None:

@@ -12,6 +12,7 @@ from sim.campaign.avoiders import COMPANION, engine_for
 from sim.campaign.plane import Limits
 from sim.campaign.results import ResultLine
 from sim.campaign.route import Route, legs
+from sim.dynamics import AIRFRAMES
 from sim.encounters import (
     SURVEILLANCE_PRESETS,
     Encounter,
@@ -59,6 +60,7 @@ class Plan:
     part: Part = Part.ALL
     legs: bool = False
     rejoin: RejoinMode = "line"
+    airframe: str = "ardupilot"
 
     def __post_init__(self) -> None:
         for name in self.avoiders:
@@ -67,11 +69,14 @@ class Plan:
         for name in self.surveillance:
             if name not in SURVEILLANCE_PRESETS:
                 raise ConfigError(f"--surveillance {name}: there are {', '.join(SURVEILLANCE_PRESETS)}")
+        if self.airframe not in AIRFRAMES:
+            raise ConfigError(f"--airframe {self.airframe}: there are {', '.join(AIRFRAMES)}")
 
     @property
     def limits(self) -> Limits:
         """The limits of the aircraft."""
-        return Limits(slack_m=_SLACK_M) if self.lock_height else Limits()
+        slack_m = _SLACK_M if self.lock_height else None
+        return Limits(slack_m=slack_m, dynamics=AIRFRAMES[self.airframe])
 
     @property
     def first_surveillance(self) -> Surveillance:

@@ -7,7 +7,7 @@ which saves packing and unpacking; the fake vehicle tests the bytes.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from companion.model import Vec3
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
 from sim.campaign.route import Route, off_leg
 from sim.compiled.airframe_step import L1_TIME_S
-from sim.dynamics import Airframe, FixedWing
+from sim.dynamics import ARDUPLANE, Airframe, FixedWing
 
 AUTOPILOT = Sender(1, 1)
 AUTO = 10
@@ -53,7 +53,8 @@ _ACTIVE = 4  # MAV_STATE_ACTIVE
 class Limits:
     """Limits of the campaign's aircraft, as in the comparison of the peers: 30 degrees, 2.54 m/s.
 
-    `slack_m`: distance of floor and ceiling from the mission's height, `None` unless the height is locked.
+    `dynamics`: the airframe with its lags, as fitted to recorded flights. `slack_m`: distance of floor and
+    ceiling from the mission's height, `None` unless the height is locked.
     """
 
     min_airspeed_mps: float = 20.0
@@ -61,10 +62,12 @@ class Limits:
     max_bank_rad: float = math.radians(30.0)
     max_climb_mps: float = 2.54
     slack_m: float | None = None
+    dynamics: Airframe = ARDUPLANE
 
     def airframe(self) -> Airframe:
         """The dynamics within these limits."""
-        return Airframe(
+        return replace(
+            self.dynamics,
             bank_limit_rad=self.max_bank_rad,
             airspeed_min_mps=self.min_airspeed_mps,
             airspeed_max_mps=self.max_airspeed_mps,

@@ -46,6 +46,10 @@ RejoinOption = Annotated[
     RejoinMode, typer.Option(metavar="line|direct|off", help="How it is given back, as in `control.rejoin`.")
 ]
 
+AirframeOption = Annotated[
+    str, typer.Option("--airframe", metavar="NAME", help="Dynamics as recorded: ardupilot (default) or px4.")
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -57,6 +61,7 @@ def campaign(
     lock_height: LockOption = False,
     legs: LegsOption = False,
     rejoin: RejoinOption = "line",
+    airframe: AirframeOption = "ardupilot",
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -87,6 +92,7 @@ def campaign(
     plan = Plan(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
         tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs, rejoin,
+        airframe,
     )  # fmt: skip
     note_if_slow()
     console = Console(highlight=False)
@@ -110,6 +116,7 @@ def encounter(
     lock_height: LockOption = False,
     legs: LegsOption = False,
     rejoin: RejoinOption = "line",
+    airframe: AirframeOption = "ardupilot",
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -123,7 +130,7 @@ def encounter(
     models = tuple(map(str, model or ()))
     plan = Plan(
         number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height,
-        legs=legs, rejoin=rejoin,
+        legs=legs, rejoin=rejoin, airframe=airframe,
     )  # fmt: skip
     note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)

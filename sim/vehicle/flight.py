@@ -28,6 +28,8 @@ _BRAKING_MPS2 = 3.0
 _CLIMB_OUT_MPS = 10.0
 _CLIMB_OUT_AIRSPEED_MPS = 27.0
 _ENGINE_OFF_SINK_MPS = 2.5
+# ICAO standard atmosphere: relative fall of temperature, and half the exponent of density.
+_LAPSE_PER_M, _HALF_DENSITY_EXPONENT = 2.25577e-5, 2.12794
 
 
 class Flight(ABC):
@@ -237,6 +239,7 @@ class Flight(ABC):
         if self.on_ground:
             self._move_on_ground()
             return
+        self.aircraft.true_per_indicated = true_per_indicated(self.aircraft.altitude_m)
         self._command()
         if not self.armed:
             self.aircraft.hold_climb(-_ENGINE_OFF_SINK_MPS)
@@ -324,6 +327,11 @@ class Flight(ABC):
         if self.target is not None:
             circle(self.aircraft, self.frame.to_ned_m(self.target)[:2], radius_m)
         self.aircraft.hold_altitude(self.wanted_altitude_m)
+
+
+def true_per_indicated(altitude_m: float) -> float:
+    """True airspeed per indicated airspeed: the root of the density ratio of the standard atmosphere."""
+    return math.pow(1.0 - _LAPSE_PER_M * min(max(altitude_m, -500.0), 11_000.0), -_HALF_DENSITY_EXPONENT)
 
 
 def _roll(aircraft: FixedWing, ground_speed_mps: float, *, accelerate: bool) -> float:

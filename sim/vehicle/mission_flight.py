@@ -27,6 +27,8 @@ _ON_CIRCLE_M = 50.0
 class MissionFlight(Flight):
     """A flight that can fly its mission."""
 
+    # Whether the first leg after a take-off is sloped; otherwise its end's height is flown at once.
+    slopes_after_takeoff = True
     _leg = Leg((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0)
     _circled_s = 0.0
     _circled_rad = 0.0
@@ -53,6 +55,18 @@ class MissionFlight(Flight):
         if self.on_mission:
             self._start_or_resume()
         return True
+
+    def resume_line(self) -> None:
+        """Fly on to the active item straight from here, as if the mission had been flown all the while."""
+        self._start_item()
+        before = self.mission.item_at(self.mission.current - 1)
+        if before is not None and before.command == mission_items.NAV_TAKEOFF:
+            self._leave_takeoff()
+
+    def _leave_takeoff(self) -> None:
+        """Fly the first leg after a take-off as this autopilot does."""
+        if not self.slopes_after_takeoff:
+            self._leg = replace(self._leg, start_altitude_m=None)
 
     def _start_or_resume(self) -> None:
         if self.mission.active is None:
@@ -108,8 +122,7 @@ class MissionFlight(Flight):
         if done is None:
             return
         if done.command == mission_items.NAV_TAKEOFF:
-            # As measured, both climb to the first waypoint's height at once.
-            self._leg = replace(self._leg, start_altitude_m=None)
+            self._leave_takeoff()
         elif done.command in mission_items.LOITERS | {mission_items.NAV_WAYPOINT}:
             # From the corner, or the centre of the circle, not from the start of the turn.
             self._leg = replace(self._leg, start_m=before.end_m, start_altitude_m=before.end_altitude_m)
@@ -127,7 +140,7 @@ class MissionFlight(Flight):
         if item.command in mission_items.LOITERS:
             self._fly_loiter(item, leg, here_m)
             return
-        aircraft.hold_bank(leg.bank_rad(here_m, aircraft.velocity_mps[:2]))
+        self._follow(leg)
         distance_m = math.dist(here_m, leg.end_m)
         if item.command == mission_items.NAV_LAND:
             self._glide_to(distance_m)
@@ -139,6 +152,11 @@ class MissionFlight(Flight):
         if distance_m <= acceptance_m or leg.is_passed(here_m):
             self._say(f"Reached waypoint #{self.mission.current} dist {distance_m:.0f}m")
             self._finish_item()
+
+    def _follow(self, leg: Leg) -> None:
+        """Command the bank or the course that joins and follows a leg."""
+        aircraft = self.aircraft
+        aircraft.hold_bank(leg.bank_rad(aircraft.position_m[:2], aircraft.velocity_mps[:2]))
 
     def _fly_loiter(self, item: MissionItem, leg: Leg, here_m: Vec2) -> None:
         """Fly to the circle and along it, until its turns or its time are over."""

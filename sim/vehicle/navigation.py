@@ -60,6 +60,11 @@ class Leg:
         """Bank angle [rad] that joins and follows the leg."""
         return line_bank_rad(position_m, velocity_mps, self.start_m, self.end_m)
 
+    @property
+    def course_rad(self) -> float:
+        """The course along the leg [rad]."""
+        return _bearing_rad(self.start_m, self.end_m)
+
     def is_passed(self, position_m: Vec2) -> bool:
         """True beyond the finish line: the perpendicular to the leg through its end."""
         return self._to_go_m(position_m) <= 0.0
@@ -68,9 +73,7 @@ class Leg:
         """Distance before the end at which to turn to the next leg [m], as in ArduPlane; 0 without a turn."""
         if self.next_m == self.end_m:
             return 0.0
-        turn_rad = abs(
-            wrap_pi(_bearing_rad(self.end_m, self.next_m) - _bearing_rad(self.start_m, self.end_m))
-        )
+        turn_rad = abs(wrap_pi(_bearing_rad(self.end_m, self.next_m) - self.course_rad))
         return min(radius_m, L1_TIME_S * ground_speed_mps) * min(turn_rad / (math.pi / 2.0), 1.0)
 
 

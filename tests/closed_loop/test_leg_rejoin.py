@@ -250,6 +250,7 @@ def test_the_missions_speed_is_flown_again(autopilot: Autopilot, speed_mps: floa
         pytest.skip("faster than this aircraft")
     loop = LegLoop([A, speed, (12_000.0, 0.0, 300.0)], autopilot=autopilot)
     on_the_second_leg(loop)
+    loop.run(50.0)  # PX4 changes its speed slowly
     assert loop.world.vehicle.truth.airspeed_mps == pytest.approx(speed_mps, abs=1.0)
     loop.avoid()
     loop.run(20.0)

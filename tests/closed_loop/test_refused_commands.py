@@ -26,7 +26,7 @@ SOON = replace(
 )
 # A slow aircraft ahead is passed with changes of speed too, where the height stays.
 SLOW = replace(
-    SOON, intruders=tuple(replace(c, from_deg=150.0, speed_mps=20.0, meet_at_s=90.0) for c in SOON.intruders)
+    SOON, intruders=tuple(replace(c, from_deg=160.0, speed_mps=21.0, meet_at_s=90.0) for c in SOON.intruders)
 )
 LEVEL = EngineConfig(avoidance=AvoidanceParams(controls=frozenset({Control.HEADING, Control.SPEED})))
 

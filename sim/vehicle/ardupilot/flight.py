@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
-from sim.dynamics import Airframe
+from sim.dynamics import ARDUPLANE, Airframe
 from sim.vehicle.ardupilot.guided import GuidedTargets
 from sim.vehicle.ardupilot.modes import PILOTED, Mode
 from sim.vehicle.ardupilot.parameters import limits_of
@@ -39,7 +39,7 @@ class ArduPlaneFlight(MissionFlight):
             home,
             parameters,
             Mission(home, items),
-            airframe=airframe or Airframe(),
+            airframe=airframe or ARDUPLANE,
             heading_rad=heading_rad,
             wind_mps=wind_mps,
         )

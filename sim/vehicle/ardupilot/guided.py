@@ -76,11 +76,7 @@ class GuidedTargets:
         """Command the aircraft for the next step."""
         if self.airspeed_mps is not None:
             aircraft.hold_airspeed(self.airspeed_mps)
-        difference_m = self.altitude_m - aircraft.altitude_m
-        if abs(difference_m) > self.altitude_rate_mps * aircraft.airframe.altitude_lag_s:
-            aircraft.hold_climb(math.copysign(self.altitude_rate_mps, difference_m))
-        else:
-            aircraft.hold_altitude(self.altitude_m)
+        aircraft.hold_altitude(self.altitude_m, self.altitude_rate_mps)
         if self.course_rad is None:
             circle(aircraft, frame.to_ned_m(self.centre)[:2], self.radius_m)
             return

@@ -6,8 +6,8 @@ from sim.vehicle.parameters import INT8, INT16, INT32, REAL32, Limits, Parameter
 
 Firmware = Literal["4.7", "4.3"]
 
-# Measured: with TECS_CLMB_MAX 5, climbs and descents were flown at 4.5 m/s.
-_CLIMB_EFFICIENCY = 0.9
+# Measured: with TECS_CLMB_MAX 5, climbs and descents were flown at 4.8 m/s.
+_CLIMB_EFFICIENCY = 0.96
 
 _TABLE: tuple[Row, ...] = (
     ("ADSB_ICAO_ID", 0, INT32),
@@ -29,7 +29,10 @@ _TABLE: tuple[Row, ...] = (
     ("FENCE_TOTAL", 0, INT8),
     ("FENCE_TYPE", 4, INT8),
     ("FS_GCS_ENABL", 0, INT8),
+    ("FS_LONG_ACTN", 0, INT8),
     ("FS_LONG_TIMEOUT", 5, REAL32),
+    ("FS_SHORT_ACTN", 0, INT8),
+    ("FS_SHORT_TIMEOUT", 1.5, REAL32),
     ("MIS_TOTAL", 0, INT16),
     ("ROLL_LIMIT_DEG", 45, REAL32),
     ("RTL_ALTITUDE", 100, REAL32),

@@ -10,6 +10,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Vec2
 from sim.dynamics import Airframe
 from sim.vehicle.ardupilot.commands import ArduPlaneCommands
+from sim.vehicle.ardupilot.failsafe import RadioFailsafe
 from sim.vehicle.ardupilot.flight import ArduPlaneFlight
 from sim.vehicle.ardupilot.modes import Mode
 from sim.vehicle.ardupilot.parameters import Firmware, parameters_of
@@ -63,6 +64,7 @@ class FakeArduPlane(FakeVehicle):
         self._flight: ArduPlaneFlight = flight
         self._traffic = TrafficList(values)
         self._avoidance = ArduPlaneAvoidance(flight, self._heard)
+        self._radio = RadioFailsafe(flight)
         self._commands: ArduPlaneCommands = ArduPlaneCommands(flight, telemetry, self._streams, self._send)
         if not guided_commands:
             self._commands.leave_out_guided_commands()
@@ -96,6 +98,10 @@ class FakeArduPlane(FakeVehicle):
             mode = Mode[mode]
         self._flight.set_mode(Mode(mode))
 
+    def lose_radio(self, lost: bool) -> None:
+        """Lose the pilot's radio control or regain it; the parameters FS_SHORT_* and FS_LONG_* decide."""
+        self._radio.lose(lost)
+
     def _receive_report(self, report: Message, now_s: float, channel: int) -> None:
         self._traffic.receive(report, self._flight.place, now_s, channel)
 
@@ -108,6 +114,7 @@ class FakeArduPlane(FakeVehicle):
 
     def _avoid_traffic(self, now_s: float) -> None:
         self._avoidance.step(now_s)
+        self._radio.step()
 
     def _handle_set_mode(self, message: Message) -> tuple[int, int]:
         result = self._commands.set_mode(message.base_mode, message.custom_mode)
@@ -129,7 +136,9 @@ class FakeArduPlane(FakeVehicle):
         self._parameter_protocol.announce(self.parameters.record(name, len(items)))
 
     def _mode_changed(self) -> None:
-        """Do nothing: the next heartbeat reports the mode."""
+        """Send a heartbeat at once on all channels, as recorded from 4.7-dev and 4.8-dev."""
+        for channel in self._heartbeat_due_s:
+            self._send(channel, self._telemetry.heartbeat(self.time_s))
 
     def _fence_changed(self) -> None:
         self._send_all(self._telemetry.fence_status(self.time_s))

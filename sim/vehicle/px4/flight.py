@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from companion.geodesy import GeoPoint
 from companion.model import Vec2
-from sim.dynamics import Airframe
+from sim.dynamics import PX4, Airframe
 from sim.vehicle import mission as mission_items
 from sim.vehicle.mission import Mission, MissionItem
 from sim.vehicle.mission_flight import MissionFlight
@@ -16,21 +17,9 @@ from sim.vehicle.px4.course import GuidedCourse, guided_airframe
 from sim.vehicle.px4.modes import PILOTED, WITHOUT_POSITION_CONTROL, Firmware, Px4Mode
 from sim.vehicle.px4.offboard import Offboard
 from sim.vehicle.px4.parameters import limits_of
+from sim.vehicle.px4.path import MISSION_TIME_S, course_to_line_rad
 from sim.vehicle.px4.setpoint import Kind, Setpoint
 
-# With these and the dead time in `offboard`, turns of 30, 90 and 180 degrees at 14 m/s come within 5 degrees
-# in 1.9, 3.2 and 5.0 s; measured were 1.9, 3.4 and 4.7 s. No point mass turns the second 90 degrees that fast
-# at a bank of 50 degrees. A climb of 30 m takes 20 s, as measured with FW_T_CLMB_R_SP 3 and FW_T_ALT_TC 5.
-AIRFRAME = Airframe(
-    bank_limit_rad=math.radians(50.0),
-    roll_rate_limit_rps=math.radians(90.0),
-    roll_lag_s=0.2,
-    bank_per_course_error=math.radians(75.0),
-    airspeed_max_mps=20.0,
-    climb_limit_mps=3.0,
-    sink_limit_mps=2.0,
-    altitude_lag_s=5.0,
-)
 _LAND_SINK_MPS = 1.5
 # With an invalid setpoint it rolls off slowly and descends; these rates were not measured.
 _ROLL_OFF_RPS = math.radians(3.0)
@@ -52,6 +41,7 @@ class Px4Flight(MissionFlight):
 
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
+    slopes_after_takeoff = False  # as recorded from 1.16; 1.18 does
 
     def __init__(
         self,
@@ -78,7 +68,7 @@ class Px4Flight(MissionFlight):
             home,
             parameters,
             Mission(home, items, has_home=False),
-            airframe=airframe or AIRFRAME,
+            airframe=airframe or PX4,
             heading_rad=heading_rad,
             wind_mps=wind_mps,
         )
@@ -309,6 +299,11 @@ class Px4Flight(MissionFlight):
         else:
             super()._start_or_resume()
 
+    def resume_line(self) -> None:
+        """Fly on to the active item straight from here, without the climb of an entry."""
+        self._climb_at = None
+        super().resume_line()
+
     def _climb_first(self) -> None:
         """Plan a climb in a loiter if the item is further above than NAV_FW_ALT_RAD, as PX4 does."""
         below_m = self.wanted_altitude_m - self.aircraft.altitude_m
@@ -338,8 +333,14 @@ class Px4Flight(MissionFlight):
         self._fly_circle()
         self.target = target
         if self._climb_at.altitude_m - self.aircraft.altitude_m <= self.parameters["NAV_FW_ALT_RAD"]:
+            # As recorded from 1.18, it returns to the line from where the mission was entered.
+            start_m, up_to_m = self.frame.to_ned_m(self._climb_at)[:2], self._climb_at.altitude_m
             self._climb_at = None
-            self._start_item()  # straight from here
+            self._leg = replace(self._leg, start_m=start_m, start_altitude_m=up_to_m)
+
+    def _follow(self, leg: Leg) -> None:
+        course_rad = course_to_line_rad(self.aircraft, leg.end_m, leg.course_rad, MISSION_TIME_S)
+        self.aircraft.hold_course(course_rad)
 
     def _takeoff_done(self) -> None:
         self._change_mode(Px4Mode.HOLD)

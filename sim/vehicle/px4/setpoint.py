@@ -9,6 +9,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Vec2
 from sim.dynamics import FixedWing
 from sim.vehicle.navigation import circle
+from sim.vehicle.px4.path import OFFBOARD_TIME_S, course_to_line_rad
 
 _LOCAL_FRAMES = frozenset({mavlink.MAV_FRAME_LOCAL_NED})
 _BODY_FRAMES = frozenset({mavlink.MAV_FRAME_BODY_NED})
@@ -17,11 +18,6 @@ _GLOBAL_FRAMES = frozenset({_ABSOLUTE_FRAME, _RELATIVE_FRAME})
 
 # type_mask: a set bit means that the field is ignored
 _X, _Y, _Z, _VX, _VY, _VZ, _AX, _AY, _AZ = (1 << bit for bit in range(9))
-
-# The path follower intercepts its line over this time, at no more than 45 degrees.
-_LINE_TIME_S = 3.0
-_SHORTEST_LOOK_AHEAD_M = 30.0
-_STEEPEST_CUT_RAD = math.radians(45.0)
 
 
 class Kind(Enum):
@@ -54,19 +50,12 @@ class Setpoint:
             return
         aircraft.hold_altitude(self.altitude_m)
         if self.kind is Kind.LINE:
-            aircraft.hold_course(self._course_to_line_rad(aircraft))
+            course_rad = course_to_line_rad(aircraft, self.place_m, self.course_rad, OFFBOARD_TIME_S)
+            aircraft.hold_course(course_rad)
         elif self.kind is Kind.CURVE:
             aircraft.hold_bank(math.atan(self.lateral_mps2 / 9.80665))
         else:
             circle(aircraft, self.place_m, loiter_radius_m)
-
-    def _course_to_line_rad(self, aircraft: FixedWing) -> float:
-        along_n, along_e = math.cos(self.course_rad), math.sin(self.course_rad)
-        off_n, off_e = aircraft.north_m - self.place_m[0], aircraft.east_m - self.place_m[1]
-        across_m = off_e * along_n - off_n * along_e
-        ahead_m = max(_LINE_TIME_S * aircraft.ground_speed_mps, _SHORTEST_LOOK_AHEAD_M)
-        cut_rad = math.atan(across_m / ahead_m)
-        return self.course_rad - min(max(cut_rad, -_STEEPEST_CUT_RAD), _STEEPEST_CUT_RAD)
 
 
 def setpoint_from(

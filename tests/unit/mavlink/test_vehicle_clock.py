@@ -191,6 +191,16 @@ def test_a_repeated_heartbeat_is_of_the_past() -> None:
     assert clocks.judge(frame, 0.0).origin is Origin.PAST
 
 
+@pytest.mark.parametrize("after_s", [0.0, 0.02, 0.2])
+def test_a_heartbeat_at_once_after_another_one_is_of_the_present(after_s: float) -> None:
+    """ArduPlane sends one at each mode change, besides those that are due."""
+    messages = [position(300.0, 47.0), HEARTBEAT, HEARTBEAT]
+    clocks, (place, due, at_once) = VehicleClocks(), frames(messages)
+    assert clocks.judge(place, 1000.0).origin is Origin.PRESENT
+    assert clocks.judge(due, 1000.01).origin is Origin.PRESENT
+    assert clocks.judge(at_once, 1000.01 + after_s).origin is Origin.PRESENT
+
+
 def test_no_heartbeat_is_of_the_past_because_of_lost_frames() -> None:
     sent = frames(([HEARTBEAT] + [OTHER] * 9) * 40)
     clocks = VehicleClocks()

@@ -26,7 +26,7 @@ def fly(aircraft: FixedWing, seconds: float) -> None:
     bank_deg=st.floats(-44.0, 44.0),
     airspeed_mps=st.floats(12.0, 30.0),
 )
-def test_a_steady_turn_is_g_tan_bank_over_v(bank_deg: float, airspeed_mps: float) -> None:
+def test_a_steady_turn_is_a_share_of_g_tan_bank_over_v(bank_deg: float, airspeed_mps: float) -> None:
     aircraft = FixedWing(airspeed_mps=airspeed_mps)
     aircraft.hold_bank(math.radians(bank_deg))
     fly(aircraft, 5.0)
@@ -34,7 +34,8 @@ def test_a_steady_turn_is_g_tan_bank_over_v(bank_deg: float, airspeed_mps: float
     fly(aircraft, 1.0)
     turned_rad = wrap_pi(aircraft.heading_rad - before_rad)
     assert turned_rad == pytest.approx(
-        STANDARD_GRAVITY_MPS2 * math.tan(math.radians(bank_deg)) / airspeed_mps, abs=2e-4
+        Airframe().turn_share * STANDARD_GRAVITY_MPS2 * math.tan(math.radians(bank_deg)) / airspeed_mps,
+        abs=2e-4,
     )
 
 
@@ -95,7 +96,10 @@ def test_crabs_into_the_wind() -> None:
 
 
 def test_turns_as_arduplane_was_measured() -> None:
-    """From course 91 to 14 degrees in 9.5 s with p3 = 5, then slowly to 10 degrees."""
+    """From course 91 to 14 degrees at about 9 degrees a second with p3 = 5, then slowly to 10 degrees.
+
+    Measured on 4.7-dev, which took 9.5 s; that 4.8-dev took longer in its recorded flights is in the fit.
+    """
     aircraft = FixedWing(course_rad=math.radians(91.0))
     aircraft.hold_course(math.radians(10.0), BANK_OF_5_MPS2)
     seconds = 0.0
@@ -104,8 +108,8 @@ def test_turns_as_arduplane_was_measured() -> None:
         aircraft.step(STEP_S)
         seconds += STEP_S
         fastest_rps = max(fastest_rps, abs(aircraft.turn_rate_rps))
-    assert seconds == pytest.approx(9.5, abs=0.3)
-    assert math.degrees(fastest_rps) == pytest.approx(5.0 / 22.0 * 57.3, abs=0.2)
+    assert 9.5 < seconds < 12.5
+    assert math.degrees(fastest_rps) == pytest.approx(9.0, abs=0.5)
     fly(aircraft, 3.0)
     assert 10.5 < math.degrees(aircraft.course_rad) < 13.0
     fly(aircraft, 20.0)
@@ -127,7 +131,7 @@ def test_climbs_at_the_measured_rate_without_overshoot() -> None:
         aircraft.step(STEP_S)
         highest_m = max(highest_m, aircraft.altitude_m)
         fastest_mps = max(fastest_mps, aircraft.climb_mps)
-    assert fastest_mps == pytest.approx(4.5, abs=0.05)
+    assert fastest_mps == pytest.approx(4.8, abs=0.05)
     assert aircraft.altitude_m == pytest.approx(60.0, abs=0.05)
     assert highest_m < 60.2
 

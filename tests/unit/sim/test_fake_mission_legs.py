@@ -130,12 +130,12 @@ def test_arduplane_forgets_the_missions_speed_at_a_mode_change_and_px4_does_not(
     faster = MissionItem(DO_CHANGE_SPEED, params=(0.0, 18.0, -1.0, 0.0), frame=2)
     mission = [takeoff_item(40.0), px4.waypoint(300.0, 0.0), faster, px4.waypoint(20_000.0, 0.0)]
     bench = px4.airborne(mission=mission)
-    bench.fly(60.0)
+    bench.fly(100.0)
     assert bench.vehicle.truth.airspeed_mps == pytest.approx(18.0, abs=0.5)
     bench.vehicle.set_mode(Px4Mode.HOLD)
     bench.fly(20.0)
     bench.vehicle.set_mode(Px4Mode.MISSION)
-    bench.fly(20.0)
+    bench.fly(60.0)
     assert bench.vehicle.truth.airspeed_mps == pytest.approx(18.0, abs=0.5)
 
     faster = replace(faster, params=(0.0, 28.0, -1.0, 0.0))

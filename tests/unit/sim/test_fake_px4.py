@@ -168,7 +168,9 @@ def test_reposition_holds_there_at_a_height_above_sea_level_in_any_frame() -> No
 def test_change_speed_is_flown_outside_offboard() -> None:
     bench = airborne()
     assert bench.by_long(178, 0, 18.0, -1) == ACCEPTED
-    bench.fly(15.0)
+    bench.fly(10.0)
+    assert bench.vehicle.truth.airspeed_mps == pytest.approx(15.2, abs=0.2)  # 1 m/s in 8 s, as flown
+    bench.fly(80.0)
     assert bench.vehicle.truth.airspeed_mps == pytest.approx(18.0, abs=0.2)
 
 

@@ -1,0 +1,1 @@
+"""Holds the fake vehicles to recordings of real autopilots: same commands, same times, compared states."""
