@@ -1,0 +1,73 @@
+"""The mission of a flight test, as items for the autopilot and as legs for the judge."""
+
+from collections.abc import Sequence
+
+from companion.geodesy import GeoPoint, LocalFrame
+from sim.flight_test.judge import Leg
+from sim.scenario import MissionPlan
+from sim.vehicle import MissionItem
+from sim.vehicle.mission import ABSOLUTE_FRAMES, LOITERS, NAV_LAND, NAV_TAKEOFF, NAV_WAYPOINT, home_item
+
+_RELATIVE_FRAME = 3
+# PX4 flies its take-off to a place; this far ahead on the way to the first waypoint.
+_TAKE_OFF_AHEAD_M = 300.0
+_PLACES = LOITERS | {NAV_WAYPOINT, NAV_LAND}
+
+
+def items_of(plan: MissionPlan, home: GeoPoint, autopilot: str) -> list[MissionItem]:
+    """The items to upload: take-off and waypoints; ArduPilot's list begins with home."""
+    frame = LocalFrame(home.lat_deg, home.lon_deg)
+    first = plan.waypoints[0]
+    length_m = max((first.north_m**2 + first.east_m**2) ** 0.5, 1.0)
+    ahead = frame.to_geo(
+        first.north_m * _TAKE_OFF_AHEAD_M / length_m, first.east_m * _TAKE_OFF_AHEAD_M / length_m, 0.0
+    )
+    takeoff = _item(NAV_TAKEOFF, ahead, plan.takeoff_height_m, pitch_deg=15.0)
+    waypoints = [
+        _item(NAV_WAYPOINT, frame.to_geo(each.north_m, each.east_m, 0.0), each.height_m)
+        for each in plan.waypoints
+    ]
+    before = [home_item(home)] if autopilot == "ardupilot" else []
+    return [*before, takeoff, *waypoints]
+
+
+def _item(command: int, place: GeoPoint, height_m: float, *, pitch_deg: float = 0.0) -> MissionItem:
+    return MissionItem(
+        command,
+        (pitch_deg, 0.0, 0.0, 0.0),
+        round(place.lat_deg * 1e7),
+        round(place.lon_deg * 1e7),
+        height_m,
+        _RELATIVE_FRAME,
+    )
+
+
+def legs_of(items: Sequence[MissionItem], home: GeoPoint) -> dict[int, Leg]:
+    """The leg to each item that is a place, from the place before it (home before the first)."""
+    legs, before = {}, home
+    for number, item in enumerate(items):
+        if item.command not in _PLACES or (item.lat_e7 == 0 and item.lon_e7 == 0):
+            continue
+        altitude_m = item.altitude_m + (0.0 if item.frame in ABSOLUTE_FRAMES else home.altitude_m)
+        place = GeoPoint(item.lat_e7 / 1e7, item.lon_e7 / 1e7, altitude_m)
+        legs[number] = Leg(before, place)
+        before = place
+    return legs
+
+
+def shifted(items: Sequence[MissionItem], east_m: float) -> list[MissionItem]:
+    """The same mission, its places moved to the east: another mission for the autopilot."""
+    moved = []
+    for item in items:
+        if item.command not in _PLACES or item.frame in ABSOLUTE_FRAMES:
+            moved.append(item)
+            continue
+        frame = LocalFrame(item.lat_e7 / 1e7, item.lon_e7 / 1e7)
+        place = frame.to_geo(0.0, east_m, 0.0)
+        moved.append(
+            MissionItem(
+                item.command, item.params, round(place.lat_deg * 1e7), round(place.lon_deg * 1e7),
+                item.altitude_m, item.frame, item.autocontinue,
+            )
+        )  # fmt: skip
+    return moved
