@@ -33,7 +33,7 @@ class Navigation:
         self.legs = Legs()
         self.mission: Mission | None = None  # while it is known
         self.sequence: int | None = None  # of the mission item that is flown
-        self._target_while_ours: NavigationTarget | None = None
+        self._newest_guided_target: NavigationTarget | None = None
         self._guided_target: NavigationTarget | None = None  # the first one since the guided mode is flown
         # The newest one after which the guided mode was still shown: not that of another mode.
         self.confirmed_target: NavigationTarget | None = None
@@ -71,11 +71,11 @@ class Navigation:
         `ours`: our setpoints are flown, or may be; `guided`: the guided mode has been entered.
         """
         self._reported = fact, now_s
-        if ours:
-            self._target_while_ours = fact
-            if guided and self._guided_target is None:
+        if ours and guided:
+            self._newest_guided_target = fact
+            if self._guided_target is None:
                 self._guided_target = fact
-        else:
+        elif not ours:
             self._target, self._target_s = fact, now_s
 
     def refresh(self, now_s: float) -> None:
@@ -110,11 +110,11 @@ class Navigation:
 
     def forget_guided_target(self) -> None:
         """Begin to look for another target: the next one reported in the guided mode is ours."""
-        self._target_while_ours = self._guided_target = self.confirmed_target = None
+        self._newest_guided_target = self._guided_target = self.confirmed_target = None
 
     def observe_guided(self) -> None:
         """Note that the guided mode is shown: the target reported before belongs to it."""
-        self.confirmed_target = self._target_while_ours
+        self.confirmed_target = self._newest_guided_target
 
     def redirected_from(self, target: GeoPoint | None) -> bool:
         """Whether the target of the guided mode is far from `target` while our setpoints are flown.

@@ -108,6 +108,14 @@ def test_a_target_of_our_own_setpoints_is_no_target_of_the_autopilot() -> None:
     assert not navigation.redirected_from(None)
 
 
+def test_the_missions_target_of_while_we_asked_is_no_target_of_the_guided_mode() -> None:
+    navigation = flying()
+    navigation.observe_target(NavigationTarget(AUTOPILOT, 47.2, 8.0, 650.0), 0.0, ours=True, guided=False)
+    navigation.observe_guided()
+    target(navigation, 47.05, ours=True)
+    assert not navigation.redirected_from(None)
+
+
 def test_a_target_counts_once_the_guided_mode_is_still_shown_after_it() -> None:
     navigation = flying()
     target(navigation, 47.05, ours=True)
