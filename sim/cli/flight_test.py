@@ -27,10 +27,13 @@ _PX4_PARAMETERS = {"FW_AIRSPD_TRIM": 15.0}
 def flight_test(
     vehicle: Annotated[
         str,
-        typer.Option(metavar="LINK|fake", help="The autopilot's link, such as tcpout:127.0.0.1:5763; or fake."),
+        typer.Option(
+            metavar="LINK|fake", help="The autopilot's link, such as tcpout:127.0.0.1:5763; or fake."
+        ),
     ],
     flown: Annotated[
-        str, typer.Option("--set", metavar="NAME|FILE", help=f"One of {', '.join(set_names())}, or a YAML file.")
+        str,
+        typer.Option("--set", metavar="NAME|FILE", help=f"One of {', '.join(set_names())}, or a YAML file."),
     ] = "basic",
     autopilot: AutopilotOption = Autopilot.ARDUPILOT,
     companion: Annotated[
@@ -40,13 +43,16 @@ def flight_test(
             help="Companion's configuration (its links are replaced), or external: it is already there.",
         ),
     ] = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only this encounter; may be repeated.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this encounter; may be repeated.")
+    ] = None,
     speedup: Annotated[
         float | None,
         typer.Option(min=0.1, max=50.0, help="The vehicle's time against ours; Companion then runs inside."),
     ] = None,
     set_parameters: Annotated[
-        bool, typer.Option("--set-parameters", help="Set the parameters that the test needs; restored afterwards.")
+        bool,
+        typer.Option("--set-parameters", help="Set the parameters that the test needs; restored afterwards."),
     ] = False,
     real_aircraft: Annotated[
         bool, typer.Option("--real-aircraft", help="Fly it even if nothing shows that it is a simulation.")
@@ -55,7 +61,9 @@ def flight_test(
         bool, typer.Option("--simulated-flag", help="Mark the reported traffic as simulated.")
     ] = False,
     seed: Annotated[int, typer.Option(help="For noise and losses.")] = 0,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for log, recording and page.")] = Path("flight-test"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for log, recording and page.")] = Path(
+        "flight-test"
+    ),
     report: ReportOption = None,
     compare: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Show an earlier report beside this one.")
@@ -66,9 +74,9 @@ def flight_test(
     Simulated autopilots of ArduPilot and PX4, hardware in the loop, or the bundled fake. The ground station
     is MAVSDK. Exit code 0 if all encounters came out as expected.
     """
-    from sim.flight_test.flight import Flight, Options  # noqa: PLC0415 - needs the extra [sim]
-    from sim.flight_test.report import comparison_of, lines_of, load_report, report_of, table_of  # noqa: PLC0415
-    from sim.flight_test.view import FlightView  # noqa: PLC0415
+    from sim.flight_test.flight import Flight, Options
+    from sim.flight_test.report import comparison_of, lines_of, load_report, report_of, table_of
+    from sim.flight_test.view import FlightView
 
     test = load_set(flown)
     unknown = set(only or ()) - {encounter.name for encounter in test.encounters}
@@ -85,7 +93,7 @@ def flight_test(
         simulated_flag, tuple(only or ()), seed,
     )  # fmt: skip
     console = Console(highlight=False)
-    logging.getLogger("companion").setLevel(logging.WARNING)
+    logging.getLogger("companion").setLevel(logging.CRITICAL)  # its texts are shown as events
     with FlightView(console) as view:
         flight = Flight(options, view.event)
         view.show(flight)

@@ -168,7 +168,11 @@ class Deeds:
             return
         rate = max(self._observer.time.rate, 0.1)
         faults = Faults(
-            fault.loss, fault.duplication, fault.delay_s / rate, fault.jitter_s / rate, fault.copy_after_s / rate
+            fault.loss,
+            fault.duplication,
+            fault.delay_s / rate,
+            fault.jitter_s / rate,
+            fault.copy_after_s / rate,
         )
         relay.forth.faults = relay.back.faults = faults
         if fault.cut in ("both", "to companion"):
@@ -190,9 +194,7 @@ async def set_mode(observer: Observer, station: Station, wanted: str) -> int:
     """Request a mode as a ground station does; the MAV_RESULT."""
     number = mode_number(observer, wanted)
     if observer.name == "px4":
-        return await station.command(
-            mavlink.MAV_CMD_DO_SET_MODE, 1, number >> 16 & 0xFF, number >> 24 & 0xFF
-        )
+        return await station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number >> 16 & 0xFF, number >> 24 & 0xFF)
     return await station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
 
 

@@ -99,7 +99,9 @@ class Result:
 class Flight:
     """Flies one test; `result` grows while it does, and `doing` says in words what happens."""
 
-    def __init__(self, options: Options, on_event: Callable[[float, str], None] = lambda _s, _text: None) -> None:
+    def __init__(
+        self, options: Options, on_event: Callable[[float, str], None] = lambda _s, _text: None
+    ) -> None:
         self.options, self.result = options, Result()
         self.observer = Observer(VehicleTime())
         self.doing = "waiting for the vehicle"
@@ -267,7 +269,9 @@ class Flight:
             self._note("it flies a mission already: that one is used")
             self._items = await station.download()
         elif observer.armed:
-            raise FlightTestError(f"the aircraft is armed, in {observer.mode}: disarm it, or let it fly its mission")
+            raise FlightTestError(
+                f"the aircraft is armed, in {observer.mode}: disarm it, or let it fly its mission"
+            )
         else:
             self._items = items_of(self.options.test.mission, home, observer.name)
             self.doing = "uploading the mission"
@@ -297,7 +301,9 @@ class Flight:
 
     @property
     def _plans(self) -> list[EncounterPlan]:
-        chosen = [p for p in self.options.test.encounters if not self.options.only or p.name in self.options.only]
+        chosen = [
+            p for p in self.options.test.encounters if not self.options.only or p.name in self.options.only
+        ]
         return [p for p in chosen if self.observer.name in p.autopilots]
 
     async def _fly_encounters(self) -> None:
@@ -316,7 +322,9 @@ class Flight:
         flags = _SIMULATED_FLAG if self.options.simulated_flag else 0
         traffic = Traffic(plan, meeting, frame, self._number, flags=flags, seed=self.options.seed)
         self._number += len(plan.intruders)
-        judged = Judged(plan, observer.now_s(), frame, traffic.intruders, sees_commands=self._beside.on_our_link)
+        judged = Judged(
+            plan, observer.now_s(), frame, traffic.intruders, sees_commands=self._beside.on_our_link
+        )
         judged.on_mission, judged.modes = observer.on_mission, [observer.mode]
         self.judged, self.doing = judged, plan.name
         self.result.encounters.append(judged)

@@ -203,9 +203,7 @@ class Judged:
         return failed
 
 
-def _between(
-    before: tuple[float, Vec3], after: tuple[float, Vec3]
-) -> list[tuple[float, Vec3]]:
+def _between(before: tuple[float, Vec3], after: tuple[float, Vec3]) -> list[tuple[float, Vec3]]:
     """Times and places from one position to the next, in small steps; the last is `after`."""
     (from_s, from_m), (to_s, to_m) = before, after
     if not 0.0 < to_s - from_s <= _LONGEST_GAP_S:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE
 from rich.table import Table
 
 from companion import __version__
@@ -30,7 +31,9 @@ def report_of(result: Result) -> Report:
         "time_rate": round(result.rate, 3),
         "wall_s": round(result.wall_s, 1),
         "left_out": result.left_out,
-        "encounters": [_encounter(judged, result.failures.get(judged.plan.name, [])) for judged in result.encounters],
+        "encounters": [
+            _encounter(judged, result.failures.get(judged.plan.name, [])) for judged in result.encounters
+        ],
     }
 
 
@@ -62,26 +65,32 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, 1)
 
 
+# Heading, key, and whether it is a time.
 COLUMNS = (
-    ("slant", "min_slant_m"), ("sideways", "min_horizontal_m"), ("height", "vertical_m"),
-    ("first action", "first_action_s"), ("aside", "max_deviation_m"), ("up or down", "max_height_m"),
-    ("back after", "back_on_leg_s"),
+    ("slant\n[m]", "min_slant_m"), ("side\n[m]", "min_horizontal_m"), ("high\n[m]", "vertical_m"),
+    ("acts\nat [s]", "first_action_s"), ("off leg\n[m]", "max_deviation_m"), ("height\n[m]", "max_height_m"),
+    ("back\n[s]", "back_on_leg_s"),
 )  # fmt: skip
-_UNITS = {key: "s" if key.endswith("_s") else "m" for _, key in COLUMNS}
 
 
 def table_of(report: Report) -> Table:
-    """All encounters as a table."""
-    table = Table(title="Flight test", title_justify="left", title_style="bold")
-    table.add_column("encounter")
-    for heading, _ in COLUMNS:
-        table.add_column(heading, justify="right")
-    for heading in ("modes", "refused", "result"):
-        table.add_column(heading)
+    """All encounters as a table: smallest distances, first action, deviations, the way back, modes, verdict."""
+    table = _table("Flight test")
+    table.add_column("modes", overflow="fold")
+    table.add_column("re-\nfused", justify="right", no_wrap=True)
+    table.add_column("result", overflow="fold")
     for each in report["encounters"]:
         figures = [_figure(each, key) for _, key in COLUMNS]
-        modes = ", ".join(each["modes"])
-        table.add_row(each["name"], *figures, modes, str(len(each["commands_refused"]) or "-"), verdict(each))
+        refused = str(len(each["commands_refused"]) or "-")
+        table.add_row(each["name"], *figures, " ".join(each["modes"]), refused, verdict(each))
+    return table
+
+
+def _table(title: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", padding=(0, 1, 0, 0), box=SIMPLE)
+    table.add_column("encounter", overflow="fold")
+    for heading, _ in COLUMNS:
+        table.add_column(heading, justify="right", no_wrap=True)
     return table
 
 
@@ -94,7 +103,7 @@ def verdict(encounter: Report) -> str:
 
 def _figure(encounter: Report, key: str) -> str:
     value = encounter.get(key)
-    return "-" if value is None else f"{value:.0f} {_UNITS[key]}"
+    return "-" if value is None else f"{value:.0f}"
 
 
 def lines_of(report: Report) -> list[str]:
@@ -130,22 +139,16 @@ def load_report(path: Path) -> Report:
 
 def comparison_of(report: Report, other: Report) -> Table:
     """Both runs side by side, encounter by encounter: this run, the other, for each figure."""
-    table = Table(title="This run | the other", title_justify="left", title_style="bold")
-    table.add_column("encounter")
-    for heading, _ in COLUMNS:
-        table.add_column(heading, justify="right")
+    table = _table("This run | the other")
     table.add_column("result")
     theirs = {each["name"]: each for each in other["encounters"]}
     ours = {each["name"]: each for each in report["encounters"]}
     for name in dict.fromkeys([*ours, *theirs]):
         pair = ours.get(name), theirs.get(name)
-        cells = [" | ".join("-" if one is None else _figure(one, key) for one in pair) for _, key in COLUMNS]
-        results = " | ".join("not flown" if one is None else _short(one) for one in pair)
-        table.add_row(name, *cells, results)
+        cells = ["|".join("-" if one is None else _figure(one, key) for one in pair) for _, key in COLUMNS]
+        table.add_row(name, *cells, " | ".join("not flown" if one is None else _short(one) for one in pair))
     return table
 
 
 def _short(encounter: Report) -> str:
-    if encounter.get("failures"):
-        return "[red]lost[/]"
-    return "[green]passed[/]"
+    return "[red]lost[/]" if encounter.get("failures") else "[green]passed[/]"

@@ -27,9 +27,9 @@ class Station:
 
     def __init__(self, port: int) -> None:
         try:
-            import mavsdk.asyncio  # noqa: PLC0415 - an extra that may not be installed
-            from mavsdk import Configuration  # noqa: PLC0415
-            from mavsdk.logging import log_subscribe  # noqa: PLC0415
+            import mavsdk.asyncio
+            from mavsdk import Configuration
+            from mavsdk.logging import log_subscribe
         except (ImportError, OSError) as error:
             raise ConfigError(f"flight-test needs MAVSDK: pip install 'companion[sim]' ({error})") from error
         log_subscribe(lambda *_: True)  # it would write over the live table
@@ -65,7 +65,7 @@ class Station:
         for get in (param.get_param_float, param.get_param_int):
             try:
                 return float(await get(name))
-            except Exception:  # noqa: BLE001, S112 - of the wrong type, or unknown: MAVSDK has no base class
+            except Exception:  # noqa: BLE001 - of the wrong type, or unknown: MAVSDK has no base class
                 continue
         return None
 
@@ -125,7 +125,13 @@ class Station:
         return await self._command("COMMAND_LONG", fields)
 
     async def command_at(
-        self, command: int, params: Sequence[float], lat_deg: float, lon_deg: float, height_m: float, frame: int
+        self,
+        command: int,
+        params: Sequence[float],
+        lat_deg: float,
+        lon_deg: float,
+        height_m: float,
+        frame: int,
     ) -> int:
         """Send COMMAND_INT with a place; the MAV_RESULT, or -1 without an answer."""
         fields = {
@@ -163,7 +169,7 @@ class Station:
         await self._plugins["direct"].send_message(self._message(name, fields))
 
     def _message(self, name: str, fields: dict[str, object]) -> Any:
-        from mavsdk.plugins.mavlink_direct import MavlinkMessage  # noqa: PLC0415
+        from mavsdk.plugins.mavlink_direct import MavlinkMessage
 
         return MavlinkMessage(
             message_name=name,
@@ -176,9 +182,9 @@ class Station:
 
 
 def _plugins(system: Any) -> dict[str, Any]:
-    from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync  # noqa: PLC0415
-    from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync  # noqa: PLC0415
-    from mavsdk.asyncio.plugins.param import ParamAsync  # noqa: PLC0415
+    from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
+    from mavsdk.asyncio.plugins.mission_raw import MissionRawAsync
+    from mavsdk.asyncio.plugins.param import ParamAsync
 
     return {
         "param": ParamAsync(system),
@@ -193,7 +199,7 @@ def _numbered(params: Sequence[float], count: int) -> dict[str, object]:
 
 
 def _as_mavsdk(item: MissionItem, number: int) -> Any:
-    from mavsdk.plugins.mission_raw import MissionItem as Theirs  # noqa: PLC0415
+    from mavsdk.plugins.mission_raw import MissionItem as Theirs
 
     first, second, third, fourth = item.params
     return Theirs(
