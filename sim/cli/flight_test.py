@@ -13,11 +13,14 @@ from rich.console import Console
 
 from companion.address import parse_address
 from companion.cli.common import writable
-from companion.errors import CompanionError, ConfigError, LinkError
+from companion.errors import CompanionError, ConfigError, LinkError, require
 from companion.geodesy import GeoPoint
 from sim.cli.common import Autopilot, AutopilotOption, ReportOption
 from sim.clock import ScaledClock
+from sim.flight_test.flight import Flight, Options, Result
 from sim.flight_test.plan import load_set, set_names
+from sim.flight_test.report import comparison_of, lines_of, load_report, report_of, table_of
+from sim.flight_test.view import FlightView
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle
 
 _HOME = GeoPoint(-35.363262, 149.165237, 584.0)
@@ -74,9 +77,9 @@ def flight_test(
     Simulated autopilots of ArduPilot and PX4, hardware in the loop, or the bundled fake. The ground station
     is MAVSDK. Exit code 0 if all encounters came out as expected.
     """
-    from sim.flight_test.flight import Flight, Options
-    from sim.flight_test.report import comparison_of, lines_of, load_report, report_of, table_of
-    from sim.flight_test.view import FlightView
+    for package in ("mavsdk", "matplotlib"):
+        require(package, "companion-sim flight-test", "sim")
+    from sim.flight_test.page import page
 
     test = load_set(flown)
     unknown = set(only or ()) - {encounter.name for encounter in test.encounters}
@@ -93,7 +96,7 @@ def flight_test(
         simulated_flag, tuple(only or ()), seed,
     )  # fmt: skip
     console = Console(highlight=False)
-    logging.getLogger("companion").setLevel(logging.CRITICAL)  # its texts are shown as events
+    logging.getLogger("companion").setLevel(logging.CRITICAL)  # events show its texts
     with FlightView(console) as view:
         flight = Flight(options, view.event)
         view.show(flight)
@@ -104,7 +107,9 @@ def flight_test(
         console.print(comparison_of(figures, other))
     for line in lines_of(figures):
         console.print(line, soft_wrap=True)
-    console.print(f"Recorded: {folder}", soft_wrap=True)
+    (folder / "flight.html").write_text(page(result, figures), encoding="utf-8")
+    (folder / "report.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    console.print(f"Recorded, with a page of figures: {folder}", soft_wrap=True)
     if report is not None:
         report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     if not result.passed:
@@ -138,7 +143,7 @@ def _folder(out: Path) -> Path:
     return folder
 
 
-async def _until_interrupted(flight: "Flight"):  # type: ignore[no-untyped-def]  # noqa: F821
+async def _until_interrupted(flight: Flight) -> Result:
     """Run the flight; Ctrl-C ends it in order: the aircraft is given back first."""
     running = asyncio.ensure_future(flight.run())
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -1,4 +1,4 @@
-"""Companion beside the vehicle: as a process of its own, inside on the simulation's clock, or already there."""
+"""Companion beside the vehicle: a process of its own, inside on the simulation's clock, or already there."""
 
 import asyncio
 import contextlib
@@ -36,8 +36,9 @@ class Beside(ABC):
     async def stop(self) -> str | None:
         """End it in order, so that it gives the aircraft back; returns a problem in words."""
 
-    def stall(self, stalled: bool) -> None:
-        """Stop it from running, or let it go on."""
+    def stall(self, *, stalled: bool) -> None:
+        """Stop it from running, or let it go on; nothing where that cannot be done."""
+        del stalled
 
 
 class External(Beside):
@@ -87,7 +88,7 @@ class Process(Beside):
         settings["settings_file"] = str(self._folder / "companion.settings")
         return settings
 
-    def stall(self, stalled: bool) -> None:
+    def stall(self, *, stalled: bool) -> None:
         """Stop the process, or let it go on."""
         if self._process is not None and self._process.returncode is None:
             os.kill(self._process.pid, signal.SIGSTOP if stalled else signal.SIGCONT)

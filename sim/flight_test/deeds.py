@@ -135,7 +135,7 @@ class Deeds:
 
     async def _send_sticks(self, sticks: Sticks) -> None:
         if self._observer.name == "px4":
-            fields = {
+            fields: dict[str, object] = {
                 "target": 1, "x": round(sticks.pitch * 1000), "y": round(sticks.roll * 1000),
                 "z": 500, "r": 0, "buttons": 0,
             }  # fmt: skip

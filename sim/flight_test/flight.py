@@ -13,7 +13,7 @@ from companion.errors import CompanionError, ConfigError, ungrouped
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.links import Link, open_link
 from companion.links.udp import UdpLink
-from companion.mavlink.dialect import mavlink
+from companion.mavlink.dialect import Message, mavlink
 from companion.units import wrap_pi
 from sim.clock import ScaledClock
 from sim.flight_test.beside import Beside, beside
@@ -35,7 +35,7 @@ from sim.vehicle import FakeVehicle, MissionItem
 _POLL_S = 0.02
 _FOUND_WITHIN_S = 60.0  # of our time: a simulation may have to start
 _SILENT_S = 15.0
-_ARMED_WITHIN_S, _ON_LEG_WITHIN_S = 180.0, 600.0
+_HOME_WITHIN_S, _ARMED_WITHIN_S, _ON_LEG_WITHIN_S = 120.0, 180.0, 600.0
 _COMPANION_WITHIN_S = 60.0
 _SETTLED_S = 5.0
 _ALIGNED_RAD = math.radians(10.0)
@@ -60,7 +60,7 @@ class FlightTestError(CompanionError):
 
 @dataclass(frozen=True)
 class Options:
-    """What is flown. `vehicle` is a link, or a fake vehicle in this process with the clock that it flies by."""
+    """What is flown. `vehicle` is a link, or a fake vehicle in this process that flies by `clock`."""
 
     test: FlightTest
     vehicle: str | FakeVehicle
@@ -121,7 +121,7 @@ class Flight:
         observer.on_command = self._commanded
 
     async def run(self) -> Result:
-        """Fly; the result. `CompanionError` when the test cannot begin; Ctrl-C (cancelling) ends it in order."""
+        """Fly; the result. `CompanionError` when the test cannot begin; cancelling ends it in order."""
         begun_s = time.monotonic()
         async with self._connected():
             try:
@@ -203,12 +203,12 @@ class Flight:
             self._the_hub.send(_receiver_heartbeat(), ADSB_RECEIVER)  # PX4 answers who speaks first
             await asyncio.sleep(0.5)
             if self.observer.vehicle is not None and self.observer.sample is None:
-                self._request_position()
+                self._request_position(self.observer.vehicle.system_id)
         await self._the_station.find()
 
-    def _request_position(self) -> None:
+    def _request_position(self, system_id: int) -> None:
         message = mavlink.MAVLink_command_long_message(
-            self.observer.vehicle.system_id, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0,
+            system_id, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0,
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 1e5, 0, 0, 0, 0, 0,
         )  # fmt: skip
         self._the_hub.send(message, ADSB_RECEIVER)
@@ -261,10 +261,10 @@ class Flight:
     async def _take_off(self) -> None:
         """Arm and take off with the test's mission, unless the aircraft is already flying one."""
         observer, station = self.observer, self._the_station
+        home = await self._find_home()
         sample = observer.sample
         assert sample is not None
         flying = observer.armed and observer.on_mission and sample.height_m > 30.0
-        home = GeoPoint(sample.place.lat_deg, sample.place.lon_deg, sample.place.altitude_m - sample.height_m)
         if flying:
             self._note("it flies a mission already: that one is used")
             self._items = await station.download()
@@ -282,6 +282,18 @@ class Flight:
         self.doing = "climbing to the leg"
         await self._until(self._settled, _ON_LEG_WITHIN_S, "the aircraft did not come to its leg")
         await self._sleep(_READY_AFTER_S)
+
+    async def _find_home(self) -> GeoPoint:
+        """Home as the vehicle reports it, which it does once it knows where it is."""
+        self.doing = "waiting for home"
+        begun_s = self.observer.now_s()
+        while self.observer.home is None:
+            if self.observer.now_s() - begun_s > _HOME_WITHIN_S:
+                raise FlightTestError(f"the vehicle reported no home position within {_HOME_WITHIN_S:.0f} s")
+            request = mavlink.MAV_CMD_REQUEST_MESSAGE
+            await self._the_station.command(request, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+            await self._sleep(1.0)
+        return self.observer.home
 
     async def _arm(self) -> None:
         observer, station = self.observer, self._the_station
@@ -444,9 +456,9 @@ class Flight:
         if self.judged is not None:
             self.judged.observe_refusal(command, result)
 
-    def _commanded(self, message: object) -> None:
+    def _commanded(self, message: Message) -> None:
         if self.judged is not None:
-            self.judged.observe_command(self.observer.now_s(), message)  # type: ignore[arg-type]
+            self.judged.observe_command(self.observer.now_s(), message)
 
     def _note(self, text: str) -> None:
         now_s = self.observer.now_s()

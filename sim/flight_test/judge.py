@@ -9,10 +9,10 @@ import numpy as np
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Vec3
-from sim.campaign.route import off_leg
 from sim.flight_test.observer import Sample
 from sim.flight_test.plan import EncounterPlan
 from sim.metrics import EncounterScore
+from sim.path import off_leg
 from sim.traffic import Intruder
 
 # Back on the leg: this near, for good (see the campaign's measure).

@@ -45,6 +45,7 @@ _READ = frozenset(
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_VFR_HUD,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
         *_TARGETS,
         *_SIMULATION_MESSAGES,
     }
@@ -80,6 +81,7 @@ class Observer:
     sample: Sample | None = None
     airspeed_mps: float | None = None
     sequence: int | None = None
+    home: GeoPoint | None = None
     version: int | None = None
     companion_s: float = -math.inf  # its newest heartbeat
     on_sample: Callable[[Sample], None] = lambda _: None
@@ -144,6 +146,8 @@ class Observer:
             self._observe_position(message)
         elif kind == "VFR_HUD":
             self.airspeed_mps = message.airspeed
+        elif kind == "HOME_POSITION":
+            self.home = GeoPoint(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
         elif kind == "MISSION_CURRENT":
             self.sequence = message.seq
         elif kind == "EXTENDED_SYS_STATE":

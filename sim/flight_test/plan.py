@@ -40,7 +40,7 @@ class IntruderPlan:
 
     `from_deg` is the direction it comes from at the meeting, relative to our course and clockwise: 0 head-on,
     90 from the right. It passes `miss_m` to our right (negative: left) and `miss_height_m` above us. It is
-    reported from `appears_s` before the meeting, and not during the gaps, [from, to] counted from the meeting.
+    reported from `appears_s` before the meeting, but not in the gaps: [from, to], counted from the meeting.
     """
 
     speed_mps: Annotated[float, Gt(0.0), Le(300.0)]

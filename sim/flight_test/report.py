@@ -19,7 +19,7 @@ _SLOW = 0.1  # a rate of the vehicle's time this far from ours is shown
 
 
 def report_of(result: Result) -> Report:
-    """The figures for machines; times in seconds of the vehicle from the encounter's first report on."""
+    """The figures for machines; times are the vehicle's [s], from the beginning of the encounter."""
     return {
         "passed": result.passed,
         "problem": result.problem,
@@ -74,7 +74,7 @@ COLUMNS = (
 
 
 def table_of(report: Report) -> Table:
-    """All encounters as a table: smallest distances, first action, deviations, the way back, modes, verdict."""
+    """All encounters as a table."""
     table = _table("Flight test")
     table.add_column("modes", overflow="fold")
     table.add_column("re-\nfused", justify="right", no_wrap=True)
@@ -134,7 +134,8 @@ def load_report(path: Path) -> Report:
     encounters = content.get("encounters") if isinstance(content, dict) else None
     if not isinstance(encounters, list) or not all(isinstance(e, dict) and "name" in e for e in encounters):
         raise ConfigError(f"{path}: this is no report of a flight test")
-    return content
+    report: Report = content
+    return report
 
 
 def comparison_of(report: Report, other: Report) -> Table:

@@ -18,7 +18,7 @@ _ASKED_FOR = (
 )
 
 
-class NotInSimulation(CompanionError):
+class RealAircraftError(CompanionError):
     """The vehicle shows no sign of a simulation."""
 
 
@@ -37,11 +37,11 @@ async def sign_of_simulation(observer: Observer, station: Station) -> str | None
 
 
 def refuse_real_aircraft(observer: Observer, sign: str | None, *, allowed: bool) -> None:
-    """`NotInSimulation` unless the vehicle is simulated, or the user allowed a real one."""
+    """`RealAircraftError` unless the vehicle is simulated, or the user allowed a real one."""
     if sign is not None or allowed:
         return
     armed = "armed " if observer.armed else ""
-    raise NotInSimulation(
-        f"this {armed}vehicle shows no sign of a simulation (no SIMSTATE, SIM_STATE or HIL flag, no simulation "
-        f"parameter): refused. With --real-aircraft the test arms it and flies it at simulated traffic."
+    raise RealAircraftError(
+        f"refused: this {armed}vehicle shows no sign of a simulation (no SIMSTATE, SIM_STATE or HIL flag, no "
+        f"simulation parameter). With --real-aircraft the test arms it and flies it at simulated traffic."
     )

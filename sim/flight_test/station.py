@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from types import TracebackType
 from typing import Any, TypeVar
 
-from companion.errors import CompanionError, ConfigError
+from companion.errors import CompanionError
 from sim.vehicle import MissionItem
 
 T = TypeVar("T")
@@ -26,12 +26,10 @@ class Station:
     """Connects to the hub's port on loopback; as a context, from connecting to disconnecting."""
 
     def __init__(self, port: int) -> None:
-        try:
-            import mavsdk.asyncio
-            from mavsdk import Configuration
-            from mavsdk.logging import log_subscribe
-        except (ImportError, OSError) as error:
-            raise ConfigError(f"flight-test needs MAVSDK: pip install 'companion[sim]' ({error})") from error
+        import mavsdk.asyncio
+        from mavsdk import Configuration
+        from mavsdk.logging import log_subscribe
+
         log_subscribe(lambda *_: True)  # it would write over the live table
         self._client = mavsdk.asyncio.Mavsdk(Configuration.create_manual(SYSTEM_ID, COMPONENT_ID, True))
         self._port = port

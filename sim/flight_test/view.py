@@ -75,7 +75,7 @@ def _aircraft(flight: Flight) -> Table:
         course = math.degrees(math.atan2(sample.velocity_mps[1], sample.velocity_mps[0])) % 360.0
         table.add_row(
             "flying",
-            f"course {course:03.0f}  {sample.speed_mps:4.1f} m/s over ground  {sample.height_m:5.0f} m above home",
+            f"course {course:03.0f}  {sample.speed_mps:4.1f} m/s  {sample.height_m:5.0f} m above home",
         )
     if abs(observer.time.rate - 1.0) > 0.1:
         table.add_row("time", f"{observer.time.rate:.2f} times ours")
