@@ -276,7 +276,7 @@ class Flight:
             self._items = items_of(self.options.test.mission, home, observer.name)
             self.doing = "uploading the mission"
             await station.upload(self._items)
-        self._legs = legs_of(self._items, home)
+        self._legs = legs_of(self._items, home, self.observer.name)
         if not flying:
             await self._arm()
         self.doing = "climbing to the leg"
@@ -407,7 +407,7 @@ class Flight:
         sequence = self.observer.sequence
         await self._the_station.upload(self._items)
         home = next(iter(self._legs.values())).start._replace(altitude_m=home_m)
-        self._legs = legs_of(self._items, home)
+        self._legs = legs_of(self._items, home, self.observer.name)
         if sequence is not None:
             await self._the_station.select_item(sequence)
 

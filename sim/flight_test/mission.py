@@ -42,11 +42,12 @@ def _item(command: int, place: GeoPoint, height_m: float, *, pitch_deg: float = 
     )
 
 
-def legs_of(items: Sequence[MissionItem], home: GeoPoint) -> dict[int, Leg]:
+def legs_of(items: Sequence[MissionItem], home: GeoPoint, autopilot: str) -> dict[int, Leg]:
     """The leg to each item that is a place, from the place before it (home before the first)."""
     legs, before = {}, home
+    first = 1 if autopilot == "ardupilot" else 0  # its item 0 is home
     for number, item in enumerate(items):
-        if item.command not in _PLACES or (item.lat_e7 == 0 and item.lon_e7 == 0):
+        if number < first or item.command not in _PLACES or (item.lat_e7 == 0 and item.lon_e7 == 0):
             continue
         altitude_m = item.altitude_m + (0.0 if item.frame in ABSOLUTE_FRAMES else home.altitude_m)
         place = GeoPoint(item.lat_e7 / 1e7, item.lon_e7 / 1e7, altitude_m)

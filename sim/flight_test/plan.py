@@ -147,7 +147,7 @@ class Expectation:
 class EncounterPlan:
     """One encounter: its traffic, what else happens, and what is expected. It meets after `meets_s`."""
 
-    name: Annotated[str, Len(1, 40)]
+    name: Annotated[str, Len(1, 80)]
     intruders: tuple[IntruderPlan, ...] = ()
     meets_s: Annotated[float, Gt(5.0), Le(300.0)] = 75.0
     lasts_s: Annotated[float, Gt(0.0), Le(900.0)] = 30.0

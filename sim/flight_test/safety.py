@@ -8,8 +8,8 @@ from sim.flight_test.observer import Observer
 from sim.flight_test.station import Station
 
 # Parameters that only simulations have, or that say so by a value above zero.
-_SIGNS = {"ardupilot": ("SIM_SPEEDUP", "SIM_RATE_HZ"), "px4": ("SYS_HITL",)}
-_PRESENT = frozenset({"SIM_SPEEDUP", "SIM_RATE_HZ"})
+_SIGNS = {"ardupilot": ("SIM_SPEEDUP",), "px4": ("SYS_HITL",)}
+_PRESENT = frozenset({"SIM_SPEEDUP"})
 _ANSWERED_WITHIN_S = 0.5
 _ASKED_FOR = (
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
