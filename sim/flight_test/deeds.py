@@ -57,10 +57,10 @@ class Deeds:
             self._begin(action, judged, now_s)
 
     def _since_s(self, action: Action, judged: Judged) -> float | None:
-        if action.on == "last":
+        if action.when == "last":
             return self._last_s
         moments = {"start": 0.0, "taken over": judged.first_action_s, "given back": judged.given_back_s}
-        moment_s = moments[action.on]
+        moment_s = moments[action.when]
         return None if moment_s is None else judged.begun_s + moment_s
 
     def _begin(self, action: Action, judged: Judged, now_s: float) -> None:

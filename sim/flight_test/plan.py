@@ -101,7 +101,7 @@ class Action:
     next deed with `mode: mission`.
     """
 
-    on: Literal["start", "taken over", "given back", "last"] = "start"
+    when: Literal["start", "taken over", "given back", "last"] = "start"
     after_s: _Seconds = 0.0
     claims: bool = False
     mode: str | None = None

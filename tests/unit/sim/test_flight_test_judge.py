@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import mavlink
 from sim.flight_test.judge import Claim, Judged, Leg
 from sim.flight_test.observer import Sample
@@ -23,8 +23,7 @@ def sample(time_s: float, north_m: float, east_m: float = 0.0, above_m: float = 
 
 def judged(*intruders: Intruder, **expected: object) -> Judged:
     plan = EncounterPlan("one", expect=Expectation(**expected))  # type: ignore[arg-type]
-    one = Judged(plan, 0.0, FRAME, intruders, modes=["AUTO"])
-    return one
+    return Judged(plan, 0.0, FRAME, intruders, modes=["AUTO"])
 
 
 def crossing(at_s: float, north_m: float) -> Intruder:
@@ -129,4 +128,3 @@ def test_a_long_silence_is_not_bridged() -> None:
     assert len(one.path) == 2
     assert math.isfinite(one.scores[0].min_slant_m)
     assert not one.nmac
-    assert isinstance(START, GeoPoint)
