@@ -100,8 +100,7 @@ class Deeds:
         elif action.upload is not None:
             await self._upload(action.upload)  # type: ignore[misc]
         elif action.role is not None:
-            role = Role[action.role.upper()]
-            await self._station.companion_command(_COMPANION, mavlink.MAV_CMD_DO_SET_MODE, 1, role.value)
+            await set_role(self._station, Role[action.role.upper()])
         elif action.resume:
             await self._station.companion_command(_COMPANION, mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
         elif action.stall_s is not None:
@@ -196,6 +195,16 @@ async def set_mode(observer: Observer, station: Station, wanted: str) -> int:
     if observer.name == "px4":
         return await station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number >> 16 & 0xFF, number >> 24 & 0xFF)
     return await station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
+
+
+async def set_role(station: Station, role: Role) -> None:
+    """Set Companion's role as a ground station does, by its parameter."""
+    # Not by DO_SET_MODE: ArduPilot executes it itself when it does not know the component.
+    fields: dict[str, object] = {
+        "target_system": station.target, "target_component": _COMPANION, "param_id": "CA_ROLE",
+        "param_value": float(role.value), "param_type": mavlink.MAV_PARAM_TYPE_REAL32,
+    }  # fmt: skip
+    await station.send("PARAM_SET", fields)
 
 
 def mode_number(observer: Observer, wanted: str) -> int:

@@ -14,13 +14,14 @@ from companion.geodesy import GeoPoint, LocalFrame
 from companion.links import Link, open_link
 from companion.links.udp import UdpLink
 from companion.mavlink.dialect import Message, mavlink
+from companion.model import Role
 from companion.units import wrap_pi
 from sim.clock import ScaledClock
 from sim.flight_test.beside import Beside, beside
-from sim.flight_test.deeds import Deeds, mode_number, set_mode
+from sim.flight_test.deeds import Deeds, mode_number, set_mode, set_role
 from sim.flight_test.hub import Hub
 from sim.flight_test.judge import AT_HEIGHT_M, ON_LEG_M, Judged, Leg
-from sim.flight_test.mission import items_of, legs_of, shifted
+from sim.flight_test.mission import items_of, legs_of, shifted, with_waypoint
 from sim.flight_test.observer import Observer, Sample
 from sim.flight_test.plan import EncounterPlan, FlightTest
 from sim.flight_test.safety import refuse_real_aircraft, sign_of_simulation
@@ -42,6 +43,8 @@ _ALIGNED_RAD = math.radians(10.0)
 _UPLOAD_SHIFT_M = 60.0
 # The aircraft needs more of its leg than until the meeting.
 _LEG_MARGIN_S = 60.0
+# A waypoint that leads back to the leg is this far ahead.
+_REJOIN_S, _REJOIN_M = 60.0, 1200.0
 _READY_AFTER_S = 8.0  # for Companion to read parameters and mission
 _RATES_HZ = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
@@ -324,6 +327,7 @@ class Flight:
         self.result.left_out = [p.name for p in self.options.test.encounters if p.name not in names]
         for plan in chosen:
             self.doing = f"waiting for the leg before {plan.name}"
+            await self._rejoin()
             await self._until(self._settled, _ON_LEG_WITHIN_S, f"not on its leg before {plan.name}")
             await self._fly(plan)
 
@@ -351,7 +355,7 @@ class Flight:
             self.result.failures[plan.name] = judged.failures(observer.mode)
             self.judged = None
             self.result.rate, self.result.flown_s = observer.time.rate, observer.now_s()
-        await self._put_right()
+        await self._put_right(plan)
 
     async def _until_over(
         self, plan: EncounterPlan, judged: Judged, traffic: Traffic, deeds: Deeds, meeting: Meeting
@@ -386,30 +390,41 @@ class Flight:
         velocity_mps = speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), -climb_mps
         return Meeting(self.observer.now_s() + plan.meets_s, (north_m, east_m, down_m), velocity_mps), frame
 
-    async def _put_right(self) -> None:
+    async def _put_right(self, plan: EncounterPlan) -> None:
         """Resume the mission when the encounter left the aircraft in another mode."""
         observer = self.observer
-        if self._beside.on_our_link:
-            await self._the_station.companion_command(
-                mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE, mavlink.MAV_CMD_DO_SET_MODE, 1, 2
-            )
+        if any(action.role is not None for action in plan.actions):
+            await set_role(self._the_station, Role.FLY)
         if not observer.on_mission:
             self._note(f"the test resumes the mission, after {observer.mode}")
             await set_mode(observer, self._the_station, "mission")
             await self._until(lambda: observer.on_mission, 60.0, "the mission could not be resumed")
 
+    async def _rejoin(self) -> None:
+        """Lead the aircraft back to its leg if an encounter left it beside: both autopilots fly on parallel."""
+        observer, sample, leg = self.observer, self.observer.sample, self._leg
+        if sample is None or leg is None or observer.sequence is None or leg is self._first_leg:
+            return
+        aside_m, above_m = leg.off_m(sample.place)
+        if aside_m <= ON_LEG_M and abs(above_m) <= AT_HEIGHT_M:
+            return
+        self._note(f"{aside_m:.0f} m beside the leg: a waypoint on it is added ahead")
+        place = leg.ahead(sample.place, max(sample.speed_mps * _REJOIN_S, _REJOIN_M))
+        number = observer.sequence
+        await self._change_mission(with_waypoint(self._items, number, place), number)
+
     async def _upload(self, what: str) -> None:
-        """Upload the mission again, or one beside it."""
-        self._items = shifted(self._items, _UPLOAD_SHIFT_M) if what == "shifted" else self._items
-        sample = self.observer.sample
-        assert sample is not None
-        home_m = sample.place.altitude_m - sample.height_m
-        sequence = self.observer.sequence
-        await self._the_station.upload(self._items)
-        home = next(iter(self._legs.values())).start._replace(altitude_m=home_m)
-        self._legs = legs_of(self._items, home, self.observer.name)
+        """Upload the mission again, or one beside it, and go on with the same item."""
+        items = shifted(self._items, _UPLOAD_SHIFT_M) if what == "shifted" else self._items
+        await self._change_mission(items, self.observer.sequence)
+
+    async def _change_mission(self, items: list[MissionItem], sequence: int | None) -> None:
+        home = self.observer.home
+        assert home is not None
+        await self._the_station.upload(items)
         if sequence is not None:
             await self._the_station.select_item(sequence)
+        self._items, self._legs = items, legs_of(items, home, self.observer.name)
 
     # --- after the encounters
 

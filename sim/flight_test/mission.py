@@ -72,3 +72,10 @@ def shifted(items: Sequence[MissionItem], east_m: float) -> list[MissionItem]:
             )
         )  # fmt: skip
     return moved
+
+
+def with_waypoint(items: Sequence[MissionItem], number: int, place: GeoPoint) -> list[MissionItem]:
+    """The mission with one more waypoint, which becomes the item of that number."""
+    lat_e7, lon_e7 = round(place.lat_deg * 1e7), round(place.lon_deg * 1e7)
+    waypoint = MissionItem(NAV_WAYPOINT, (0.0, 0.0, 0.0, 0.0), lat_e7, lon_e7, place.altitude_m, 0)
+    return [*items[:number], waypoint, *items[number:]]

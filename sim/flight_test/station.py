@@ -34,7 +34,7 @@ class Station:
         self._client = mavsdk.asyncio.Mavsdk(Configuration.create_manual(SYSTEM_ID, COMPONENT_ID, True))
         self._port = port
         self._plugins: dict[str, Any] = {}
-        self._target = 1
+        self.target = 1
 
     async def __aenter__(self) -> "Station":
         await self._client.__aenter__()
@@ -52,7 +52,7 @@ class Station:
         system = await self._client.first_autopilot(timeout_s=_FIND_S)
         if system is None:
             raise StationError("MAVSDK found no autopilot at the vehicle's link")
-        self._target = await system.get_system_id()
+        self.target = await system.get_system_id()
         self._plugins = _plugins(system)
 
     # --- parameters
@@ -133,7 +133,7 @@ class Station:
     ) -> int:
         """Send COMMAND_INT with a place; the MAV_RESULT, or -1 without an answer."""
         fields = {
-            "target_system": self._target,
+            "target_system": self.target,
             "target_component": 1,
             "frame": frame,
             "command": command,
@@ -148,7 +148,7 @@ class Station:
 
     def _long(self, command: int, params: Sequence[float]) -> dict[str, object]:
         return {
-            "target_system": self._target,
+            "target_system": self.target,
             "target_component": 1,
             "command": command,
             "confirmation": 0,
@@ -173,7 +173,7 @@ class Station:
             message_name=name,
             system_id=SYSTEM_ID,
             component_id=COMPONENT_ID,
-            target_system_id=self._target,
+            target_system_id=self.target,
             target_component_id=int(str(fields.get("target_component", 0))),
             fields_json=json.dumps(fields),
         )
