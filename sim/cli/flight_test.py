@@ -17,9 +17,10 @@ from companion.errors import CompanionError, ConfigError, LinkError, require
 from companion.geodesy import GeoPoint
 from sim.cli.common import Autopilot, AutopilotOption, ReportOption
 from sim.clock import ScaledClock
-from sim.flight_test.flight import Flight, Options, Result
+from sim.flight_test.flight import Flight, Options
 from sim.flight_test.plan import load_set, set_names
 from sim.flight_test.report import comparison_of, lines_of, load_report, report_of, table_of
+from sim.flight_test.result import Result
 from sim.flight_test.view import FlightView
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle
 

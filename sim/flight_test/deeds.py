@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import mavlink
@@ -32,7 +32,7 @@ class Deeds:
         station: Station,
         relay: Relay | None,
         companion: Beside,
-        upload: Callable[[str], "asyncio.Future[None] | object"],
+        upload: Callable[[str], Awaitable[None]],
     ) -> None:
         self._waiting = list(actions)
         self._observer, self._station, self._relay, self._companion = observer, station, relay, companion
@@ -98,7 +98,7 @@ class Deeds:
         elif action.select_item is not None:
             await self._station.select_item(action.select_item)
         elif action.upload is not None:
-            await self._upload(action.upload)  # type: ignore[misc]
+            await self._upload(action.upload)
         elif action.role is not None:
             await set_role(self._station, Role[action.role.upper()])
         elif action.resume:

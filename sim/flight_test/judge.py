@@ -88,7 +88,6 @@ class Judged:
     max_height_m: float = 0.0
     refused: list[str] = field(default_factory=list)
     claim: Claim | None = None
-    sees_commands: bool = True
     problems: list[str] = field(default_factory=list)
     _back_since_s: float | None = None
 

@@ -20,9 +20,9 @@ from companion.units import (
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
-from sim.flight_test.flight import Result
 from sim.flight_test.judge import Judged
 from sim.flight_test.report import COLUMNS, Report
+from sim.flight_test.result import Result
 
 Array = NDArray[np.floating]
 
@@ -42,7 +42,7 @@ def page(result: Result, report: Report) -> str:
         f"the vehicle's time ran {report['time_rate']:.2f} times as fast as ours.</p>",
     ]
     if report["problem"] is not None:
-        parts.append(f"<p class=over>Ended early: {html.escape(report['problem'])}</p>")
+        parts.append(f"<p><b>Ended early: {html.escape(report['problem'])}</b></p>")
     parts.append(_summary(report))
     for judged, figures in zip(result.encounters, report["encounters"], strict=True):
         parts += _encounter(judged, figures)

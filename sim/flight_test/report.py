@@ -11,8 +11,8 @@ from rich.table import Table
 
 from companion import __version__
 from companion.errors import ConfigError
-from sim.flight_test.flight import Result
 from sim.flight_test.judge import Judged
+from sim.flight_test.result import Result
 
 Report = dict[str, Any]
 _SLOW = 0.1  # a rate of the vehicle's time this far from ours is shown
