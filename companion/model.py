@@ -1,5 +1,6 @@
 """The data types that all rooms share. SI units, radians, north-east-down; `None` means unknown."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
@@ -13,6 +14,11 @@ LatLon = tuple[float, float]
 """Latitude and longitude [deg]."""
 # Units in texts for the operator: metres and m/s, or feet and knots.
 TextUnits = Literal["metric", "aviation"]
+
+# Smaller changes from the present flight have no words: of course, height and airspeed.
+STEADY_TURN_RAD, STEADY_CLIMB_M, STEADY_SPEED_MPS = math.radians(3.0), 5.0, 2.0
+# Heights that differ by less than this are the same height, in words.
+LEVEL_M = 10
 
 
 class Role(IntEnum):
@@ -153,6 +159,7 @@ class Goal:
     With `leg_from_m` the position is reached along the straight leg from there, sloped like it: from beside
     the leg the aircraft first flies back to it. With `loiter_radius_m` it circles the position afterwards,
     to the left if negative, with a usual radius if 0. From the position the flight continues to `then_m`.
+    `height_is_known` is false where the mission's height is unknown, and the altitude that of the aircraft.
     """
 
     course_rad: float | None = None
@@ -163,6 +170,7 @@ class Goal:
     leg_from_m: Vec3 | None = None
     loiter_radius_m: float | None = None
     then_m: Vec3 | None = None
+    height_is_known: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,19 +73,19 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     aircraft = engine.aircraft
     adapter = aircraft.adapter
     if adapter is None:
-        others = sorted(aircraft.others(now_s))
+        others = sorted(aircraft.identity.others(now_s))
         several = f"several: systems {others}" if others else "none heard"
         yield Finding("autopilot", several, good=False)
         yield from _conditions(engine)
         return
     kind = "fixed wing" if aircraft.fixed_wing else "not a fixed wing"
-    version = aircraft.version or "of unknown version"
+    version = aircraft.identity.version or "of unknown version"
     text = f"{adapter.name} {version}, system {adapter.target.system_id}, {kind}"
     yield Finding("autopilot", text, aircraft.fixed_wing)
-    if others := sorted(aircraft.others(now_s)):
+    if others := sorted(aircraft.identity.others(now_s)):
         yield Finding("other autopilots", ", ".join(f"system {number}" for number in others))
     armed = "armed" if aircraft.armed else "disarmed"
-    yield Finding("mode", f"{aircraft.mode}, {armed}{', failsafe' if aircraft.failsafe else ''}")
+    yield Finding("mode", f"{aircraft.mode}, {armed}{', failsafe' if aircraft.flight_state.failsafe else ''}")
     position, age_s = "none", now_s - aircraft.position_s
     if aircraft.position is not None:
         position = f"{aircraft.position.height_above_home_m:.0f} m above home, {age_s:.1f} s old"
@@ -98,7 +98,7 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield from _conditions(engine)
     other = adapter.other_avoider(engine.queries.parameters)
     yield Finding("other avoidance", other or "not active", other is None)
-    offset_s = aircraft.clock_offset_s
+    offset_s = aircraft.contact.clock_offset_s
     text = "unknown" if offset_s is None else f"{offset_s:+.1f} s from ours"
     yield Finding("autopilot clock", text, offset_s is not None and abs(offset_s) < 5.0)
     tracks = engine.snapshot(now_s).tracks

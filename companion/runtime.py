@@ -31,7 +31,7 @@ from companion.engine import (
 from companion.errors import CompanionError, ungrouped
 from companion.links import Link, Reconnect, open_all
 from companion.mavlink.dialect import Encoder, mavlink
-from companion.mavlink.facts import OtherCompanion
+from companion.mavlink.facts import OtherCompanion, Sender
 from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.intake import Intake, Received
 from companion.mavlink.own_frames import OwnFrames
@@ -101,6 +101,7 @@ class Runtime:
         self._release: EmergencyRelease | None = None
         self._kept: PersistedState | None = None  # the newest state for the next run
         self._arrived_s: float | None = None
+        self._autopilot: Sender | None = None  # its address, as the links know it
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
         self._reported_problem: str | None = None
@@ -202,14 +203,17 @@ class Runtime:
         ticks, begun_s = self._stepper.ticks, time.perf_counter()
         self._stepper.advance(now_us)
         if self._stepper.ticks > ticks:
-            self._tell_links_who_is_ours()
+            self._note_autopilot()
             self._times.observe(time.perf_counter() - begun_s)
             self._observers.look(self.engine, now_us, self._health)
 
-    def _tell_links_who_is_ours(self) -> None:
+    def _note_autopilot(self) -> None:
+        """Pass the autopilot's address to the links when it becomes known."""
         own = self.engine.aircraft.sender
-        for link in self.links:
-            link.ours = None if own is None else (own.system_id, own.component_id)
+        if own is not self._autopilot:
+            self._autopilot = own
+            for link in self.links:
+                link.ours = None if own is None else (own.system_id, own.component_id)
 
     def _health(self) -> Health:
         return Health.of(
@@ -218,6 +222,9 @@ class Runtime:
             self.links,
             skipped_ticks=self._stepper.skipped_ticks,
             unusable=self.intake.unusable,
+            late=self.intake.past,
+            of_others=self.intake.of_others,
+            repeated=self.intake.repeated,
             setpoints_sent=self.setpoints_sent,
             recording_problem=self._recording_problem,
         )
@@ -417,12 +424,16 @@ class Runtime:
                 heard.sent_frames,
                 heard.send_errors,
             )
-        refused = self.engine.tracker.dropped.total()
+        intake = self.intake
         _log.info(
-            "%d unusable messages, %d from others, %d traffic reports refused",
-            self.intake.unusable,
+            "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
+            "%d requests repeated, %d traffic reports refused",
+            intake.unusable,
+            intake.past,
+            intake.of_others,
             self.engine.foreign,
-            refused,
+            intake.repeated,
+            self.engine.tracker.dropped.total(),
         )
 
 

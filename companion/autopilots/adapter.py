@@ -171,7 +171,8 @@ class Adapter(ABC):
 
     def refusals(self) -> list[str]:
         """Commands that the autopilot refused since the last call, in words."""
-        return self.commands.refusals()
+        refusals, self.commands.refusals = self.commands.refusals, []
+        return refusals
 
     def refused_values(self) -> list[RefusedValue]:
         """Values that were refused twice since the last call, the second time moderated."""

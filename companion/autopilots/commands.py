@@ -56,7 +56,8 @@ class CommandRetrier:
     def __init__(self) -> None:
         self._pending: dict[int, _Pending] = {}
         self._outcomes: dict[int, Outcome] = {}
-        self._refusals: list[str] = []
+        # Commands that were refused or never answered, in words; the reader empties the list.
+        self.refusals: list[str] = []
 
     def ask(self, message: Message, now_s: float) -> Message:
         """The message to send now; it is repeated until it is answered."""
@@ -86,13 +87,8 @@ class CommandRetrier:
             return  # repeated at the usual rate until the tries are used up
         accepted = fact.result == mavlink.MAV_RESULT_ACCEPTED
         if not accepted:
-            self._refusals.append(f"{_name(fact.command)} {_RESULTS.get(fact.result, fact.result)}")
+            self.refusals.append(f"{_name(fact.command)} {_RESULTS.get(fact.result, fact.result)}")
         self._settle(fact.command, Outcome.ACCEPTED if accepted else Outcome.REFUSED)
-
-    def refusals(self) -> list[str]:
-        """The commands that were refused since the last call, in words."""
-        refusals, self._refusals = self._refusals, []
-        return refusals
 
     def due(self, now_s: float) -> list[Message]:
         """The commands to repeat now."""
@@ -101,7 +97,7 @@ class CommandRetrier:
             if now_s < pending.next_s:
                 continue
             if pending.tries >= _TRIES:
-                self._refusals.append(f"{_name(command)} not answered")
+                self.refusals.append(f"{_name(command)} not answered")
                 self._settle(command, Outcome.UNANSWERED)
                 continue
             if pending.message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_LONG:
@@ -119,7 +115,7 @@ class CommandRetrier:
         """Drop all commands under way and all outcomes."""
         self._pending.clear()
         self._outcomes.clear()
-        self._refusals.clear()
+        self.refusals.clear()
 
     def _settle(self, command: int, outcome: Outcome) -> None:
         self._pending.pop(command, None)

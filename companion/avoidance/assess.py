@@ -21,7 +21,20 @@ from companion.avoidance.mission_path import mission_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.trajectory import OwnFlight, OwnState
 from companion.compiled import kernels
-from companion.model import Goal, Guidance, Layer, Threat, Track, TrafficKind, Vec2, Vec3
+from companion.model import (
+    LEVEL_M,
+    STEADY_CLIMB_M,
+    STEADY_SPEED_MPS,
+    STEADY_TURN_RAD,
+    Goal,
+    Guidance,
+    Layer,
+    Threat,
+    Track,
+    TrafficKind,
+    Vec2,
+    Vec3,
+)
 from companion.units import course_deg, wrap_pi
 
 # Larger distances and speeds than these cannot be real.
@@ -29,8 +42,6 @@ _FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
 # Speed at which we could approach a track that is near but not coming nearer.
 _OWN_APPROACH_MPS = 20.0
 _NO_PATH = np.zeros((0, 2))
-# Smaller changes have no words in the reason for a decision.
-_STRAIGHT_RAD, _LEVEL_M, _SAME_SPEED_MPS = math.radians(5.0), 5.0, 2.0
 
 
 def is_relevant(track: Track) -> bool:
@@ -360,12 +371,12 @@ def reason(threat: Threat, guidance: Guidance, state: OwnState) -> str:
 def _maneuver(guidance: Guidance, state: OwnState) -> Iterator[str]:
     """Changes of height, course and speed from the present flight; the height relative to the present one."""
     climb_m = guidance.altitude_m + state.position_m[2]
-    if abs(climb_m) > _LEVEL_M:
+    if abs(climb_m) > STEADY_CLIMB_M:
         yield f"{'climb' if climb_m > 0 else 'descend'} {abs(climb_m):.0f} m"
     turn_rad = wrap_pi(guidance.course_rad - state.course_rad)
-    turning = "course" if abs(turn_rad) <= _STRAIGHT_RAD else "right to" if turn_rad > 0 else "left to"
+    turning = "course" if abs(turn_rad) <= STEADY_TURN_RAD else "right to" if turn_rad > 0 else "left to"
     yield f"{turning} {round(course_deg(guidance.course_rad)) % 360:03d}"
-    if abs(guidance.airspeed_mps - state.airspeed_mps) > _SAME_SPEED_MPS:
+    if abs(guidance.airspeed_mps - state.airspeed_mps) > STEADY_SPEED_MPS:
         yield f"{guidance.airspeed_mps:.0f} m/s"
 
 
@@ -373,7 +384,9 @@ def _where(threat: Threat) -> str:
     """Distance, height relative to us, and time to the closest approach."""
     above_m, to_closest_s = threat.relative_altitude_m, threat.time_to_closest_s
     level = (
-        "level" if abs(above_m) <= _LEVEL_M else f"{abs(above_m):.0f} m {'above' if above_m > 0 else 'below'}"
+        "level"
+        if round(abs(above_m)) < LEVEL_M
+        else f"{abs(above_m):.0f} m {'above' if above_m > 0 else 'below'}"
     )
     closest = f"closest in {to_closest_s:.0f} s" if math.isfinite(to_closest_s) else "keeps its distance"
     return f"{threat.distance_m:.0f} m, {level}, {closest if to_closest_s >= 0.0 else 'passed'}"

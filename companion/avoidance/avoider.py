@@ -13,6 +13,7 @@ from companion.avoidance.assess import (
     reason,
     threats_of,
 )
+from companion.avoidance.blocked_item import guidance_past, keeps_clear
 from companion.avoidance.cone import TransitionDomain, any_of
 from companion.avoidance.constraints import Constraints, HeightReference, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
@@ -29,8 +30,6 @@ from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Tr
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
 _OVERTIME_S = 10.0
-# A mission at the present height to the millimetre states none of its own, as where no waypoint is known.
-_STATES_NONE_M = 1e-3
 # After that, this share of the margin itself is given up too, so that we follow no track along its edge.
 _GIVEN_UP = 0.05
 # The mission is judged for this long after its next position; in overtime, and this long after it, for less.
@@ -112,9 +111,10 @@ class Avoider:
         own_id = self.params.formation.own_id
         relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
         flight = OwnFlight.at(now_s, own, goal)
-        self._bound_heights(flight)
-        if flight.bends and relevant:
-            flight = with_path(flight, self.envelope, self._beyond_s(now_s))
+        self._bound_heights(now_s, flight)
+        beyond_s = self._beyond_s(now_s)
+        if relevant and (flight.bends or (beyond_s < _BEYOND_S and flight.goal.position_m is not None)):
+            flight = with_path(flight, self.envelope, beyond_s)
         if not relevant or (
             self._policy.has_fast_path
             and not flight.bends
@@ -133,13 +133,11 @@ class Avoider:
             return self._without_conflict(now_s, flight)
         return self._avoid(now_s, flight, assessment, relevant)
 
-    def _bound_heights(self, flight: OwnFlight) -> None:
+    def _bound_heights(self, now_s: float, flight: OwnFlight) -> None:
         """Limit the heights to the permitted change, from the mission's heights."""
         own_m, change_m = -flight.state.position_m[2], self.params.largest_height_change_m
-        mission_m: float | None = flight.mission.altitude_m
-        if abs(flight.mission.altitude_m - own_m) < _STATES_NONE_M:
-            mission_m = None
-        self._height.update(own_m, mission_m, change_m, avoiding=self._last_guidance is not None)
+        mission_m = flight.mission_altitude_m
+        self._height.update(now_s, own_m, mission_m, change_m, avoiding=self._last_guidance is not None)
         self._bounded = self._height.limit(self.envelope, mission_m, change_m)
 
     def _beyond_s(self, now_s: float) -> float:
@@ -183,6 +181,11 @@ class Avoider:
         if self._avoiding_since_s is None or now_s < self._avoiding_since_s:
             self._avoiding_since_s = now_s
         constraints, last = self._constraints, self._last_that_can_be_flown(flight)
+        past = self._guidance_past(now_s, flight, assessment)
+        if past is not None and keeps_clear(past, flight, assessment, constraints):
+            return self._fly_past(past, flight, assessment, relevant)
+        if past is not None:
+            flight = flight._replace(mission=replace(flight.mission, altitude_m=past.altitude_m))
         context = conflict_context(
             flight,
             assessment,
@@ -198,12 +201,20 @@ class Avoider:
             None if last is None else constraints.within_limits(last),
         )
         layer, rows = self._policy.layers.choose(conflict, self._policy.outer, self._inner, self._last_layer)
-        if layer is not Layer.INNER:
+        if self._last_layer is Layer.INNER and layer is not Layer.INNER:
             self._inner.reset()
         guidance = rows.best_guidance
         self._last_layer, self._last_guidance = layer, guidance
         found = threats_of(assessment, relevant, self.params.priced_tracks)
         return Decision(layer, guidance, found, reason(found[0], guidance, flight.state))
+
+    def _guidance_past(
+        self, now_s: float, flight: OwnFlight, assessment: TrafficAssessment
+    ) -> Guidance | None:
+        """In overtime, the guidance above or below a track that blocks the mission's item; `None` if none."""
+        if self._overtime(now_s) <= 0.0 or Control.HEIGHT not in self.params.controls - self._lost:
+            return None
+        return guidance_past(flight, assessment, self._bounded)
 
     def _last_that_can_be_flown(self, flight: OwnFlight) -> Guidance | None:
         """The last guidance, with the mission's value in place of each one whose control is lost since."""
@@ -215,6 +226,19 @@ class Avoider:
             mission.airspeed_mps if Control.SPEED in self._lost else last.airspeed_mps,
             mission.altitude_m if Control.HEIGHT in self._lost else last.altitude_m,
         )
+
+    def _fly_past(
+        self,
+        guidance: Guidance,
+        flight: OwnFlight,
+        assessment: TrafficAssessment,
+        relevant: Sequence[Track],
+    ) -> Decision:
+        """Fly to the mission's item above or below the tracks that block it."""
+        self._inner.reset()
+        self._last_layer, self._last_guidance = self._policy.layers.holding_layer, guidance
+        found = threats_of(assessment, relevant, self.params.priced_tracks)
+        return Decision(self._last_layer, guidance, found, reason(found[0], guidance, flight.state))
 
     def _fly_jointly(
         self,

@@ -18,6 +18,8 @@ from companion.model import Guidance
 REFUSED_FOR_S = 30.0
 # An avoidance ends up this far beyond the bound on its changes of height at most, by overshooting.
 _BEYOND_M = 50.0
+# Without a height of the mission, the height flown for this long after an avoidance is the pilot's choice.
+_FOLLOWS_AFTER_S = 60.0
 # Values this near to a refused one would be refused too: values are rounded on the wire, and rows change a
 # little from one decision to the next.
 _TOLERANCES = {Control.HEADING: math.radians(2.0), Control.SPEED: 0.5, Control.HEIGHT: 5.0}
@@ -114,20 +116,27 @@ class HeightReference:
 
     While the mission is flown it follows the aircraft, but only towards the mission's height. An aircraft
     that an avoidance left beside that height therefore does not take the bound along, however many avoidances
-    follow each other.
+    follow each other. Where no height of the mission is known, it follows the aircraft once there has been no
+    avoidance for a while.
     """
 
     def __init__(self) -> None:
         self._height_m: float | None = None
+        self._avoided_s = -math.inf
 
-    def update(self, own_m: float, mission_m: float | None, change_m: float, *, avoiding: bool) -> None:
+    def update(
+        self, now_s: float, own_m: float, mission_m: float | None, change_m: float, *, avoiding: bool
+    ) -> None:
         """Follow the flight. `mission_m` is `None` when the mission states no height."""
         if self._height_m is None:
             self._height_m = own_m
         if avoiding:
+            self._avoided_s = now_s
             return
         low_m, high_m = self._span_m(mission_m)
-        if not low_m - change_m - _BEYOND_M <= own_m <= high_m + change_m + _BEYOND_M:
+        if mission_m is None and not 0.0 <= now_s - self._avoided_s <= _FOLLOWS_AFTER_S:
+            self._height_m = own_m
+        elif not low_m - change_m - _BEYOND_M <= own_m <= high_m + change_m + _BEYOND_M:
             self._height_m = own_m  # no avoidance led here: someone else flew it
         else:
             self._height_m = min(max(own_m, low_m), high_m)

@@ -6,6 +6,7 @@ deviation from the mission, the situation that a row leads to, switching rows, a
 
 import math
 from dataclasses import replace
+from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -46,6 +47,24 @@ _SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0
 _NEAR_MISS_HORIZONTAL, _NEAR_MISS_VERTICAL = 0.25, 0.4
 
 
+class Height(StrEnum):
+    """A choice of height, the third control (§2.3, §3.2.3)."""
+
+    MISSION = "mission height"
+    LEVEL = "level off"
+    OVER = "over"
+    UNDER = "under"
+
+
+class Speed(StrEnum):
+    """A choice of airspeed."""
+
+    MISSION = "mission speed"
+    RULE = "speed rule"  # eq. 13
+    SLOWEST = "slowest"
+    FASTEST = "fastest"
+
+
 class CostContext(NamedTuple):
     """The inputs from which rows are made and priced."""
 
@@ -71,6 +90,32 @@ class CostContext(NamedTuple):
     prefers_turns: bool = False  # the mission's height is left only where a turn does not suffice
     earliness: float = 0.0  # 1 while the closest approach is far off, 0 when it is near
     overtime: float = 0.0  # grows while an avoidance lasts too long; the price `unresolved` grows with it
+
+    def height_m(self, choice: Height) -> float:
+        """The height of a choice above the zero of the local frame, within floor and ceiling [m]."""
+        match choice:
+            case Height.MISSION:
+                wanted_m = self.mission.altitude_m
+            case Height.LEVEL:
+                wanted_m = -self.own.position_m[2]
+            case Height.OVER:
+                wanted_m = self.over_m
+            case Height.UNDER:
+                wanted_m = self.under_m
+        return self.envelope.clamp_altitude_m(wanted_m)
+
+    def speed_mps(self, choice: Speed) -> float:
+        """The airspeed of a choice, within the limits [m/s]."""
+        match choice:
+            case Speed.MISSION:
+                pace = Pace.KEEP
+            case Speed.RULE:
+                pace = self.rule_pace
+            case Speed.SLOWEST:
+                pace = Pace.SLOWEST
+            case Speed.FASTEST:
+                pace = Pace.FASTEST
+        return self.envelope.airspeed_mps(pace, self.mission.airspeed_mps)
 
 
 class Conflict(NamedTuple):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.avoidance.cone import Array
-from companion.avoidance.cost import Conflict, CostContext, EvaluatedRows, evaluate_rows
+from companion.avoidance.cost import Conflict, CostContext, EvaluatedRows, Height, Speed, evaluate_rows
 from companion.avoidance.envelope import Control, Pace
 from companion.avoidance.intruders import Tracks
 from companion.avoidance.trajectory import Commands
@@ -78,24 +78,6 @@ class Course(StrEnum):
     TURN = "turn"  # by the row's own angle, from the present course
 
 
-class Height(StrEnum):
-    """A choice of height, the third control (§2.3, §3.2.3)."""
-
-    MISSION = "mission height"
-    LEVEL = "level off"
-    OVER = "over"
-    UNDER = "under"
-
-
-class Speed(StrEnum):
-    """A choice of airspeed."""
-
-    MISSION = "mission speed"
-    RULE = "speed rule"  # eq. 13
-    SLOWEST = "slowest"
-    FASTEST = "fastest"
-
-
 @dataclass(frozen=True, slots=True)
 class Ground:
     """The horizontal half of a row: course, turn from the present one (positive to the right), speed."""
@@ -143,34 +125,6 @@ GROUNDS: tuple[Ground, ...] = (
 TABLE: tuple[Strategy, ...] = tuple(Strategy(ground, height) for ground, height in product(GROUNDS, Height))
 
 
-def height_m(choice: Height, context: CostContext) -> float:
-    """The height of a choice above the zero of the local frame, within floor and ceiling [m]."""
-    match choice:
-        case Height.MISSION:
-            wanted_m = context.mission.altitude_m
-        case Height.LEVEL:
-            wanted_m = -context.own.position_m[2]
-        case Height.OVER:
-            wanted_m = context.over_m
-        case Height.UNDER:
-            wanted_m = context.under_m
-    return context.envelope.clamp_altitude_m(wanted_m)
-
-
-def speed_mps(choice: Speed, context: CostContext) -> float:
-    """The airspeed of a choice, within the limits [m/s]."""
-    match choice:
-        case Speed.MISSION:
-            pace = Pace.KEEP
-        case Speed.RULE:
-            pace = context.rule_pace
-        case Speed.SLOWEST:
-            pace = Pace.SLOWEST
-        case Speed.FASTEST:
-            pace = Pace.FASTEST
-    return context.envelope.airspeed_mps(pace, context.mission.airspeed_mps)
-
-
 class StrategyTable:
     """Rows of the table, prepared to become commands."""
 
@@ -195,11 +149,11 @@ class StrategyTable:
         course_rad = context.own.course_rad + self._turn_rad
         course_rad[self._on_mission] = context.mission.course_rad
         course_rad[self._by_rule] = context.rule_course_rad
-        speeds_mps = {choice: speed_mps(choice, context) for choice in Speed}
+        speeds_mps = {choice: context.speed_mps(choice) for choice in Speed}
         return Commands(
             course_rad,
             np.array([speeds_mps[ground.speed] for ground in self._grounds]),
-            np.array([height_m(choice, context) for choice in self._heights]),
+            np.array([context.height_m(choice) for choice in self._heights]),
             self._ground_of,
             self._height_of,
         )

@@ -145,14 +145,19 @@ def _joined(ground_m: Array, beside: BesideLeg, end_m: Vec3, along_mps: Vec2) ->
 
 
 def _approached(flight: OwnFlight, wanted_m: Array, envelope: Envelope) -> Array:
-    """Heights flown: the difference from the wanted ones shrinks at the limits, (T,)."""
+    """Heights flown: the difference from the wanted ones shrinks at the limits, (T,).
+
+    A slope steeper than the limits is left behind.
+    """
     rises_mps = float(wanted_m[-1] - wanted_m[0]) / float(TIMES_S[-1])
-    off_m = -flight.state.position_m[2] - float(wanted_m[0])
+    own_m = -flight.state.position_m[2]
+    off_m = own_m - float(wanted_m[0])
     rate_mps = envelope.max_sink_mps + rises_mps if off_m > 0.0 else envelope.max_climb_mps - rises_mps
     flown_s = np.maximum(TIMES_S - envelope.response_s, 0.0)
     left_m = np.maximum(abs(off_m) - max(rate_mps, _LEAST_RATE_MPS) * flown_s, 0.0)
     altitude_m: Array = wanted_m + math.copysign(1.0, off_m) * left_m
-    return altitude_m
+    lowest_m, highest_m = own_m - envelope.max_sink_mps * TIMES_S, own_m + envelope.max_climb_mps * TIMES_S
+    return np.minimum(np.maximum(altitude_m, lowest_m), highest_m)
 
 
 def _circled(flight: OwnFlight, ground_m: Array, centre_m: Vec3) -> Array:

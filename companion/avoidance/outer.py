@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from companion.avoidance.assess import TrafficAssessment
 from companion.avoidance.cone import Array
-from companion.avoidance.cost import CostContext
-from companion.avoidance.inner import Height, Speed, height_m, speed_mps
+from companion.avoidance.cost import CostContext, Height, Speed
 from companion.avoidance.params import FieldParams
 from companion.avoidance.trajectory import Commands
 from companion.compiled import kernels
@@ -114,8 +113,8 @@ def _resultant_rad(
 def resultant_command(context: CostContext, tracks: RepellingTracks, params: FieldParams) -> Commands:
     """The paper's single row: the course of the summed force, the mission's speed and height."""
     course_rad = resultant_rad(context.mission.course_rad, context.goal_distance, tracks, params)
-    speed = speed_mps(Speed.MISSION, context)
-    return Commands.of([Guidance(course_rad, speed, height_m(Height.MISSION, context))])
+    speed_mps = context.speed_mps(Speed.MISSION)
+    return Commands.of([Guidance(course_rad, speed_mps, context.height_m(Height.MISSION))])
 
 
 def field_commands(
@@ -140,12 +139,12 @@ def field_commands(
     if not turns:
         deflections_rad = [0.0]
     courses_rad = [course_rad + min(max(turn_rad, -limit_rad), limit_rad) for turn_rad in deflections_rad]
-    speeds_mps = [speed_mps(Speed.MISSION, context)] * len(courses_rad)
+    speeds_mps = [context.speed_mps(Speed.MISSION)] * len(courses_rad)
     if speeds:
         courses_rad += [course_rad, course_rad]
-        speeds_mps += [speed_mps(Speed.SLOWEST, context), speed_mps(Speed.FASTEST, context)]
+        speeds_mps += [context.speed_mps(Speed.SLOWEST), context.speed_mps(Speed.FASTEST)]
     choices = (Height.MISSION, Height.OVER, Height.UNDER) if heights else (Height.MISSION,)
-    heights_m = [height_m(choice, context) for choice in choices]
+    heights_m = [context.height_m(choice) for choice in choices]
     ground_of, height_of = _every_pair(len(courses_rad), len(choices))
     return Commands(np.array(courses_rad), np.array(speeds_mps), np.array(heights_m), ground_of, height_of)
 

@@ -139,6 +139,13 @@ class OwnFlight(NamedTuple):
         return self.time_to_goal_s if self.goal.is_end else HORIZON_S
 
     @property
+    def mission_altitude_m(self) -> float | None:
+        """The height that the mission states here; `None` if it states none, or that is unknown [m]."""
+        goal = self.goal
+        states_height = goal.altitude_m is not None or goal.position_m is not None
+        return self.mission.altitude_m if states_height and goal.height_is_known else None
+
+    @property
     def time_to_goal_s(self) -> float:
         """Time to the goal's position, at most the prediction horizon; the horizon if it has none [s]."""
         if self.goal.position_m is None or self.circles:

@@ -28,7 +28,7 @@ from companion.control import claims
 from companion.control.state_machine import printed, printed_data
 from companion.errors import CompanionError, ConfigError
 from companion.links import open_link
-from companion.preflight import DEFAULT_SECONDS, run_preflight
+from companion.preflight import DEFAULT_SECONDS, Finding, run_preflight
 
 
 def check(
@@ -54,7 +54,8 @@ def check(
 ) -> None:
     """Read a configuration and show the values in effect, defaults included.
 
-    With --link the autopilot is queried but never commanded; exit code 1 if no autopilot is heard.
+    With --link the autopilot is queried but never commanded; exit code 1 if no autopilot is heard. Exit code
+    2 if a file of the flight cannot be written.
     """
     if all_keys:
         sys.stdout.write(reference())
@@ -75,9 +76,7 @@ def check(
     console = Console(highlight=False, soft_wrap=True)
     saved = load_saved(config)
     if link:
-        for problem in storage_problems(config):
-            console.print(problem.in_file(config_file), markup=False, style="yellow")
-        _check_link(console, apply_saved(config, saved), seconds)
+        _check_link(console, apply_saved(config, saved), seconds, config_file)
     else:
         console.print(describe(config), markup=False, end="")
         if config.obstacle_files:
@@ -97,14 +96,17 @@ def _refuse_storage(config: Config, config_file: Path) -> None:
         raise ConfigError("\n".join(lines))
 
 
-def _check_link(console: Console, config: Config, seconds: float) -> None:
+def _check_link(console: Console, config: Config, seconds: float, config_file: Path) -> None:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s", stream=sys.stderr)
     # The findings include what the runtime logs, but not why a link does not open.
     logging.getLogger("companion").addFilter(lambda record: record.module != "runtime")
     links = [open_link(address) for address in config.links]
     found = asyncio.run(run_preflight(config, links, seconds))
-    width = max(len(finding.topic) for finding in found.findings)
-    for finding in found.findings:
+    problems = list(storage_problems(config))
+    storage = [Finding("storage", problem.in_file(config_file), good=False) for problem in problems]
+    findings = [*found.findings, *storage]
+    width = max(len(finding.topic) for finding in findings)
+    for finding in findings:
         style = "" if finding.good else "yellow"
         console.print(f"{finding.topic:{width}}  {finding.text}", markup=False, style=style)
     if not found.heard:
@@ -115,3 +117,6 @@ def _check_link(console: Console, config: Config, seconds: float) -> None:
         )
     else:
         console.print("would fly: in a conflict it takes over the aircraft", markup=False, style="green")
+    if problems:
+        keys = ", ".join(problem.key for problem in problems)
+        raise ConfigError(f"{config_file}: cannot be written: {keys}")

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from companion import __version__
 from companion.compiled import slow_notice
 from companion.errors import CompanionError, ConfigError
-from companion.recording.writable import why_not_writable
+from companion.files import why_not_writable
 
 ConfigFile = Annotated[
     Path, typer.Argument(metavar="CONFIG", help="Configuration file, YAML.", show_default=False)
@@ -51,10 +51,6 @@ def note_if_slow() -> None:
 
 def writable(path: Path) -> Path:
     """Return the path if a file can be written there; `ConfigError` otherwise."""
-    if not path.parent.is_dir():
-        raise ConfigError(f"{path}: there is no folder {path.parent}")
-    if path.is_dir():
-        raise ConfigError(f"{path}: this is a folder, not a file")
     if (why := why_not_writable(path)) is not None:
         raise ConfigError(f"{path}: cannot be written: {why}")
     return path

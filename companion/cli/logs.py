@@ -23,9 +23,13 @@ class UnblockedHandler(logging.Handler):
         threading.Thread(target=self._write_all, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Queue a line."""
-        with contextlib.suppress(queue.Full):
+        """Queue a line; a record that cannot be formatted is reported by `logging` and stops nothing."""
+        try:
             self._lines.put_nowait(f"{self.format(record)}\n")
+        except queue.Full:
+            pass
+        except Exception:  # noqa: BLE001 - as every handler of `logging` does
+            self.handleError(record)
 
     def flush(self) -> None:
         """Wait a moment until the lines so far are written."""

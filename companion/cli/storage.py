@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from companion.config import Config, line_of
-from companion.recording.writable import why_no_new_file
-from companion.small_file import writing_problem
+from companion.files import why_no_new_file, why_not_replaceable
 
 
 class StorageProblem(NamedTuple):
@@ -26,15 +25,8 @@ class StorageProblem(NamedTuple):
 def storage_problems(config: Config) -> Iterator[StorageProblem]:
     """What could not be written in a flight with this configuration."""
     for key, path in (("state_file", config.state_file), ("settings_file", config.settings_file)):
-        if (why := _why_not_replaceable(path)) is not None:
+        if (why := why_not_replaceable(path)) is not None:
             yield StorageProblem(key, path, why)
     recording = config.recording
-    if recording.enabled and (why := why_no_new_file(recording.directory, made=True)) is not None:
+    if recording.enabled and (why := why_no_new_file(recording.directory)) is not None:
         yield StorageProblem("recording.directory", recording.directory, why)
-
-
-def _why_not_replaceable(path: Path) -> str | None:
-    """The reason why a file cannot be replaced as a whole; `None` if it can."""
-    if path.is_dir():
-        return "this is a folder, not a file"
-    return writing_problem(path) if path.parent.is_dir() else f"there is no folder {path.parent}"

@@ -12,8 +12,8 @@ from pathlib import Path
 from companion.config.document import quoted
 from companion.config.keys import file_key
 from companion.config.schema import Config
+from companion.files import read_small, reason
 from companion.gcs.parameters import BY_NAME, values_changed, with_values
-from companion.small_file import read_small, reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,21 +46,22 @@ def _is_redirected(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
     target = aircraft.navigation.confirmed_target
     if target is not None and adapter.is_own_target(target):
         return False
-    was_guided = data.prior.mode == adapter.guided_mode
-    return aircraft.redirected_from(data.prior.target if was_guided else None)
+    before = data.prior.target if data.prior.mode == adapter.guided_mode else None
+    navigation = aircraft.navigation
+    return navigation.is_redirected if before is None else navigation.redirected_from(before)
 
 
 CLAIMS: tuple[Claim, ...] = (
     Claim(
         Event.AMBIGUOUS,
-        lambda aircraft, _, now_s: aircraft.is_ambiguous(now_s),
+        lambda aircraft, _, now_s: aircraft.identity.is_ambiguous(now_s),
         Consequence.HANDS_OFF,
         "two vehicles have its system id",
     ),
     Claim(Event.DISARMED, lambda aircraft, *_: not aircraft.armed, Consequence.HANDS_OFF, "it is disarmed"),
     Claim(
         Event.LANDING,
-        lambda aircraft, *_: aircraft.landing(),
+        lambda aircraft, *_: aircraft.flight_state.landing,
         Consequence.HANDS_OFF,
         "it is landing or on the ground",
     ),
@@ -71,11 +72,14 @@ CLAIMS: tuple[Claim, ...] = (
         "it does not fly as a fixed wing",
     ),
     Claim(
-        Event.FAILSAFE, lambda aircraft, *_: aircraft.failsafe, Consequence.HANDS_OFF, "it is in a failsafe"
+        Event.FAILSAFE,
+        lambda aircraft, *_: aircraft.flight_state.failsafe,
+        Consequence.HANDS_OFF,
+        "it is in a failsafe",
     ),
     Claim(
         Event.FENCE,
-        lambda aircraft, *_: aircraft.fence_breached,
+        lambda aircraft, *_: aircraft.flight_state.fence_breached,
         Consequence.HANDS_OFF,
         "it has breached its fence",
     ),
@@ -84,7 +88,7 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(Event.TARGET, _is_redirected, Consequence.HANDS_OFF, ""),
     Claim(
         Event.COMPANION,
-        lambda aircraft, _, now_s: aircraft.other_companion(now_s) is not None,
+        lambda aircraft, _, now_s: aircraft.identity.other_companion(now_s) is not None,
         Consequence.GIVEN_BACK,
         "another companion avoids too",
     ),
@@ -105,7 +109,7 @@ class Claims:
         """Start looking. A claim that is `overlooked` counts only after it has ceased."""
         data.overlooked = frozenset(overlooked)
         self._aircraft.sticks.mark()
-        self._aircraft.forget_guided_target()
+        self._aircraft.navigation.forget_guided_target()
 
     def current(self, data: StateData, now_s: float) -> list[Event]:
         """Every claim that holds now, in the order of the table."""

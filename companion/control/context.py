@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from companion.autopilots.adapter import Adapter
 from companion.control import suppressed_threats
+from companion.control.mode_request import ModeRequest
 from companion.control.rejoin import ControlParams
 from companion.control.state_machine import Event, StateData, Supervisor, SupervisorParams
 from companion.mavlink.dialect import Message
@@ -43,6 +44,17 @@ class ControlContext:
     def prior_mode(self) -> str:
         """Name of the mode in which the aircraft is given back."""
         return self.adapter.mode_name(self.data.prior.mode)
+
+    @property
+    def loss_mode(self) -> int | None:
+        """The mode that the autopilot enters by itself without our setpoints; `None`: it stays in guided."""
+        adapter = self.aircraft.adapter
+        mode = None if adapter is None else adapter.setpoint_loss_mode()
+        return None if adapter is None or mode == adapter.guided_mode else mode
+
+    def fell_out(self, request: ModeRequest | None) -> bool:
+        """Whether a change of mode began in the mode that the autopilot enters by itself."""
+        return request is not None and request.start == self.loss_mode
 
     @property
     def clear(self) -> bool:

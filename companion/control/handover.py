@@ -192,7 +192,7 @@ class Handover:
         # PX4 reports the end of our setpoints as a failsafe, until a mode is chosen.
         if override in (Event.MODE_CHANGED, Event.FAILSAFE) and self._left_guided_by_itself(now_s):
             # Just after a silence, the state of the aircraft is not known yet: wait.
-            return None if aircraft.contact_just_regained(now_s) else self._fell_out(now_s)
+            return None if aircraft.contact.just_regained(now_s) else self._fell_out(now_s)
         return self._hands_off(override, now_s)
 
     def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
@@ -202,7 +202,7 @@ class Handover:
         """
         data, delay_s = self.supervisor.data, min(self._context.params.abandoned_s, _LONGEST_YIELD_S)
         aircraft = self._context.aircraft
-        lasting = aircraft.sticks.in_use(now_s) or aircraft.is_ambiguous(now_s)
+        lasting = aircraft.sticks.in_use(now_s) or aircraft.identity.is_ambiguous(now_s)
         if claims and (lasting or data.yields_until_s == -math.inf):
             data.yields_until_s = now_s + delay_s
 
@@ -221,16 +221,14 @@ class Handover:
             data.forget_request()
         if override is Event.TARGET:
             data.guided_since_s = None  # it flies to someone's target
-        # It had left the guided mode by itself before, and is being given back.
-        loss_mode = context.adapter.setpoint_loss_mode()
-        fell_out = data.request is not None and data.request.start == loss_mode != context.adapter.guided_mode
+        request = data.request  # before it is forgotten
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
         unseen = data.guided_since_s is None and math.isfinite(data.requested_s)
         if unseen:
             data.guided_since_s = data.requested_s  # it may have been entered while nothing was heard
-        data.let_go, data.fell_out = override, fell_out
+        data.let_go, data.fell_out = override, context.fell_out(request)
         data.seen_guided = unseen or context.aircraft.guided
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.
@@ -244,11 +242,13 @@ class Handover:
 
     def _fell_while_yielding(self) -> bool:
         """Whether the release was delayed, and the autopilot left the guided mode by itself meanwhile."""
-        aircraft, data = self._context.aircraft, self.supervisor.data
-        yielded = data.yields_until_s > -math.inf
-        start = None if data.request is None else data.request.start
-        fell = aircraft.custom_mode == self._context.adapter.setpoint_loss_mode()
-        return yielded and fell and start != aircraft.custom_mode
+        context = self._context
+        yielded = context.data.yields_until_s > -math.inf
+        return (
+            yielded
+            and context.aircraft.custom_mode == context.loss_mode
+            and not context.fell_out(context.data.request)
+        )
 
     def _fell_out(self, now_s: float) -> Outgoing:
         """Give back an aircraft that left the guided mode by itself, or let its controller recover first."""
@@ -294,7 +294,7 @@ class Handover:
 
     def _is_just_back(self, now_s: float) -> bool:
         """Whether it left the guided mode in a silence that ended too recently to know its state."""
-        if not (self._context.aircraft.contact_just_regained(now_s) and self._left_guided_by_itself(now_s)):
+        if not (self._context.aircraft.contact.just_regained(now_s) and self._left_guided_by_itself(now_s)):
             return False
         return Event.MODE_CHANGED in self._claims.current(self.supervisor.data, now_s)
 
@@ -313,8 +313,7 @@ class Handover:
             return self._lose("autopilot lost", now_s)
         if not aircraft.resynchronized:
             return []
-        loss_mode = context.adapter.setpoint_loss_mode()
-        if not aircraft.guided and aircraft.custom_mode == loss_mode != context.data.prior.mode:
+        if aircraft.custom_mode == context.loss_mode != context.data.prior.mode:
             return self._fell_out(now_s)
         if not aircraft.guided:
             return self._take_over.give_up(now_s)  # asked for before the gap, and not entered

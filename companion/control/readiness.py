@@ -64,5 +64,5 @@ class Readiness:
         position, lowest_m = self._aircraft.position, self.params.min_height_m
         if position is not None and position.height_above_home_m < lowest_m:
             yield f"it is {position.height_above_home_m:.0f} m above home, below {lowest_m:.0f} m"
-        elif not self._aircraft.landing():
+        elif not self._aircraft.flight_state.landing:
             yield "it is on the ground, taking off or landing"

@@ -43,8 +43,8 @@ class Release:
         settle_s = 0.0 if data.guided_since_s is not None or not asked else _SETTLE_S
         if data.prior.mode == adapter.guided_mode:
             settle_s = _RETARGET_S
-        left = adapter.setpoint_loss_mode()
-        start = aircraft.custom_mode if found or aircraft.custom_mode == left else adapter.guided_mode
+        found |= aircraft.custom_mode == context.loss_mode
+        start = aircraft.custom_mode if found else adapter.guided_mode
         data.request = ModeRequest(
             start,
             data.prior.mode,
@@ -75,10 +75,9 @@ class Release:
             data.wait_until_s = now_s + context.params.settle_s
         waits = data.wait_until_s > now_s
         refused = request.wanted if request.wanted != data.prior.mode else None
-        fell_out = request.start == context.adapter.setpoint_loss_mode() != context.adapter.guided_mode
         context.supervisor.handle(Event.RECLAIMED if waits else Event.GIVEN_BACK)
         # The heartbeat that shows the wanted mode may be wrong, and another mode follow.
-        data.fallback, data.fell_out = refused, fell_out
+        data.fallback, data.fell_out = refused, context.fell_out(request)
         if context.supervisor.state is not State.STOPPED:
             data.given_back_s = now_s
         return True
@@ -113,7 +112,7 @@ class Release:
         if present >= wanted or context.aircraft.custom_mode != data.prior.mode:
             return []
         own_restart = present <= _FIRST_ITEM and context.adapter.restarts_mission
-        if not own_restart or context.aircraft.plan_changes != data.plan:
+        if not own_restart or context.aircraft.navigation.plan_changes != data.plan:
             return []
         data.given_back_s = -math.inf
         adapter = context.adapter

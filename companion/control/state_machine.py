@@ -85,7 +85,7 @@ ENTERING = frozenset({State.ENGAGING, State.RE_ENTERING})
 HELD = FLYING | ENTERING | {State.RESYNCHRONISING, State.RELEASING}
 # States in which a change of mode is under way.
 ASKING = ENTERING | {State.RELEASING, State.STOPPING}
-# After these the aircraft is someone else's at once.
+# Each of these makes the aircraft someone else's at once.
 OVERRIDES = frozenset(
     {
         Event.MODE_CHANGED,
@@ -213,15 +213,16 @@ class StateData:
     ready_since_s: float | None = None
     # Since when it has been in the guided mode and flown by no one.
     unattended_since_s: float | None = None
-    # The claim after which we let go, and whether the heartbeats since then showed the guided mode.
+    # The claim after which we let go, and whether a heartbeat since then has shown the guided mode.
     let_go: Event | None = None
     seen_guided: bool = False
     # It left the guided mode by itself, as our setpoints ended.
     fell_out: bool = False
     # The mode in which it was left, because the former one was refused.
     fallback: int | None = None
-    # Since when a heartbeat has shown another mode than the guided one, and than that one.
+    # While it is not ours: since when the heartbeats have not shown the guided mode; `None` while they do.
     left_guided_s: float | None = None
+    # Since when they have shown neither that mode nor the one that the autopilot enters from it by itself.
     away_s: float | None = None
     # A claim delays the release until then, when the service ends.
     yields_until_s: float = -math.inf

@@ -33,7 +33,7 @@ class TakeOver:
         adapter = context.adapter
         context.supervisor.handle(context.conflict)
         data.prior = context.aircraft.prior_flight_state(now_s)
-        data.plan = context.aircraft.plan_changes
+        data.plan = context.aircraft.navigation.plan_changes
         data.guided_since_s = data.flown_since_s = None
         self._claims.begin(data)
         data.rejoin = way_back(

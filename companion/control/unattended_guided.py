@@ -43,7 +43,7 @@ class UnattendedGuided:
             return
         # The guided mode came back: it is someone's choice, unless it had not been left at all.
         flickered = aircraft.heartbeat_s - data.left_guided_s <= FLICKER_S
-        moved_m = aircraft.from_guided_target_m(now_s)
+        moved_m = aircraft.navigation.from_guided_target_m(now_s)
         same_target = moved_m is not None and moved_m <= _SAME_TARGET_M
         if data.guided_since_s is not None and (flickered or same_target):
             data.seen_guided = True
@@ -54,7 +54,7 @@ class UnattendedGuided:
     def _note_fall(self) -> None:
         """Follow whether the present mode is the one that followed the guided mode by itself."""
         aircraft, data = self._context.aircraft, self._context.data
-        if aircraft.custom_mode != self._loss_mode:
+        if aircraft.custom_mode != self._context.loss_mode:
             if data.away_s is None:
                 data.away_s = aircraft.heartbeat_s
             return
@@ -63,23 +63,18 @@ class UnattendedGuided:
         data.away_s = None
         data.fell_out |= data.seen_guided
 
-    @property
-    def _loss_mode(self) -> int | None:
-        adapter = self._context.aircraft.adapter
-        return None if adapter is None else adapter.setpoint_loss_mode()
-
     def is_left(self, now_s: float) -> bool:
         """Whether the aircraft is in the guided mode, or in the one that follows, by our doing."""
         aircraft, data = self._context.aircraft, self._context.data
         if aircraft.adapter is None:
             return False
-        moved_m = aircraft.from_guided_target_m(now_s)
+        moved_m = aircraft.navigation.from_guided_target_m(now_s)
         redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
         if not aircraft.armed or data.guided_since_s is None or redirected:
             return False
-        if self._loss_mode not in (None, self._context.adapter.guided_mode):
+        if self._context.loss_mode is not None:
             # It leaves the guided mode by itself; while it stays there, someone else sends setpoints.
-            return data.fell_out and aircraft.custom_mode == self._loss_mode
+            return data.fell_out and aircraft.custom_mode == self._context.loss_mode
         return aircraft.guided
 
     def prior_if_left(self, now_s: float) -> PriorFlightState | None:
@@ -105,13 +100,19 @@ class UnattendedGuided:
                 data.unattended_since_s = None
             return None
         # While the pilot flies with the sticks, or the aircraft lands, it is not abandoned.
-        attended = aircraft.sticks.in_use(now_s) or aircraft.landing() or aircraft.is_ambiguous(now_s)
+        attended = (
+            aircraft.sticks.in_use(now_s)
+            or aircraft.flight_state.landing
+            or aircraft.identity.is_ambiguous(now_s)
+        )
         # Who moved the sticks may have chosen the mode, too, that the autopilot enters by itself.
         attended |= data.fell_out and data.let_go is Event.STICKS
         if attended or data.unattended_since_s is None:
             data.unattended_since_s = now_s
         abandoned = now_s - data.unattended_since_s >= context.params.abandoned_s
-        return (Event.ABANDONED, None) if abandoned else None
+        # In a silence, someone may give it another target, which is heard only some time after it.
+        known = aircraft.in_contact(now_s) and not aircraft.contact.just_regained(now_s)
+        return (Event.ABANDONED, None) if abandoned and known else None
 
     def _left_behind(self, left: PersistedState, now_s: float) -> Found | None:
         """The event, if the aircraft is in a mode in which a companion that was killed left it."""

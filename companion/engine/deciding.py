@@ -2,8 +2,9 @@
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
-from companion.airspace.altitude_limits import HeightLimits, limit_heights
+from companion.airspace.fences import AutopilotFence, limit_heights
 from companion.airspace.obstacles import ObstacleMap
 from companion.avoidance import Avoider, Envelope
 from companion.avoidance.envelope import Control
@@ -14,12 +15,28 @@ from companion.geodesy import LocalFrame
 from companion.model import Decision, Goal, Layer, Ownship, Role, Track
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
+from companion.ownship.legs import Leg
 from companion.traffic import TrafficPicture
 
 # The error of a flat frame grows with the distance from its origin; within this it is negligible.
 _FRAME_REACH_M = 5_000.0
 # After an avoidance the aircraft is back at its mission's speed within this time.
 _SPEED_RETURNS_S = 20.0
+
+
+class _LimitSources(NamedTuple):
+    """Everything that the limits of a place are made from, besides the configured zones.
+
+    Home and the ground are in whole metres, as they vary by centimetres all the time.
+    """
+
+    frame: LocalFrame
+    home_m: float
+    ground_m: float | None
+    min_height_m: float
+    max_height_m: float | None
+    envelope: Envelope
+    fence: AutopilotFence
 
 
 class Deciding:
@@ -30,7 +47,7 @@ class Deciding:
         aircraft: Aircraft,
         queries: AutopilotQueries,
         picture: TrafficPicture,
-        obstacles: ObstacleMap,
+        obstacles: ObstacleMap | None,
         config: EngineConfig,
         handover: Handover,
         avoider: Avoider,
@@ -49,7 +66,8 @@ class Deciding:
         self._handover = handover
         self._conflict_over = False
         self._held_s = -math.inf  # when the aircraft was ours last
-        self._limits: tuple[Envelope, HeightLimits, float, float | None] | None = None  # in effect
+        self._limits_from: _LimitSources | None = None  # those of the limits in effect
+        self._leg_from: tuple[Leg, LocalFrame] | None = None  # of the goal, while a leg is flown back to
 
     def forget_conflict(self) -> None:
         """Begin the next decision without the memory of this conflict."""
@@ -72,7 +90,8 @@ class Deciding:
             return
         self.own = aircraft.ownship(self.frame)
         self.tracks = self._picture.tracks(now_s, self.frame)
-        self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.home_altitude_m())
+        if self._obstacles is not None:
+            self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.home_altitude_m())
         self.goal = self._goal_now(self.frame, now_s)
         if self.own is None or role is Role.OFF or not self._may_decide():
             self._do_without("off" if role is Role.OFF else "not flying")
@@ -95,23 +114,29 @@ class Deciding:
         if not watching:
             self._held_s = now_s
         if self.goal is None or watching:
+            self._leg_from = None
             goal = self._aircraft.goal(frame, now_s)
             if self.goal is not None and now_s - self._held_s <= _SPEED_RETURNS_S:
                 # The present speed is still that of the avoidance.
                 goal = replace(goal, airspeed_mps=self.goal.airspeed_mps)
-            if self._aircraft.mission_outdated(now_s):
+            if self._aircraft.navigation.mission_outdated(now_s):
                 self._queries.reread_mission(now_s)
             return goal
         leg = self._handover.leg()
         if leg is not None:
+            if self._leg_from == (leg, frame):
+                return self.goal
+            self._leg_from = leg, frame
             return leg.goal(frame, self.goal)
+        self._leg_from = None
         if self.goal.position_m is not None:
             return self.goal
         # Taken over before the mission was read, as after a restart: the goal was the course flown then.
         place = self._handover.goes_on_to()
         if place is None:
             return self.goal
-        return replace(self.goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
+        position_m = frame.to_ned_m(place)
+        return replace(self.goal, position_m=position_m, altitude_m=place.altitude_m, height_is_known=True)
 
     def _frame_here(self) -> LocalFrame | None:
         """The local frame, which follows the aircraft; the goal is converted to a new frame."""
@@ -135,12 +160,21 @@ class Deciding:
         home_m = aircraft.home_altitude_m()
         if home_m is None:
             return
-        floor_m, ceiling_m = self.config.supervisor.min_height_m, self.config.engine.max_height_m
-        heights = self._queries.heights(floor_m, ceiling_m, now_s)
-        limits = self._queries.envelope, heights, home_m, aircraft.terrain.altitude_m(now_s)
-        if limits != self._limits:  # on most ticks they are the same
-            self._limits, self.avoider.envelope = limits, limit_heights(*limits)
-        self.avoider.fence = self._queries.local_fence(frame, home_m, now_s)
+        ground_m = aircraft.terrain.altitude_m(now_s)
+        sources = _LimitSources(
+            frame,
+            float(round(home_m)),
+            None if ground_m is None else float(math.ceil(ground_m)),
+            self.config.supervisor.min_height_m,
+            self.config.engine.max_height_m,
+            self._queries.envelope,
+            self._queries.autopilot_fence(now_s),
+        )
+        before, self._limits_from = self._limits_from, sources
+        if sources != before:  # on most ticks they are the same
+            heights = self._queries.heights(sources.min_height_m, sources.max_height_m, now_s)
+            self.avoider.envelope = limit_heights(sources.envelope, heights, sources.home_m, sources.ground_m)
+            self.avoider.fence = self._queries.local_fence(frame, sources.home_m, now_s)
 
 
 def _lost_controls(aircraft: Aircraft) -> frozenset[Control]:

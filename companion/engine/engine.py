@@ -110,7 +110,7 @@ class Engine:
             self.aircraft,
             self.queries,
             self._picture,
-            ObstacleMap(config.known_obstacles, config.obstacles),
+            ObstacleMap(config.known_obstacles, config.obstacles) if config.known_obstacles else None,
             config,
             self._handover,
             avoider or Avoider(config.avoidance),
@@ -227,7 +227,7 @@ class Engine:
             return
         if left.role is not None:
             self.operator.role = left.role
-        self.aircraft.expect_system(left.system_id)
+        self.aircraft.identity.expect(left.system_id)
         self._handover.recover(left)
 
     def announce(self, text: str, now_s: float) -> list[Effect]:
@@ -255,7 +255,7 @@ class Engine:
         sender = fact.sender
         if sender.component_id == self._applied.engine.component_id and sender == self.sender:
             if isinstance(fact, OtherCompanion):
-                self.aircraft.observe_companion(sender.component_id, now_s)
+                self.aircraft.identity.observe_companion(sender.component_id, now_s)
             return False
         if isinstance(fact, _OPERATOR_FACTS):
             self._answers += self.operator.receive(fact)
@@ -263,7 +263,7 @@ class Engine:
             return bool(self._answers)
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
-                self._rates.observe(fact, now_s)
+                self._rates.traffic_s = now_s
             return self._receive_traffic(fact, now_s)
         return self._receive_telemetry(fact, now_s, at_s)
 
@@ -277,12 +277,12 @@ class Engine:
             self.foreign += 1
             self._look_for_companion(fact, now_s)
             return self._is_of_another_system(fact) and self._receive_traffic(fact, now_s)
-        self._rates.observe(fact, now_s)
+        self._rates.observe(fact)
         self._picture.observe_ownship(fact, at_s)
         match fact:
             case Heartbeat():
                 if back:
-                    self.aircraft.refresh_navigation(now_s)
+                    self.aircraft.navigation.refresh(now_s)
                     self._ask_again()
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
@@ -305,7 +305,7 @@ class Engine:
             return
         avoids = fact.sender.component_id == mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
         if fact.is_companion or (avoids and fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID):
-            self.aircraft.observe_companion(fact.sender.component_id, now_s)
+            self.aircraft.identity.observe_companion(fact.sender.component_id, now_s)
 
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""

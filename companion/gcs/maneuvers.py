@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from companion.gcs.phrases import Maneuver, TrafficSituation, conflict_notice, resume_notice
-from companion.mavlink.dialect import mavlink
+from companion.gcs.phrases import Maneuver, TrafficSituation, clear_notice, conflict_notice, resume_notice
 from companion.model import Guidance, Ownship, TextUnits
 from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
 from companion.units import wrap_pi
@@ -147,7 +146,7 @@ class ManeuverNotices:
         if situation.decision.threats:
             notice = conflict_notice(maneuver, situation, units, flying=present.flying, topic=topic)
         else:
-            notice = Notice(mavlink.MAV_SEVERITY_NOTICE, f"{maneuver.text}: {why}", topic=topic)
+            notice = clear_notice(maneuver, why, topic=topic)
         if notice is not None:
             self._last[present.flying] = present
             self._flown_s = now_s if present.flying else self._flown_s

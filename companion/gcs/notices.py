@@ -98,20 +98,22 @@ class OperatorNotices:
         """Systems that are heard and should not be, and an aircraft of the wrong type."""
         aircraft = self._aircraft
         if aircraft.adapter is not None:
-            if others := aircraft.others(now_s):
+            if aircraft.identity.is_ambiguous(now_s) and not self._is_to_fly():
+                yield _condition("two vehicles", "two vehicles have its system id", "one vehicle is left")
+            if others := aircraft.identity.others(now_s):
                 text = f"another autopilot, system {min(others)}"
                 yield _condition(text, text, matters=False)
             elif not aircraft.fixed_wing:
                 yield _condition("type", "not a fixed wing, advising only", matters=False)
             return
-        if len(aircraft.others(now_s)) > 1:
+        if len(aircraft.identity.others(now_s)) > 1:
             yield _condition(
                 "several autopilots",
                 "several autopilots, set autopilot_system_id",
                 "only one autopilot is left",
             )
             return
-        for number, since_s in aircraft.unwanted_since_s(now_s).items():
+        for number, since_s in aircraft.identity.unwanted_since_s(now_s).items():
             if now_s - since_s >= _CONFIGURED_AWAITED_S:
                 yield _condition(
                     "unwanted autopilot",
@@ -122,13 +124,9 @@ class OperatorNotices:
 
     def _hindered(self, readiness: Readiness, now_s: float, *, threatened: bool) -> Iterator[Condition]:
         """The reasons why an aircraft in the air, in a mode to take over from, would not be taken over."""
-        aircraft, role = self._aircraft, self._operator.role
-        in_the_air = aircraft.armed and aircraft.flight_state.may_be_in_the_air
-        if role is not Role.FLY or not in_the_air or aircraft.taking_off_or_landing():
+        if not self._is_to_fly():
             return
-        if aircraft.mode not in self._settings.supervisor.take_over_from:
-            return
-        for reason in readiness.hindrances(now_s, role):
+        for reason in readiness.hindrances(now_s, self._operator.role):
             yield Condition(
                 f"hindered: {re.sub('[0-9]+', '', reason)}",
                 mavlink.MAV_SEVERITY_WARNING,
@@ -136,6 +134,14 @@ class OperatorNotices:
                 "Avoidance on again",
                 after_s=_HINDERED_IN_CONFLICT_S if threatened else _HINDERED_S,
             )
+
+    def _is_to_fly(self) -> bool:
+        """Whether the aircraft is in the air and in a mode to take over from, and our role is to fly it."""
+        aircraft = self._aircraft
+        in_the_air = aircraft.armed and aircraft.flight_state.may_be_in_the_air
+        if self._operator.role is not Role.FLY or not in_the_air or aircraft.taking_off_or_landing():
+            return False
+        return aircraft.mode in self._settings.supervisor.take_over_from
 
 
 def _condition(

@@ -8,14 +8,21 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from companion.mavlink.dialect import mavlink
-from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat
+from companion.model import (
+    LEVEL_M,
+    STEADY_CLIMB_M,
+    STEADY_SPEED_MPS,
+    STEADY_TURN_RAD,
+    Decision,
+    Guidance,
+    Layer,
+    Ownship,
+    TextUnits,
+    Threat,
+)
 from companion.output.notice import TEXT_BYTES, Notice
 from companion.units import FOOT_M, KNOT_MPS, wrap_pi, wrap_two_pi
 
-# Heights that differ by less than this are the same height.
-_LEVEL_M = 10
-# Smaller differences from the present flight are not worth a word.
-_TURN_RAD, _CLIMB_M, _SPEED_MPS = math.radians(3.0), 5.0, 2.0
 _HOLD = "HOLD"
 
 
@@ -81,6 +88,12 @@ def conflict_notice(
     )
 
 
+def clear_notice(maneuver: Maneuver, why: str, *, topic: str) -> Notice:
+    """The manoeuvre without a threat, and why it is flown."""
+    text = f"{maneuver.text}: {why}"
+    return Notice(mavlink.MAV_SEVERITY_NOTICE, text, topic=topic, brief=_fitting("", maneuver, ": ", [why]))
+
+
 def _fitting(before: str, maneuver: Maneuver, mark: str, traffic: Sequence[str]) -> str | None:
     """The first combination that fits; the manoeuvre is shortened after the traffic."""
     maneuvers = [f"{before}{words}" for words in maneuver.shortened()]
@@ -103,7 +116,7 @@ def describe_threat(threat: Threat, own: Ownship, name: str, units: TextUnits) -
     """The position of a threat: "N123 2 o'clock 1.8 km 60 m below"."""
     height_m = threat.relative_altitude_m
     level = "level"
-    if round(abs(height_m)) >= _LEVEL_M:
+    if round(abs(height_m)) >= LEVEL_M:
         level = f"{_height(abs(height_m), units)} {'above' if height_m > 0 else 'below'}"
     return f"{name} {_clock(threat, own)} {_distance(threat)} {level}"
 
@@ -134,7 +147,7 @@ def _distance(threat: Threat) -> str:
 
 def _height_words(altitude_m: float, own: Ownship, home_m: float | None, units: TextUnits) -> tuple[str, str]:
     climb_m = altitude_m + own.position_m[2]
-    if abs(climb_m) <= _CLIMB_M:
+    if abs(climb_m) <= STEADY_CLIMB_M:
         return "", ""
     verb = "CLIMB" if climb_m > 0.0 else "DESCEND"
     if home_m is None:
@@ -145,7 +158,7 @@ def _height_words(altitude_m: float, own: Ownship, home_m: float | None, units: 
 
 def _turn_words(course_rad: float, own: Ownship) -> str:
     turn_rad = wrap_pi(course_rad - math.atan2(own.velocity_mps[1], own.velocity_mps[0]))
-    if abs(turn_rad) <= _TURN_RAD:
+    if abs(turn_rad) <= STEADY_TURN_RAD:
         return ""
     course = round(math.degrees(wrap_two_pi(course_rad))) % 360
     return f"{'RIGHT' if turn_rad > 0.0 else 'LEFT'} {course:03d}"
@@ -153,7 +166,7 @@ def _turn_words(course_rad: float, own: Ownship) -> str:
 
 def _speed_words(airspeed_mps: float, own: Ownship, units: TextUnits) -> tuple[str, str]:
     faster_mps = airspeed_mps - own.airspeed_mps
-    if abs(faster_mps) <= _SPEED_MPS:
+    if abs(faster_mps) <= STEADY_SPEED_MPS:
         return "", ""
     verb = "FASTER" if faster_mps > 0.0 else "SLOWER"
     return f"{verb} {_speed(airspeed_mps, units)}", verb

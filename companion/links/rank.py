@@ -3,30 +3,13 @@
 from collections.abc import Iterable
 from enum import IntEnum
 
-from companion.mavlink.dialect import mavlink
+from companion.mavlink.dialect import is_vehicle, mavlink
 from companion.mavlink.framing import Frame
 
 Address = tuple[int, int]  # system and component
 
 _HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 _TYPE, _AUTOPILOT = 4, 5  # bytes of a HEARTBEAT's payload
-_NO_AUTOPILOT = mavlink.MAV_AUTOPILOT_INVALID
-# The types of HEARTBEAT that are no vehicles, whatever autopilot they name.
-_NO_VEHICLES = frozenset(
-    {
-        mavlink.MAV_TYPE_ANTENNA_TRACKER,
-        mavlink.MAV_TYPE_GCS,
-        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-        mavlink.MAV_TYPE_GIMBAL,
-        mavlink.MAV_TYPE_ADSB,
-        mavlink.MAV_TYPE_CAMERA,
-        mavlink.MAV_TYPE_CHARGING_STATION,
-        mavlink.MAV_TYPE_FLARM,
-        mavlink.MAV_TYPE_SERVO,
-        mavlink.MAV_TYPE_ODID,
-        *range(36, 43),  # battery, parachute, log, OSD, IMU, GPS, winch
-    }
-)
 
 
 class Rank(IntEnum):
@@ -44,12 +27,12 @@ def rank_of(frames: Iterable[Frame], ours: Address | None) -> Rank:
     for frame in frames:
         if ours == (frame.system_id, frame.component_id):
             return Rank.OURS
-        is_vehicle = frame.message_id == _HEARTBEAT and _is_vehicle(frame.payload)
-        rank = max(rank, Rank.VEHICLE if is_vehicle else Rank.OTHER)
+        rank = max(rank, Rank.VEHICLE if _is_vehicles_heartbeat(frame) else Rank.OTHER)
     return rank
 
 
-def _is_vehicle(payload: bytes) -> bool:
-    if len(payload) <= _AUTOPILOT:
+def _is_vehicles_heartbeat(frame: Frame) -> bool:
+    payload = frame.payload
+    if frame.message_id != _HEARTBEAT or len(payload) <= _AUTOPILOT:
         return False
-    return payload[_AUTOPILOT] != _NO_AUTOPILOT and payload[_TYPE] not in _NO_VEHICLES
+    return is_vehicle(payload[_TYPE], payload[_AUTOPILOT])

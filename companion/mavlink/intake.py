@@ -3,12 +3,30 @@
 from typing import NamedTuple
 
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import Fact, LinkAnswer, OtherVehicle, Sender, TimeSync, Traffic
+from companion.mavlink.facts import (
+    Fact,
+    LinkAnswer,
+    OtherVehicle,
+    ParameterRequest,
+    ParameterSet,
+    Sender,
+    TimeSync,
+    Traffic,
+)
 from companion.mavlink.framing import Frame
+from companion.mavlink.recent_frames import RecentFrames
 from companion.mavlink.translate import WANTED, frame_to_fact
 from companion.mavlink.vehicle_clock import Origin, VehicleClocks
 
 _STAMP_DIGITS = 1000
+# What ground stations, which have no boot clock, request of us.
+_REQUESTS = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+        mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+        mavlink.MAVLINK_MSG_ID_PARAM_SET,
+    }
+)
 
 
 class Received(NamedTuple):
@@ -21,8 +39,9 @@ class Received(NamedTuple):
 class Intake:
     """One for all links, as each vehicle has one clock; `judge` is called for every frame, in their order.
 
-    `unusable` counts messages of a wanted kind without valid content, `past` those that came too late, and
-    `of_others` those of another vehicle with the address of one that is known.
+    `unusable` counts messages of a wanted kind without valid content, `past` those that came too late,
+    `repeated` requests that were received before, byte for byte, and `of_others` messages of another vehicle
+    with the address of one that is known.
     """
 
     def __init__(self, component_id: int) -> None:
@@ -30,8 +49,10 @@ class Intake:
         self._component_id = component_id
         self.unusable = 0
         self.past = 0
+        self.repeated = 0
         self.of_others = 0
         self._clocks = VehicleClocks()
+        self._requests: RecentFrames[tuple[int, int, int]] = RecentFrames()
 
     def judge(self, frame: Frame, received_s: float) -> Received | None:
         """The fact in a frame that was received at `received_s` on our clock; `None` if it is of no use."""
@@ -46,11 +67,29 @@ class Intake:
             self.unusable += 1
         elif isinstance(fact, TimeSync):
             return self._synchronize(fact, frame, received_s)
+        elif origin is Origin.PRESENT and frame.message_id in _REQUESTS:
+            return self._request(fact, frame, received_s)
         # Reports of traffic carry their age and are judged by it.
         elif origin is Origin.PRESENT or isinstance(fact, Traffic):
             return Received(fact, true_s)
         else:
             self.past += 1
+        return None
+
+    def _request(self, fact: Fact, frame: Frame, received_s: float) -> Received | None:
+        """A request, unless it is a copy: obeyed again, it would undo what was requested since.
+
+        A station that repeats a request gives it a new sequence number. Of a station whose frames all have
+        the same number, a request counts again once another one came in between. The copy of a setting is
+        answered with the present value, as the sender may wait for an answer.
+        """
+        key = frame.system_id, frame.component_id, frame.sequence
+        if not self._requests.holds(key, frame.raw, received_s):
+            self._requests.put(key, frame.raw, received_s)
+            return Received(fact, received_s)
+        self.repeated += 1
+        if isinstance(fact, ParameterSet):
+            return Received(ParameterRequest(fact.sender, fact.target, fact.name, None), received_s)
         return None
 
     def _synchronize(self, fact: TimeSync, frame: Frame, received_s: float) -> Received | None:

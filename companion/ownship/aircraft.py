@@ -242,46 +242,12 @@ class Aircraft:
         """Whether the aircraft flies as an aeroplane: a VTOL only in wing flight."""
         return self.flight_state.flies_as_wing(self.identity.vehicle_type)
 
-    def is_ambiguous(self, now_s: float) -> bool:
-        """Whether two vehicles have our autopilot's address: commands would reach both."""
-        return self.identity.is_ambiguous(now_s)
-
-    def observe_companion(self, component_id: int, now_s: float) -> None:
-        """Note another companion in our system that avoids too."""
-        self.identity.observe_companion(component_id, now_s)
-
-    def other_companion(self, now_s: float) -> int | None:
-        """Component id of another companion that is heard now; `None` without one."""
-        return self.identity.other_companion(now_s)
-
-    @property
-    def version(self) -> str | None:
-        """The firmware's version."""
-        return self.identity.version
-
-    def others(self, now_s: float) -> set[int]:
-        """Systems heard now with another autopilot that could be ours."""
-        return self.identity.others(now_s)
-
-    def unwanted_since_s(self, now_s: float) -> dict[int, float]:
-        """Systems heard now whose autopilot is not the configured one, and since when."""
-        return self.identity.unwanted_since_s(now_s)
-
-    def expect_system(self, system_id: int) -> None:
-        """Adopt the autopilot of this system without waiting."""
-        self.identity.expect(system_id)
-
     # --- contact
 
     @property
     def heartbeat_s(self) -> float:
         """Time of the newest heartbeat."""
         return self.contact.heartbeat_s
-
-    @property
-    def clock_offset_s(self) -> float | None:
-        """The autopilot's Unix time minus ours."""
-        return self.contact.clock_offset_s
 
     def heard(self, now_s: float) -> bool:
         """Whether heartbeats arrive."""
@@ -295,10 +261,6 @@ class Aircraft:
     def in_contact(self, now_s: float) -> bool:
         """Whether messages arrive right now, with a heartbeat since the last silence."""
         return self.contact.in_contact(now_s)
-
-    def contact_just_regained(self, now_s: float) -> bool:
-        """Whether a silence ended so recently that not all frequent messages have arrived since."""
-        return self.contact.contact_just_regained(now_s)
 
     # --- flight state
 
@@ -316,25 +278,6 @@ class Aircraft:
     def mode_since_s(self) -> float:
         """Since when heartbeats have shown this mode."""
         return self.flight_state.mode_since_s
-
-    @property
-    def failsafe(self) -> bool:
-        """Whether the autopilot is in a failsafe."""
-        return self.flight_state.failsafe
-
-    @property
-    def fence_breached(self) -> bool:
-        """Whether the aircraft is outside the autopilot's fence."""
-        return self.flight_state.fence_breached
-
-    @property
-    def stick_pulses_us(self) -> tuple[int | None, ...]:
-        """The newest positions of the pilot's sticks [us]; empty before the first report."""
-        return self.sticks.pulses_us
-
-    def landing(self) -> bool:
-        """Whether the aircraft is landing or on the ground."""
-        return self.flight_state.landing
 
     # --- kinematics
 
@@ -420,35 +363,10 @@ class Aircraft:
         return descends and position.height_above_home_m < _MAY_LAND_BELOW_M
 
     @property
-    def plan_changes(self) -> int:
-        """Grows when the mission is changed, or someone selects another item while we fly."""
-        return self.navigation.plan_changes
-
-    @property
     def sequence(self) -> int | None:
         """The number of the mission item that is flown."""
         return self.navigation.sequence
 
-    def from_guided_target_m(self, now_s: float) -> float | None:
-        """How far the target reported just now is from that of the guided mode that we flew in [m]."""
-        return self.navigation.from_guided_target_m(now_s)
-
-    def forget_guided_target(self) -> None:
-        """Begin to look for another target: the next one reported in the guided mode is ours."""
-        self.navigation.forget_guided_target()
-
     def target(self, now_s: float) -> GeoPoint | None:
         """The place that the autopilot itself flies to or circles; `None` when it is unknown or old."""
         return self.navigation.target(now_s)
-
-    def refresh_navigation(self, now_s: float) -> None:
-        """Treat mission item and target as reported now, as after a silence."""
-        self.navigation.refresh(now_s)
-
-    def redirected_from(self, target: GeoPoint | None) -> bool:
-        """Whether the reported target is far from `target`, by default from the one of the guided mode."""
-        return self.navigation.redirected_from(target)
-
-    def mission_outdated(self, now_s: float) -> bool:
-        """Whether the autopilot has flown for a while to another place than the known mission leads to."""
-        return self.navigation.mission_outdated(now_s)

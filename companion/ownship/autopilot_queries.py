@@ -5,10 +5,15 @@ At most five requests a second are sent, and none is repeated without need.
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
-from companion.airspace.altitude_limits import HeightLimits
-from companion.airspace.fences import AutopilotFence, FenceInForce, FenceSettings, FenceZone, zones_of
+from companion.airspace.fences import (
+    AutopilotFence,
+    FenceInForce,
+    FenceSettings,
+    FenceZone,
+    HeightLimits,
+    zones_of,
+)
 from companion.autopilots import Adapter
 from companion.autopilots.parameters import ReportedLimits, reported_limits
 from companion.avoidance import Envelope, Fence
@@ -42,6 +47,7 @@ _ANSWERS: frozenset[type] = frozenset((Parameter, CommandResult, *MISSION_PROTOC
 _REQUEST_INTERVAL_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot whose fence is enabled.
 _FENCE_HEARD_S = 5.0
+_FENCE_OFF = FenceSettings(on=False, zones=False)
 # Parameters arrive one by one; the limits are announced when none has changed them for this long.
 _SETTLED_S = 3.0
 # The autopilot may fly elsewhere for other reasons; then reading the mission again does not help.
@@ -170,7 +176,7 @@ class AutopilotQueries:
         return HeightLimits.within_fence(min_height_m, max_height_m, self._settings(now_s))
 
     def autopilot_fence(self, now_s: float) -> AutopilotFence:
-        """The autopilot's own fence as known at present."""
+        """The autopilot's own fence as known at present; equal as long as nothing changes."""
         home_deg = None if self._home is None else (self._home.lat_deg, self._home.lon_deg)
         return AutopilotFence(self._settings(now_s), self._uploaded_zones, home_deg)
 
@@ -180,13 +186,8 @@ class AutopilotQueries:
 
     def _settings(self, now_s: float) -> FenceSettings:
         """The settings of the autopilot's fence; without heights and zones when it is known to be off."""
-        if self._adapter is None:
-            return FenceSettings()
-        settings = self._fence_settings
         heard = now_s - self._fence_heard_s <= _FENCE_HEARD_S
-        if settings.on is False and not heard:
-            return FenceSettings(on=False, zones=False)
-        return replace(settings, on=True) if heard else settings
+        return _FENCE_OFF if self._fence_settings.on is False and not heard else self._fence_settings
 
     # --- requests and answers
 

@@ -3,36 +3,9 @@
 import math
 
 from companion.autopilots import NAMES, Adapter, choose
-from companion.mavlink.dialect import mavlink
+from companion.mavlink.dialect import AEROPLANE, VTOLS, is_vehicle, mavlink
 from companion.mavlink.facts import FenceStatus, Heartbeat, LandedState, RcChannels, Sender
 
-_AEROPLANE = mavlink.MAV_TYPE_FIXED_WING
-# VTOLs fly as a wing at times, which their EXTENDED_SYS_STATE shows.
-_VTOLS = frozenset(range(19, 26))  # MAV_TYPE_VTOL_...
-# A heartbeat of any other type comes from a station, a receiver or another component.
-_VEHICLES = frozenset(
-    {
-        _AEROPLANE,
-        *_VTOLS,
-        mavlink.MAV_TYPE_QUADROTOR,
-        mavlink.MAV_TYPE_COAXIAL,
-        mavlink.MAV_TYPE_HELICOPTER,
-        mavlink.MAV_TYPE_AIRSHIP,
-        mavlink.MAV_TYPE_FREE_BALLOON,
-        mavlink.MAV_TYPE_ROCKET,
-        mavlink.MAV_TYPE_GROUND_ROVER,
-        mavlink.MAV_TYPE_SURFACE_BOAT,
-        mavlink.MAV_TYPE_SUBMARINE,
-        mavlink.MAV_TYPE_HEXAROTOR,
-        mavlink.MAV_TYPE_OCTOROTOR,
-        mavlink.MAV_TYPE_TRICOPTER,
-        mavlink.MAV_TYPE_FLAPPING_WING,
-        mavlink.MAV_TYPE_KITE,
-        mavlink.MAV_TYPE_PARAFOIL,
-        mavlink.MAV_TYPE_DODECAROTOR,
-        mavlink.MAV_TYPE_DECAROTOR,
-    }
-)
 # After a second without setpoints PX4 leaves its guided mode.
 _UPLINK_LOST_S = 0.8
 # Another autopilot, vehicle or companion counts until it has been silent for this long.
@@ -94,7 +67,7 @@ class Identity:
 
     def is_ours(self, fact: Heartbeat, now_s: float) -> bool:
         """Whether the heartbeat comes from our autopilot; may adopt the sender."""
-        if fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID or fact.vehicle_type not in _VEHICLES:
+        if not is_vehicle(fact.vehicle_type, fact.autopilot):
             return False
         if self.adapter is None:
             self._consider(fact, now_s)
@@ -212,7 +185,7 @@ class Contact:
         """Whether messages arrive right now, with a heartbeat since the last silence."""
         return now_s - self._fact_s <= _SILENCE_S and self.heartbeat_s >= self._silent_until_s
 
-    def contact_just_regained(self, now_s: float) -> bool:
+    def just_regained(self, now_s: float) -> bool:
         """Whether a silence ended so recently that not all frequent messages have arrived since."""
         return now_s - self._silent_until_s < _CONTACT_RENEWED_S
 
@@ -313,9 +286,9 @@ class FlightState:
         no state may be on its rotors.
         """
         if self._vtol_state is None:
-            return bool(vehicle_type == _AEROPLANE)
+            return bool(vehicle_type == AEROPLANE)
         wing = self._vtol_state == mavlink.MAV_VTOL_STATE_FW
-        return bool(wing and (vehicle_type == _AEROPLANE or vehicle_type in _VTOLS))
+        return bool(wing and (vehicle_type == AEROPLANE or vehicle_type in VTOLS))
 
     @property
     def landing(self) -> bool:

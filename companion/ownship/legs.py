@@ -45,6 +45,7 @@ class Leg:
             leg_from_m=None if self.start is None else frame.to_ned_m(self.start),
             loiter_radius_m=self.loiter_radius_m,
             then_m=None if self.then is None else frame.to_ned_m(self.then),
+            height_is_known=True,
         )
 
     def straight(self) -> "Leg":

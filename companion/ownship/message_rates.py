@@ -17,7 +17,6 @@ from companion.mavlink.facts import (
     OwnPosition,
     Parameter,
     PressureAltitude,
-    Traffic,
 )
 
 _MEASURED: dict[type, int] = {
@@ -51,17 +50,15 @@ class MessageRates:
         self._next_s: dict[int, float] = {}
         self._window_ends_s = math.inf
         self._requested = False
-        self._traffic_s = -math.inf
+        self.traffic_s = -math.inf  # when it last passed a report of traffic on
         self._own_icao_tries = 0
         self.measured_hz: dict[int, float] = {}  # by message id, over the last full window
 
-    def observe(self, fact: Fact, now_s: float) -> None:
+    def observe(self, fact: Fact) -> None:
         """Count a fact of our autopilot."""
         message_id = _MEASURED.get(type(fact))
         if message_id is not None:
             self._counts[message_id] = self._counts.get(message_id, 0) + 1
-        elif isinstance(fact, Traffic):
-            self._traffic_s = now_s
         elif isinstance(fact, Parameter) and fact.name == OWN_ICAO_PARAMETER:
             self._own_icao_tries = _OWN_ICAO_TRIES
 
@@ -73,7 +70,7 @@ class MessageRates:
         """The requests to send now."""
         if not self._requested:
             self._requested = True
-            self._traffic_s = now_s
+            self.traffic_s = now_s
             self._waits_s.clear()
             self._begin_window(now_s)
             self._own_icao_tries = 1
@@ -101,9 +98,9 @@ class MessageRates:
             for message_id, interval_s in slow
             if self._may_request(message_id, now_s)
         ]
-        if now_s - self._traffic_s >= _QUIET_TRAFFIC_S:
+        if now_s - self.traffic_s >= _QUIET_TRAFFIC_S:
             # The request may have been lost, which looks like no traffic.
-            self._traffic_s = now_s
+            self.traffic_s = now_s
             traffic = mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
             requests.append(adapter.request_interval(traffic, adapter.intervals_s[traffic]))
         if self._own_icao_tries < _OWN_ICAO_TRIES:

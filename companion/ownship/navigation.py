@@ -1,6 +1,7 @@
 """Where the autopilot flies to: the item of its mission, and its own navigation target."""
 
 import math
+from dataclasses import replace
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import MissionProgress, NavigationTarget
@@ -37,12 +38,15 @@ class Navigation:
         self._guided_target: NavigationTarget | None = None  # the first one since the guided mode is flown
         # The newest one after which the guided mode was still shown: not that of another mode.
         self.confirmed_target: NavigationTarget | None = None
+        self.is_redirected = False  # it is far from the one reported when the guided mode was entered
         self._reported: tuple[NavigationTarget, float] | None = None  # the newest one, ours or not
         # Grows when the mission is changed, or someone selects another item while our setpoints are flown.
         self.plan_changes = 0
         self._target: NavigationTarget | None = None
         self._target_s = -math.inf
+        self._target_reported_s = -math.inf  # not refreshed
         self._sequence_s = -math.inf
+        self._item_since_s = -math.inf
         self._differs_since_s: float | None = None
 
     def observe_progress(
@@ -57,6 +61,7 @@ class Navigation:
             self.plan_changes += 1
         if before != fact.sequence and not self._lead_to_the_same(before, fact.sequence):
             self.legs.item_changed(before, self._kinematics.place(), flown=flown and before is not None)
+            self._item_since_s = now_s
         self.sequence, self._sequence_s = fact.sequence, now_s
 
     def _lead_to_the_same(self, one: int | None, other: int) -> bool:
@@ -76,7 +81,7 @@ class Navigation:
             if self._guided_target is None:
                 self._guided_target = fact
         elif not ours:
-            self._target, self._target_s = fact, now_s
+            self._target, self._target_s, self._target_reported_s = fact, now_s, now_s
 
     def refresh(self, now_s: float) -> None:
         """Treat item and target as reported now, as after a silence."""
@@ -111,22 +116,20 @@ class Navigation:
     def forget_guided_target(self) -> None:
         """Begin to look for another target: the next one reported in the guided mode is ours."""
         self._newest_guided_target = self._guided_target = self.confirmed_target = None
+        self.is_redirected = False
 
     def observe_guided(self) -> None:
         """Note that the guided mode is shown: the target reported before belongs to it."""
-        self.confirmed_target = self._newest_guided_target
+        self.confirmed_target, first = self._newest_guided_target, self._guided_target
+        if first is not None:
+            self.is_redirected = self.redirected_from(GeoPoint(first.lat_deg, first.lon_deg, 0.0))
 
-    def redirected_from(self, target: GeoPoint | None) -> bool:
-        """Whether the target of the guided mode is far from `target` while our setpoints are flown.
-
-        By default, from the one reported when the guided mode was entered.
-        """
-        other, first = self.confirmed_target, self._guided_target
-        if target is None and first is not None:
-            target = GeoPoint(first.lat_deg, first.lon_deg, 0.0)
-        if target is None or other is None:
+    def redirected_from(self, place: GeoPoint) -> bool:
+        """Whether the target of the guided mode is far from a place while our setpoints are flown."""
+        other = self.confirmed_target
+        if other is None:
             return False
-        frame = LocalFrame(target.lat_deg, target.lon_deg)
+        frame = LocalFrame(place.lat_deg, place.lon_deg)
         moved_m = frame.to_ned_m(GeoPoint(other.lat_deg, other.lon_deg, 0.0))[:2]
         return math.hypot(*moved_m) > _REDIRECTED_M
 
@@ -146,23 +149,29 @@ class Navigation:
     def goal(self, frame: LocalFrame, now_s: float, *, in_mission: bool) -> Goal:
         """The mission item, otherwise the navigation target, otherwise the present course and height.
 
-        Where item and target are different places, the known mission is outdated, and the target counts.
+        Where item and target are different places, the known mission is outdated, and the target counts,
+        unless it was reported before that item was selected.
         """
         place = self.target(now_s)
         item = self._item_place(now_s) if in_mission else None
         if item is None:
             self._differs_since_s = None
-        elif not self._differs(item, place, frame, now_s):
+        elif self._target_reported_s < self._item_since_s or not self._differs(item, place, frame, now_s):
             place = item
         own = self._kinematics
-        speed_mps = own.airspeed_mps()
+        goal = Goal(
+            airspeed_mps=own.airspeed_mps(), height_is_known=place is item or self._has_target_height()
+        )
         line = self._line() if item is not None and place is item else None
         if line is not None:
-            return line.goal(frame, Goal(airspeed_mps=speed_mps))
+            return line.goal(frame, goal)
         if place is not None:
-            return Goal(position_m=frame.to_ned_m(place), airspeed_mps=speed_mps, altitude_m=place.altitude_m)
+            return replace(goal, position_m=frame.to_ned_m(place), altitude_m=place.altitude_m)
         altitude_m = None if own.position is None else own.position.altitude_m
-        return Goal(course_rad=own.course_rad(), airspeed_mps=speed_mps, altitude_m=altitude_m)
+        return replace(goal, course_rad=own.course_rad(), altitude_m=altitude_m, height_is_known=False)
+
+    def _has_target_height(self) -> bool:
+        return self._target is not None and self._target.altitude_m is not None
 
     def leg(self) -> Leg | None:
         """The leg where the aircraft belongs; `None` when it is unknown, or another place is flown to."""

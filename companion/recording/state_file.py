@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from companion.files import read_small, reason, replace_small, set_aside, why_not_replaceable
 from companion.mavlink.dialect import mavlink
 from companion.output.notice import Condition
-from companion.small_file import read_small, reason, replace_small, set_aside, writing_problem
 
 _log = logging.getLogger("companion")
 
@@ -29,7 +29,7 @@ class StateFile:
 
     def try_writing(self) -> None:
         """Find out now whether it can be written, and not when it is needed."""
-        problem = writing_problem(self._path)
+        problem = why_not_replaceable(self._path)
         if problem is not None:
             self._failed(problem)
 

@@ -6,7 +6,6 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from companion.model import TrafficKind
 from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.track_filter import EstimateParams
 
@@ -76,10 +75,6 @@ class TrafficParams:
     heights: HeightParams = field(default_factory=HeightParams)
     association: AssociationParams = field(default_factory=AssociationParams)
     own_echo: EchoParams = field(default_factory=EchoParams)
-
-    def stale_after_s(self, kind: TrafficKind) -> float:
-        """Time without a new measurement after which a track of this kind is dropped [s]."""
-        return self.obstacle_stale_s if kind is TrafficKind.OBSTACLE else self.stale_s
 
     def __post_init__(self) -> None:
         if self.repeat_window_s >= self.stale_s:

@@ -28,7 +28,7 @@ from companion.traffic.association import Association, leading_target
 from companion.traffic.mavlink_traffic import MavlinkTraffic
 from companion.traffic.ownship_echo import OwnshipEcho, OwnshipFix
 from companion.traffic.params import TrafficParams
-from companion.traffic.target import DropReason, Motion, Target
+from companion.traffic.target import DropReason, Motion, Target, stale_after_s
 
 # Smaller steps back of a clock are jitter between callers; a larger step means that the clock was set.
 _CLOCK_JITTER_S = 1.0
@@ -116,7 +116,7 @@ class Tracker:
             self._remove(report.key)
             target = Target(report, self.params, self.dropped)
         time_s = self._clock.convert(report.time_s)
-        if monotonic_s - time_s > self.params.stale_after_s(report.kind):
+        if monotonic_s - time_s > stale_after_s(report.kind, self.params):
             self.dropped[DropReason.STALE] += 1
             return None
         if not target.receive(report, report.lat_deg, report.lon_deg, time_s):

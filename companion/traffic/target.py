@@ -98,6 +98,11 @@ class _Vertical(NamedTuple):
     sigma_m: float
 
 
+def stale_after_s(kind: TrafficKind, params: TrafficParams) -> float:
+    """Time without a new measurement after which a track of this kind is dropped [s]."""
+    return params.obstacle_stale_s if kind is TrafficKind.OBSTACLE else params.stale_s
+
+
 class Target:
     """The state of one key. Its times are those of the tracker's monotonic clock."""
 
@@ -156,7 +161,7 @@ class Target:
         self._turn.receive(time_s, fix.velocity_mps)
         self._receive_altitude(report, time_s)
         self.measured_s = time_s
-        self.expires_s = time_s + self._params.stale_after_s(self.kind)
+        self.expires_s = time_s + stale_after_s(self.kind, self._params)
         self.motion = self._motion(self._horizontal.estimate, report.position_sigma_m)
         return True
 

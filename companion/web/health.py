@@ -50,7 +50,10 @@ class LinkCount:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """Health of the service at one moment; counts since the start."""
+    """Health of the service at one moment; counts since the start.
+
+    `unusable`, `late` and `of_others` are those of `Intake`.
+    """
 
     uptime_s: float
     tick_s: float  # duration of the last tick
@@ -59,6 +62,9 @@ class Health:
     skipped_ticks: int
     links: tuple[LinkCount, ...]
     unusable: int
+    late: int
+    of_others: int
+    repeated: int
     setpoints_sent: int
     recording_problem: str | None
 
@@ -71,6 +77,9 @@ class Health:
         *,
         skipped_ticks: int = 0,
         unusable: int = 0,
+        late: int = 0,
+        of_others: int = 0,
+        repeated: int = 0,
         setpoints_sent: int = 0,
         recording_problem: str | None = None,
     ) -> "Health":
@@ -94,6 +103,9 @@ class Health:
             skipped_ticks,
             counts,
             unusable,
+            late,
+            of_others,
+            repeated,
             setpoints_sent,
             recording_problem,
         )

@@ -48,7 +48,7 @@ def live_snapshot_of(engine: Engine, now_s: float, health: Health) -> LiveSnapsh
         role=engine.operator.role.name.lower(),
         flying=engine.supervisor.flying,
         autopilot=None if adapter is None else adapter.name,
-        firmware=aircraft.version,
+        firmware=aircraft.identity.version,
         system_id=None if adapter is None else adapter.target.system_id,
         frame=engine.frame,
         home_altitude_m=aircraft.home_altitude_m(),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from companion.avoidance import AvoidanceParams, Avoider
+from companion.control.rejoin import ControlParams, RejoinMode
 from companion.control.state_machine import SupervisorParams
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.model import Decision, Goal, Ownship, Track
@@ -31,7 +32,7 @@ class PeerAvoider(Avoider):
         return self._peer.decide(now_s, own, tracks, goal)
 
 
-def engine_for(avoider: str, limits: Limits) -> Callable[[Encounter], Engine]:
+def engine_for(avoider: str, limits: Limits, rejoin: RejoinMode = "line") -> Callable[[Encounter], Engine]:
     """A function that makes the engine for an encounter, with the named avoider."""
     aircraft = AircraftLimits(
         min_airspeed_mps=limits.min_airspeed_mps,
@@ -48,6 +49,7 @@ def engine_for(avoider: str, limits: Limits) -> Callable[[Encounter], Engine]:
         config = EngineConfig(
             engine=EngineParams(autopilot_system_id=1, max_height_m=ceiling_m),
             supervisor=SupervisorParams(min_height_m=max(floor_m, 0.0)),
+            control=ControlParams(rejoin=rejoin),
             aircraft=aircraft,
         )
         return Engine(config, avoider=_peer(avoider, limits, config, floor_m, ceiling_m))

@@ -129,11 +129,17 @@ def print_figures(console: Console, report: dict[str, Any]) -> None:
 def _way_back(report: dict[str, Any]) -> str:
     """Time from the take-over until back on leg and height, and repeated engagements, by avoider."""
     return "\n".join(
-        f"{name}: back {_seconds(figures['back_s']['p50'])} after the take-over "
-        f"(95 %: {_seconds(figures['back_s']['p95'])}), "
-        f"{figures['engaged_more_than_once']} engaged more than once"
+        f"{name}: back {_two(figures['back_s'])} after the take-over; "
+        f"{figures['given_back_on_leg']} given back on the leg, {figures['back_on_left_leg']} back on the "
+        f"one they left, {figures['back_on_later_leg']} on a later one; off it in the mission's mode for "
+        f"{_two(figures['strayed_s'])}; {figures['engaged_more_than_once']} engaged more than once"
         for name, figures in report["avoiders"].items()
     )
+
+
+def _two(quantiles: dict[str, float | None]) -> str:
+    """Median and 95 % quantile."""
+    return f"{_seconds(quantiles['p50'])} (95 %: {_seconds(quantiles['p95'])})"
 
 
 def _seconds(value: float | None) -> str:

@@ -61,7 +61,9 @@ class EncounterResult:
     """The result of one encounter; `own_m` is our path, (n, 3) north-east-down every 0.1 s.
 
     `back_s` is when the aircraft was back on its leg and height for good, `return_s` how long that took from
-    the first take-over.
+    the first take-over. `on_left_leg`: that was the leg left at the last take-over, and not one after it.
+    `given_back_on_leg`: on that leg and height the mission's mode was entered the last time. `strayed_s`:
+    time in the mission's mode off its leg or height, after the first take-over.
     """
 
     closest: ClosestApproach
@@ -71,6 +73,9 @@ class EncounterResult:
     engagements: int = 0
     back_s: float | None = None
     return_s: float | None = None
+    on_left_leg: bool | None = None
+    given_back_on_leg: bool | None = None
+    strayed_s: float = 0.0
     first_action_s: float | None = None
     decision_ms: list[float] = field(default_factory=list)
     own_m: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -145,6 +150,7 @@ class _Flight:
         self._encounter, self._engine, self._route = encounter, engine, route
         self._plane = _plane(encounter, route, limits)
         self._back_since_s: float | None = None
+        self._back_on = 0  # the number of the leg
         self._observer = Observer(encounter, surveillance, seed)
         self._noted: object = None  # state and guidance of the last entry in `reasons`
         self._own_m: list[Array] = []
@@ -169,6 +175,8 @@ class _Flight:
         flown.closest = closest_approach(flown.own_m, self._encounter)
         flown.engagements = plane.entered_guided
         flown.avoided = plane.entered_guided > 0
+        if plane.given_back_m is not None:
+            flown.given_back_on_leg = _is_on_leg(plane.given_back_m)
         if flown.back_s is not None and flown.first_action_s is not None:
             flown.return_s = flown.back_s - flown.first_action_s
         off_m = np.abs(self._route.off_m(flown.own_m))
@@ -194,15 +202,17 @@ class _Flight:
 
     def _is_back(self, time_s: float) -> bool:
         """Whether the aircraft has been on its leg and height for a while; notes since when."""
-        aside_m, above_m = self._plane.off_leg_m()
-        on_leg = abs(aside_m) <= _ON_LEG_M and abs(above_m) <= _AT_HEIGHT_M
-        if not (on_leg and self._plane.mode == AUTO):
-            self._back_since_s = self._flown.back_s = None
+        on_leg, in_auto = _is_on_leg(self._plane.off_leg_m()), self._plane.mode == AUTO
+        if in_auto and not on_leg and self._plane.entered_guided:
+            self._flown.strayed_s += _STEPS_PER_DECISION * _STEP_S
+        if not (on_leg and in_auto):
+            self._back_since_s = self._flown.back_s = self._flown.on_left_leg = None
             return False
         if self._back_since_s is None:
-            self._back_since_s = time_s
+            self._back_since_s, self._back_on = time_s, self._plane.leg
         if time_s - self._back_since_s >= _STAYS_S or not self._plane.entered_guided:
             self._flown.back_s = self._back_since_s
+            self._flown.on_left_leg = self._back_on == self._plane.left_leg
         return self._flown.back_s is not None
 
     def _send_facts(self, step: int) -> None:
@@ -250,6 +260,11 @@ class _Flight:
         if now != self._noted:
             self._noted = now
             self._flown.reasons.append((time_s, f"{engine.supervisor.state}: {decision.because}"))
+
+
+def _is_on_leg(off_m: tuple[float, float]) -> bool:
+    aside_m, above_m = off_m
+    return abs(aside_m) <= _ON_LEG_M and abs(above_m) <= _AT_HEIGHT_M
 
 
 def _messages(effects: Sequence[object]) -> list[Message]:

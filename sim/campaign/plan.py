@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from companion.control.rejoin import RejoinMode
 from companion.engine import Engine
 from companion.errors import ConfigError
 from sim.campaign.avoiders import COMPANION, engine_for
@@ -57,6 +58,7 @@ class Plan:
     lock_height: bool = False
     part: Part = Part.ALL
     legs: bool = False
+    rejoin: RejoinMode = "line"
 
     def __post_init__(self) -> None:
         for name in self.avoiders:
@@ -135,4 +137,4 @@ class Plan:
 
     def engine_for(self, avoider: str) -> Callable[[Encounter], Engine]:
         """A function that makes the engine for an encounter."""
-        return engine_for(avoider, self.limits)
+        return engine_for(avoider, self.limits, self.rejoin)

@@ -87,6 +87,8 @@ class Plane:
         self._wing = FixedWing(position_m, course_rad, airspeed_mps, airframe=limits.airframe())
         self.mode = AUTO
         self.entered_guided = 0
+        self.left_leg: int | None = None  # the number of the leg that was flown at the last take-over
+        self.given_back_m: tuple[float, float] | None = None  # `off_leg_m` when AUTO was entered last
         self._answers: list[Fact] = []
 
     @property
@@ -98,6 +100,11 @@ class Plane:
     def velocity_mps(self) -> Vec3:
         """Velocity over ground, north-east-down [m/s]."""
         return self._wing.velocity_mps
+
+    @property
+    def leg(self) -> int:
+        """The number of the present leg."""
+        return self._to
 
     def off_leg_m(self) -> tuple[float, float]:
         """Offset to the right of the present leg between waypoints, and above its slope [m]."""
@@ -197,8 +204,9 @@ class Plane:
     def _enter(self, mode: int) -> None:
         if mode == GUIDED and self.mode != GUIDED:
             self.entered_guided += 1
+            self.left_leg = self._to
         if mode == AUTO and self.mode != AUTO:
-            self._from_m = self._wing.position_m
+            self._from_m, self.given_back_m = self._wing.position_m, self.off_leg_m()
             self._wing.hold_airspeed(self._airspeed_mps)
         self.mode = mode
 

@@ -41,6 +41,9 @@ def result_line(
         "first_action_s": None if flown.first_action_s is None else round(flown.first_action_s, 1),
         "back_s": None if flown.back_s is None else round(flown.back_s, 1),
         "return_s": None if flown.return_s is None else round(flown.return_s, 1),
+        "on_left_leg": flown.on_left_leg,
+        "given_back_on_leg": flown.given_back_on_leg,
+        "strayed_s": round(flown.strayed_s, 1),
         "timing": _histogram(flown.decision_ms),
     }
 

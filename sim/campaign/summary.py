@@ -15,7 +15,8 @@ _RESAMPLES = 1000
 _CHUNK = 2_000_000  # encounters resampled at a time, to bound memory
 _COLUMNS = (
     "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
-    "avoided", "deviation_m", "height_m", "engagements", "return_s",
+    "avoided", "deviation_m", "height_m", "engagements", "return_s", "on_left_leg", "given_back_on_leg",
+    "strayed_s",
 )  # fmt: skip
 # Pass lines for cooperative traffic, of ASTM F3442.
 RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
@@ -42,7 +43,8 @@ class Figures:
                 result["number"], self._code(result["surveillance"]), self._code(result["geometry"]),
                 result["closing_mps"], result["weight"], nominal["nmac"], nominal["lowc"], flown["nmac"],
                 flown["lowc"], result["avoided"], result["deviation_m"], result["height_m"],
-                result["engagements"], _number_or_nan(result["return_s"]),
+                result["engagements"], _number_or_nan(result["return_s"]), bool(result["on_left_leg"]),
+                bool(result["given_back_on_leg"]), result["strayed_s"],
             )
         )  # fmt: skip
         self.not_back += result["back_s"] is None
@@ -91,8 +93,10 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         "engaged_more_than_once": int((columns["engagements"] > 1.0).sum()),
         "mean_engagements": _mean_of_engaged(columns),
         "not_back_on_leg": figures.not_back,
+        **_back_on(columns),
         "latest_back_s": figures.latest_back_s,
         "back_s": _quantiles(columns["return_s"]),
+        "strayed_s": _quantiles(columns["strayed_s"][columns["engagements"] > 0.0]),
         "decision_ms": {
             "p50": percentile_ms(figures.timing, 0.5),
             "p99": percentile_ms(figures.timing, 0.99),
@@ -153,6 +157,18 @@ def _interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tup
 def _divided(above: Array, below: Array) -> Array:
     quotient: Array = np.divide(above, below, out=np.full(len(above), np.nan), where=below > 0.0)
     return quotient
+
+
+def _back_on(columns: dict[str, Array]) -> dict[str, int]:
+    """How many of the engaged were given back on leg and height, and back on the leg left or a later one."""
+    back = (columns["engagements"] > 0.0) & np.isfinite(columns["return_s"])
+    on_left = back & (columns["on_left_leg"] > 0.0)
+    given_back = back & (columns["given_back_on_leg"] > 0.0)
+    return {
+        "given_back_on_leg": int(given_back.sum()),
+        "back_on_left_leg": int(on_left.sum()),
+        "back_on_later_leg": int((back & ~on_left).sum()),
+    }
 
 
 def _mean_of_engaged(columns: dict[str, Array]) -> float | None:

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from companion.cli.common import note_if_slow, writable
+from companion.control.rejoin import RejoinMode
 from companion.errors import require
 from sim.campaign.plan import Part, Plan
 from sim.cli.common import ReportOption
@@ -41,6 +42,10 @@ LegsOption = Annotated[
     typer.Option("--legs", help="Missions with legs of 3 km, slopes and corners; default: a straight line."),
 ]
 
+RejoinOption = Annotated[
+    RejoinMode, typer.Option(metavar="line|direct|off", help="How it is given back, as in `control.rejoin`.")
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -51,6 +56,7 @@ def campaign(
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     legs: LegsOption = False,
+    rejoin: RejoinOption = "line",
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -80,7 +86,7 @@ def campaign(
             writable(path)
     plan = Plan(
         encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
-        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs,
+        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs, rejoin,
     )  # fmt: skip
     note_if_slow()
     console = Console(highlight=False)
@@ -103,6 +109,7 @@ def encounter(
     intruders: IntrudersOption = 1,
     lock_height: LockOption = False,
     legs: LegsOption = False,
+    rejoin: RejoinOption = "line",
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -114,6 +121,9 @@ def encounter(
         require("matplotlib", "companion-sim encounter --out", "sim")
         writable(out)
     models = tuple(map(str, model or ()))
-    plan = Plan(number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height, legs=legs)
+    plan = Plan(
+        number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height,
+        legs=legs, rejoin=rejoin,
+    )  # fmt: skip
     note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from companion.avoidance.inner import TABLE, Course, Speed
+from companion.avoidance.cost import Speed
+from companion.avoidance.inner import TABLE, Course
 from companion.errors import ConfigError
 from sim.paper import methods, report, studies
 from sim.paper.flight import Flight

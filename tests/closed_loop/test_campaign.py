@@ -1,6 +1,7 @@
 """Campaigns: the same results on any number of workers, continued after interruption, correct figures."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,15 +9,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from companion.control.rejoin import RejoinMode
 from companion.errors import ConfigError
 from sim.campaign.command import page_of, run
 from sim.campaign.flight import closest_approach, fly, unmitigated
 from sim.campaign.plan import Part, Plan
 from sim.campaign.results import ResultLine, Results, percentile_ms, read_results
+from sim.campaign.route import Route
 from sim.campaign.summary import Figures, gather, summary_of
 from sim.encounters import generate
 
 QUIET = Console(quiet=True)
+MODES: tuple[RejoinMode, ...] = ("line", "off")
 
 
 def without_timing(path: Path) -> list[ResultLine]:
@@ -188,7 +192,7 @@ def result(number: int, *, weight: float = 1.0, lost: bool = True, kept: bool = 
         "geometry": "head-on", "closing_mps": 50.0,
         "nominal": near | {"nmac": lost, "lowc": lost}, "flown": near | {"nmac": not kept, "lowc": not kept},
         "deviation_m": float(number), "height_m": 10.0, "avoided": True, "engagements": 1, "back_s": 120.0,
-        "return_s": 60.0,
+        "return_s": 60.0, "on_left_leg": True, "given_back_on_leg": False, "strayed_s": 5.0,
         "timing": {"10": 5, "100": 1},
     }  # fmt: skip
 
@@ -248,3 +252,37 @@ def test_the_page_needs_no_network(flown: tuple[Plan, Path]) -> None:
     assert "head-on" in page or "crossing" in page
     assert "http://" not in page
     assert "https://" not in page
+
+
+def test_given_back_on_the_leg_is_told_from_flying_on_to_its_waypoint() -> None:
+    """On a leg with room behind the encounter, `line` flies back to it, and `off` does not."""
+    encounter, plan = generate("level", 0, 0, hits=True), Plan(1, rejoin="off")
+    north, east = math.cos(encounter.own_course_rad), math.sin(encounter.own_course_rad)
+    start_m = encounter.own_position_m
+    ends_m = [(start_m[0] + m * north, start_m[1] + m * east, start_m[2]) for m in (-3000.0, 9000.0, 60000.0)]
+    flown = {
+        mode: fly(
+            encounter,
+            replace(plan, rejoin=mode).engine_for("companion"),
+            plan.first_surveillance,
+            plan.limits,
+            route=Route(tuple(ends_m)),
+        )
+        for mode in MODES
+    }
+    assert flown["line"].avoided
+    assert flown["line"].given_back_on_leg
+    assert flown["line"].on_left_leg
+    assert flown["line"].strayed_s == 0.0
+    assert not flown["off"].given_back_on_leg
+    assert flown["off"].strayed_s > 30.0
+
+
+def test_the_report_counts_where_the_aircraft_was_given_back_and_where_it_was_back() -> None:
+    there = {"given_back_on_leg": True}
+    later = {"on_left_leg": False, "strayed_s": 25.0}
+    never = {"avoided": False, "engagements": 0, "return_s": None, "on_left_leg": False, "strayed_s": 0.0}
+    figures = summary_of(figures_of([result(0) | there, result(1), result(2) | later, result(3) | never]))
+    assert figures["given_back_on_leg"] == 1
+    assert (figures["back_on_left_leg"], figures["back_on_later_leg"]) == (2, 1)
+    assert figures["strayed_s"] == {"p50": 5.0, "p95": 23.0}

@@ -75,3 +75,21 @@ def test_a_series_of_crossing_aircraft_each_higher_or_lower(autopilot: Autopilot
     level_m = heights_m[0]
     assert max(heights_m) <= level_m + BOUND_M + OVERSHOOT_M
     assert min(heights_m) >= level_m - BOUND_M - OVERSHOOT_M
+
+
+def test_at_the_height_of_the_mission_to_the_millimetre_the_bound_is_the_same() -> None:
+    """The mission leads from 300 to 400 m; at 400 m only a climb avoids the crossing aircraft."""
+    params = AvoidanceParams(
+        largest_height_change_m=BOUND_M,
+        controls=frozenset({Control.HEIGHT}),
+        envelope=Envelope(min_altitude_m=MISSION_M + BOUND_M - 5.0),
+    )
+    avoider, goal = Avoider(params), Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=MISSION_M + BOUND_M)
+    guidance = None
+    for now_s, altitude_m in ((0.0, MISSION_M), (1.0, MISSION_M + BOUND_M)):
+        own = Ownship(now_s, (0.0, 0.0, -altitude_m), (22.0, 0.0, 0.0), 22.0, 0.0, (0.0, 0.0))
+        place = (660.0, 1200.0, -altitude_m)
+        tracks = [Track("A", now_s, place, (0.0, -40.0, 0.0))] if now_s else []
+        guidance = avoider.decide(now_s, own, tracks, goal).guidance
+    assert guidance is not None
+    assert guidance.altitude_m > MISSION_M + 1.8 * BOUND_M

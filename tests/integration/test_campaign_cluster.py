@@ -18,6 +18,7 @@ from rich.console import Console
 from sim.campaign.command import run
 from sim.campaign.plan import Plan
 from sim.campaign.results import ResultLine, read_results
+from tests.support.commands import call
 from tests.support.paths import ROOT
 
 CAMPAIGN = (sys.executable, "-c", "from sim.cli import main; main()", "campaign", "--results", "r.ndjson")
@@ -173,8 +174,7 @@ def test_a_missing_scheduler_is_one_line_and_exit_code_two(tmp_path: Path) -> No
     ],
 )
 def test_bad_usage_is_one_line_and_exit_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    flying = campaign(tmp_path, *options)
-    _, errors = flying.communicate(timeout=PATIENCE_S)
-    assert flying.returncode == 2
-    assert words in one_line(errors)
+    done = call("campaign", "--results", "r.ndjson", *options, module="sim", folder=tmp_path)
+    assert done.returncode == 2
+    assert words in one_line(done.stderr)
     assert not (tmp_path / "r.ndjson").exists()

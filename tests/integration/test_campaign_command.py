@@ -2,10 +2,11 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.support.commands import call
 
 KEYS = {
     "encounters", "p_nmac", "p_lowc", "risk_ratio", "risk_ratio_ci95", "lowc_ratio", "lowc_ratio_ci95",
@@ -14,27 +15,20 @@ KEYS = {
 
 
 def companion_sim(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from sim.cli import main; main()", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    return call(*arguments, module="sim", folder=folder)
 
 
 def test_a_campaign_reports_and_continues(tmp_path: Path) -> None:
     options = ("--seed", "2", "--report", "r.json", "--page", "p.html", "--workers", "2")
-    first = companion_sim("campaign", "--encounters", "10", *options, folder=tmp_path)
+    first = companion_sim("campaign", "--encounters", "4", *options, folder=tmp_path)
     assert first.returncode == 0, first.stderr
     report = json.loads((tmp_path / "r.json").read_text())
     assert set(report["avoiders"]["companion"]) >= KEYS
-    assert report["avoiders"]["companion"]["encounters"] == 10
+    assert report["avoiders"]["companion"]["encounters"] == 4
     assert (tmp_path / "p.html").read_text().startswith("<!doctype html>")
-    more = companion_sim("campaign", "--encounters", "12", *options, folder=tmp_path)
+    more = companion_sim("campaign", "--encounters", "6", *options, folder=tmp_path)
     assert more.returncode == 0, more.stderr
-    assert len((tmp_path / "campaign.ndjson").read_text().splitlines()) == 13
+    assert len((tmp_path / "campaign.ndjson").read_text().splitlines()) == 7
 
 
 def test_one_encounter_is_shown(tmp_path: Path) -> None:

@@ -101,10 +101,10 @@ def now_s() -> float:
     return float(int(time.time()))
 
 
-async def check(folder: Path, port: int, seconds: float) -> tuple[int, list[str], str]:
-    """Run the command as a process: exit code, lines, errors."""
+async def check(folder: Path, port: int, seconds: float, more: str = "") -> tuple[int, list[str], str]:
+    """Run the command as a process, with `more` configuration: exit code, lines, errors."""
     config = folder / "c.yaml"
-    config.write_text(f"links: [udpin:127.0.0.1:{port}]\n")
+    config.write_text(f"links: [udpin:127.0.0.1:{port}]\n{more}")
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-m", "companion", "check", str(config), "--link", "--seconds", str(seconds),
         stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, cwd=folder,
@@ -203,6 +203,19 @@ async def test_the_command_prints_all_findings_and_no_log(tmp_path: Path) -> Non
     assert any(line.startswith("autopilot") and "PX4 1.15.0, system 1, fixed wing" in line for line in lines)
     assert lines[-1] == "would fly: in a conflict it takes over the aircraft"
     assert errors == ""
+
+
+async def test_files_that_cannot_be_written_are_findings_and_count(tmp_path: Path) -> None:
+    vehicle, port = in_the_air(FakePx4), free_port()
+    more = f"state_file: {tmp_path}/nowhere/state\n"
+    async with talking(vehicle, port, ScaledClock(1.0, start_s=vehicle.time_s)):
+        code, lines, errors = await check(tmp_path, port, 6.0, more)
+    assert code == 2
+    listed = [" ".join(line.split()) for line in lines]
+    why = f"there is no folder {tmp_path}/nowhere"
+    place = f"{tmp_path}/c.yaml:2: state_file: {tmp_path}/nowhere/state"
+    assert f"storage {place} cannot be written: {why}" in listed
+    assert errors == f"{tmp_path}/c.yaml: cannot be written: state_file\n"
 
 
 async def test_without_an_autopilot_the_command_fails_with_one_line(tmp_path: Path) -> None:

@@ -2,23 +2,13 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from companion import __version__
+from tests.support.commands import call
 from tests.support.paths import CONFIGS, TLOGS
-
-
-def call(
-    *arguments: str, module: str = "companion", folder: Path | None = None
-) -> subprocess.CompletedProcess[str]:
-    code = f"from {module}.cli import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        capture_output=True, text=True, timeout=60, check=False, cwd=folder,
-    )  # fmt: skip
 
 
 def last_line(text: str) -> str:

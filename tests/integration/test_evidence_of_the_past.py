@@ -3,18 +3,22 @@
 import asyncio
 import os
 import signal
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from companion.control.state_machine import State
-from companion.mavlink.dialect import Encoder, mavlink
+from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import FrameSplitter
+from companion.model import Role
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.vehicle import Mode
 from tests.support.companion_process import Aircraft, aircraft
-from tests.support.faulty_flight import GUIDED, MISSION, faulty_flight
+from tests.support.faulty_flight import GUIDED, MISSION, FaultyFlight, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -48,6 +52,83 @@ async def test_among_late_copies_a_pilots_mode_is_the_newest() -> None:
         await flight.fly(20.0)
         assert flight.notes.commands(since_s) == []
         assert flight.modes[-1] == "FBWA"
+
+
+class Station:
+    """A ground station, whose frames go the way of the vehicle's."""
+
+    def __init__(self, flight: FaultyFlight, own: socket.socket) -> None:
+        self._flight = flight
+        self._socket = own
+        self._encoder = Encoder()
+
+    def send(self, message: Message) -> None:
+        self._socket.send(self._encoder.encode(message, 255, 190))
+
+    def command(self, number: int, *params: float, confirmation: int = 0) -> None:
+        filled = [*params, *[0.0] * (7 - len(params))]
+        self.send(mavlink.MAVLink_command_long_message(1, 196, number, confirmation, *filled))
+
+    def role(self, role: Role) -> None:
+        self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, role)
+
+    def well_clear(self, metres: float) -> None:
+        self.send(mavlink.MAVLink_param_set_message(1, 196, b"CA_WC_HORIZ", metres, 9))
+
+    def beat(self) -> None:
+        self.send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
+
+
+def answers(flight: FaultyFlight) -> list[Message]:
+    return [message for _, message in flight.notes.sent_messages if message.get_type() == "COMMAND_ACK"]
+
+
+@contextmanager
+def station(flight: FaultyFlight) -> Iterator[Station]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.connect(("127.0.0.1", flight.relay.local_port))
+        yield Station(flight, own)
+
+
+@both
+@pytest.mark.parametrize("late_s", [0.8, 5.0, 12.0])
+@in_virtual_time
+async def test_late_copies_of_an_operators_requests_do_not_undo_later_ones(
+    autopilot: Autopilot, late_s: float
+) -> None:
+    async with faulty_flight(autopilot, forth=Faults(copy_after_s=late_s)) as flight:
+        flight.receiver.deaf = True
+        await flight.until(lambda: flight.state is State.MONITOR)
+        operator = flight.engine.operator
+        with station(flight) as one:
+            for role, metres in ((Role.OFF, 700.0), (Role.FLY, 800.0), (Role.ADVISE, 900.0)):
+                one.role(role)
+                one.well_clear(metres)
+                await flight.fly(0.2)
+                one.beat()
+                await flight.fly(0.1)
+            for _ in range(150):
+                await flight.fly(0.1)
+                assert operator.role is Role.ADVISE
+                assert operator.settings.avoidance.well_clear_horizontal_m == 900.0
+        assert flight.runtime.intake.repeated == 6
+        assert len(answers(flight)) == 3
+
+
+@both
+@in_virtual_time
+async def test_a_late_copy_of_resume_is_not_obeyed_and_a_repetition_is(autopilot: Autopilot) -> None:
+    async with faulty_flight(autopilot, forth=Faults(copy_after_s=5.0)) as flight:
+        await flight.engaged()
+        with station(flight) as one:
+            one.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1.0)
+            await flight.until(lambda: flight.vehicle.truth.on_mission, 4.0)
+            await flight.fly(8.0)
+            assert flight.runtime.intake.repeated == 1
+            assert len(answers(flight)) == 1
+            one.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1.0, confirmation=1)
+            await flight.fly(1.0)
+        assert len(answers(flight)) == 2
 
 
 # --- a second companion

@@ -212,6 +212,6 @@ async def test_a_step_of_the_autopilots_clock_changes_nothing(autopilot: Autopil
         await flight.engaged()
         flight.vehicle.set_clock(error_s)
         await flight.fly(10.0)
-        assert flight.engine.aircraft.clock_offset_s == pytest.approx(error_s, abs=0.5), "it was told"
+        assert flight.engine.aircraft.contact.clock_offset_s == pytest.approx(error_s, abs=0.5), "it was told"
         assert flight.engine.supervisor.flying
         assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]

@@ -1,31 +1,22 @@
 """`companion-sim paper` as a user runs it: files, output and errors."""
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from sim.paper import command, studies
+from tests.support.commands import call
 from tests.support.contract import MEASURES
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def paper(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    command = [str(Path(sys.executable).with_name("companion-sim")), "paper", *arguments]
     # Wide enough for all tables.
-    return subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        env={**os.environ, "COLUMNS": "140"},
-    )
+    return call("paper", *arguments, module="sim", COLUMNS="140")
 
 
 @pytest.fixture(scope="module")

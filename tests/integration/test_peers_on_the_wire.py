@@ -1,7 +1,9 @@
 """Who is answered on a UDP link with more senders than places: always the autopilot."""
 
 import asyncio
+import contextlib
 import socket
+from collections.abc import AsyncIterator
 from contextlib import ExitStack
 
 import pytest
@@ -37,15 +39,24 @@ def sender(stack: ExitStack, port: int) -> socket.socket:
     return made
 
 
-@pytest.mark.parametrize("others", OTHERS)
-@pytest.mark.parametrize("last", [True, False], ids=["autopilot last", "autopilot first"])
-async def test_the_autopilot_is_answered_among_many(others: str, last: bool) -> None:
+@contextlib.asynccontextmanager
+async def listening() -> AsyncIterator[tuple[UdpInLink, Inbox, ExitStack]]:
+    """A link that runs, what it receives, and the sockets of those that send to it."""
     link = open_link("udpin:127.0.0.1:0")
     assert isinstance(link, UdpInLink)
     await link.open()
     inbox = Inbox()
     running = asyncio.create_task(link.run(inbox))
     with ExitStack() as stack:
+        yield link, inbox, stack
+    link.close()
+    await running
+
+
+@pytest.mark.parametrize("others", OTHERS)
+@pytest.mark.parametrize("last", [True, False], ids=["autopilot last", "autopilot first"])
+async def test_the_autopilot_is_answered_among_many(others: str, last: bool) -> None:
+    async with listening() as (link, inbox, stack):
         crowd = [sender(stack, link.local_port) for _ in range(2 * MAX_PEERS)]
         autopilot = sender(stack, link.local_port)
         messages = [(one, OTHERS[others]) for one in crowd]
@@ -56,22 +67,13 @@ async def test_the_autopilot_is_answered_among_many(others: str, last: bool) -> 
             await inbox.until(count)
         link.send(_COMMAND)
         assert await asyncio.to_thread(autopilot.recv, 300) == _COMMAND
-    link.close()
-    await running
 
 
 async def test_a_source_port_that_changes_often_is_answered_at_its_newest() -> None:
-    link = open_link("udpin:127.0.0.1:0")
-    assert isinstance(link, UdpInLink)
-    await link.open()
-    inbox = Inbox()
-    running = asyncio.create_task(link.run(inbox))
-    with ExitStack() as stack:
+    async with listening() as (link, inbox, stack):
         for count in range(1, 41):
             autopilot = sender(stack, link.local_port)
             autopilot.send(AUTOPILOT)
             await inbox.until(count)
             link.send(_COMMAND)
             assert await asyncio.to_thread(autopilot.recv, 300) == _COMMAND
-    link.close()
-    await running

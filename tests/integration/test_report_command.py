@@ -2,13 +2,13 @@
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from companion.recording import parts_in, read_mcap
-from tests.integration.test_command_line import assert_one_line, call
+from tests.integration.test_command_line import assert_one_line
+from tests.support.commands import call
 from tests.support.paths import TLOGS
 from tests.unit.report.test_flight_report import recording
 
@@ -73,11 +73,8 @@ def test_errors_are_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.wire
 def test_a_flown_demonstration_is_recorded_and_reported(tmp_path: Path) -> None:
-    command = "from sim.cli import main; main()"
     words = ["demo", "--scenario", "head-on", "--speedup", "20", "--record", str(tmp_path / "rec")]
-    flown = subprocess.run(
-        [sys.executable, "-c", command, *words], capture_output=True, text=True, timeout=120, check=False
-    )
+    flown = call(*words, module="sim")
     assert flown.returncode == 0, flown.stdout
     (name,) = parts_in(tmp_path / "rec")
     mcap = name.path(tmp_path / "rec", ".mcap")

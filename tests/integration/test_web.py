@@ -112,7 +112,14 @@ async def test_no_file_outside_the_static_folder_is_served(path: str) -> None:
 async def test_metrics_are_in_the_format_of_prometheus() -> None:
     snapshot = replace(
         SNAPSHOT,
-        health=health(ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11), ticks_total_s=0.5, unusable=3),
+        health=health(
+            ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11),
+            ticks_total_s=0.5,
+            unusable=3,
+            late=4,
+            of_others=5,
+            repeated=2,
+        ),
     )
     async with site(live(snapshot)) as at:
         text = (await at.ask("/metrics")).body.decode()
@@ -123,6 +130,9 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
     layers = {sample.labels["layer"]: sample.value for sample in families["companion_layer"].samples}
     assert layers == {"clear": 0.0, "outer": 1.0, "inner": 0.0}
     assert families["companion_messages_unusable"].samples[0].value == 3.0
+    assert families["companion_messages_late"].samples[0].value == 4.0
+    assert families["companion_messages_of_others"].samples[0].value == 5.0
+    assert families["companion_requests_repeated"].samples[0].value == 2.0
     assert families["companion_engagements"].samples[0].value == 1.0
     assert families["companion_up"].samples[0].value == 1.0
 

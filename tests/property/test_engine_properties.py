@@ -63,7 +63,11 @@ class Referee:
             assert ready
         if before is State.HANDS_OFF:
             assert after in (State.HANDS_OFF, State.MONITOR, State.ENGAGING, State.RELEASING)
-        if not engine.aircraft.armed or engine.aircraft.failsafe or engine.aircraft.landing():
+        if (
+            not engine.aircraft.armed
+            or engine.aircraft.flight_state.failsafe
+            or engine.aircraft.flight_state.landing
+        ):
             assert after not in FLYING | {State.ENGAGING}, "somebody else has it within the tick"
         return messages
 

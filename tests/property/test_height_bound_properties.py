@@ -51,7 +51,7 @@ def test_a_mission_without_a_height_of_its_own_does_not_take_the_bound_along(
     """Whatever heights within the limits are flown, avoiding or not, the limits stay."""
     reference, envelope, own_m = HeightReference(), Envelope(), 1000.0
     for step, move in enumerate(moves):
-        reference.update(own_m, None, change_m, avoiding=step % 2 == 0)
+        reference.update(20.0 * step, own_m, None, change_m, avoiding=step % 2 == 0)
         limited = reference.limit(envelope, None, change_m)
         assert limited.min_altitude_m == 1000.0 - change_m
         assert limited.max_altitude_m == 1000.0 + change_m
@@ -64,7 +64,7 @@ def test_the_ground_outranks_the_bound_and_a_ceiling_holds(
     own_m: float, mission_m: float, change_m: float, floor_m: float
 ) -> None:
     reference = HeightReference()
-    reference.update(own_m, mission_m, change_m, avoiding=False)
+    reference.update(0.0, own_m, mission_m, change_m, avoiding=False)
     envelope = Envelope(min_altitude_m=floor_m, max_altitude_m=floor_m + 500.0)
     limited = reference.limit(envelope, mission_m, change_m)
     assert limited.min_altitude_m is not None
@@ -75,10 +75,23 @@ def test_the_ground_outranks_the_bound_and_a_ceiling_holds(
 def test_the_reference_follows_a_climbing_mission_and_an_aircraft_flown_elsewhere() -> None:
     reference, envelope = HeightReference(), Envelope()
     for own_m in range(300, 801, 50):
-        reference.update(float(own_m), 800.0, 100.0, avoiding=False)
-    reference.update(750.0, 300.0, 100.0, avoiding=False)
+        reference.update(0.0, float(own_m), 800.0, 100.0, avoiding=False)
+    reference.update(0.0, 750.0, 300.0, 100.0, avoiding=False)
     limited = reference.limit(envelope, 300.0, 100.0)
     assert (limited.min_altitude_m, limited.max_altitude_m) == (200.0, 850.0), "on its way down"
-    reference.update(300.0, 300.0, 100.0, avoiding=False)
-    reference.update(1500.0, 300.0, 100.0, avoiding=False)
+    reference.update(0.0, 300.0, 300.0, 100.0, avoiding=False)
+    reference.update(0.0, 1500.0, 300.0, 100.0, avoiding=False)
     assert reference.limit(envelope, 300.0, 100.0).max_altitude_m == 1600.0, "a pilot flew it there"
+
+
+def test_without_a_height_of_the_mission_the_bound_follows_only_a_while_after_an_avoidance() -> None:
+    reference, envelope = HeightReference(), Envelope()
+    reference.update(0.0, 300.0, None, 100.0, avoiding=False)
+    reference.update(10.0, 380.0, None, 100.0, avoiding=False)
+    assert reference.limit(envelope, None, 100.0).max_altitude_m == 480.0, "before any avoidance"
+    reference.update(20.0, 400.0, None, 100.0, avoiding=True)
+    for now_s in (21.0, 50.0, 80.0):
+        reference.update(now_s, 470.0, None, 100.0, avoiding=False)
+        assert reference.limit(envelope, None, 100.0).max_altitude_m == 480.0, "another may follow"
+    reference.update(81.0, 470.0, None, 100.0, avoiding=False)
+    assert reference.limit(envelope, None, 100.0).max_altitude_m == 570.0, "that height is flown now"

@@ -35,10 +35,12 @@ from tests.support.pilots_seat import (
     ARDUPILOT,
     AUTO,
     AUTOPILOT,
+    CENTERED_US,
     FBWA,
     GUIDED,
     HOLD,
     MISSION,
+    MOVED_US,
     OFFBOARD,
     PX4,
     SET_MODE,
@@ -53,7 +55,6 @@ _GIVEN_BACK_S = 3.5
 _EVIDENCE_S = 1.6
 # A target that is not ours counts once a later heartbeat still shows the guided mode.
 _REDIRECTED_S = 1.2
-_CENTERED = (1500, 1500, 1000, 1500)
 # An alarm is due when giving back takes longer than usual.
 _ALARM_S = 12.0
 _SETPOINTS_LOST_S = 1.0
@@ -118,7 +119,7 @@ class Model(Seat):
         self._heard: tuple[float, int] | None = None  # the newest heartbeat that was received
         self._setpoint_s = T0
         self.target = NavigationTarget(AUTOPILOT, -34.9, 149.0, 884.0)
-        self.pulses = _CENTERED
+        self.pulses = CENTERED_US
         self.landed = 2
         self.fell = self.failing = False
         self.attended_until_s = self.redirected_s = T0
@@ -186,6 +187,8 @@ class Model(Seat):
                 self.attended_until_s = self.now_s + _TWO_VEHICLES_S
                 self.extra_facts.append(OtherVehicle(AUTOPILOT))
             claimed = {claim for claim in self.claims if self.receives}
+            if not self.receives:
+                self.redirected_s = self.now_s
             if self.now_s - self.redirected_s < _REDIRECTED_S:
                 claimed.discard("fly here")
             sent = self.fly(0.1)
@@ -251,7 +254,7 @@ class Model(Seat):
             case "sticks":
                 if self.by_us:  # a mission flies on, wherever the sticks are
                     self.claims.add("sticks")
-                self.pulses = (1900, 1500, 1000, 1500)
+                self.pulses = MOVED_US
             case "failsafe":
                 self.failing = True
             case "landing":
@@ -280,10 +283,10 @@ class Model(Seat):
     def mend(self) -> None:
         """End everything that disturbs; what was chosen stays."""
         self.receives = self.transmits = self.accepts = self.positions = True
-        if self.pulses != _CENTERED:  # moving them back is a claim too
+        if self.pulses != CENTERED_US:  # moving them back is a claim too
             self.attended_until_s = max(self.attended_until_s, self.now_s + _STICKS_REST_S)
         self.claims -= {"sticks", "landing", "two vehicles"}
-        self.pulses, self.landed, self.failing = _CENTERED, 2, False
+        self.pulses, self.landed, self.failing = CENTERED_US, 2, False
 
 
 def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False) -> Model:

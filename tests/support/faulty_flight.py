@@ -133,6 +133,7 @@ class FaultyFlight:
     relay: Relay
     runtime: Runtime
     notes: Notes
+    second_port: int  # of the companion's second link, which nothing else uses
     modes: list[str] = field(default_factory=list)  # one entry per change
     was_uncontrolled: bool = False
     engagements: int = 0
@@ -239,13 +240,13 @@ async def faulty_flight(
     loop = asyncio.get_running_loop()
     world, receiver = world_of(autopilot, below_m=below_m, lost_stream=lost_stream)
     shared = ScaledClock(1.0, start_s=START_S, monotonic_s=loop.time)
-    near, far = free_ports(2)
+    near, far, second = free_ports(3)
     relay = Relay(f"udpin:127.0.0.1:{far}", f"udpout:127.0.0.1:{near}", forth=forth, back=back)
     config = engine or EngineConfig()
-    link = UdpInLink(f"udpin:127.0.0.1:{near}", "127.0.0.1", near, loop.time)
+    links = [UdpInLink(f"udpin:127.0.0.1:{port}", "127.0.0.1", port, loop.time) for port in (near, second)]
     notes = Notes()
-    runtime = Runtime(Engine(config), [link], recorder=notes, clock=clock or shared)
-    flight = FaultyFlight(autopilot, world, receiver, shared, relay, runtime, notes)
+    runtime = Runtime(Engine(config), links, recorder=notes, clock=clock or shared)
+    flight = FaultyFlight(autopilot, world, receiver, shared, relay, runtime, notes, second)
     server = VehicleServer(
         world.vehicle,
         [open_link(f"udpout:127.0.0.1:{far}")],

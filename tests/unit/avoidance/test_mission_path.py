@@ -157,3 +157,15 @@ def test_a_leg_that_is_not_finite_is_refused() -> None:
     ):
         with pytest.raises(ValueError, match="finite"):
             Avoider(AvoidanceParams()).decide(0.0, own(), [], goal)
+
+
+@pytest.mark.parametrize("end_m", [425.0, 175.0])
+def test_a_line_that_is_too_steep_is_left_behind(end_m: float) -> None:
+    """As where the mission is entered beside its height, a little before a waypoint."""
+    goal = Goal(position_m=(150.0, 0.0, -end_m), airspeed_mps=22.0, leg_from_m=(0.0, 0.0, -300.0))
+    goal = replace(goal, then_m=(3000.0, 0.0, -end_m))
+    flight = with_path(OwnFlight.at(0.0, own(north_m=10.0), goal), ENVELOPE, 90.0)
+    altitude_m = mission_path(flight, ENVELOPE).altitude_m[0]
+    rates_mps = np.diff(altitude_m) / np.diff(TIMES_S)
+    assert rates_mps.max() <= ENVELOPE.max_climb_mps + 1e-6
+    assert rates_mps.min() >= -ENVELOPE.max_sink_mps - 1e-6

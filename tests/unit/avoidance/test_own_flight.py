@@ -62,3 +62,15 @@ def test_values_that_are_not_finite_are_refused(own: Ownship, goal: Goal) -> Non
     require_finite(OWN, Goal(course_rad=0.0))
     with pytest.raises(ValueError, match="not finite"):
         require_finite(own, goal)
+
+
+def test_the_mission_states_a_height_also_where_it_is_that_of_the_aircraft() -> None:
+    level = Goal(course_rad=0.0, altitude_m=300.0)
+    assert OwnFlight.at(0.0, OWN, level).mission_altitude_m == 300.0
+    assert OwnFlight.at(0.0, OWN, Goal(position_m=(500.0, 0.0, -350.0))).mission_altitude_m == 350.0
+
+
+def test_a_mission_without_a_height_or_with_an_unknown_one_states_none() -> None:
+    assert OwnFlight.at(0.0, OWN, Goal(course_rad=0.0)).mission_altitude_m is None
+    unknown = Goal(course_rad=0.0, altitude_m=290.0, height_is_known=False)
+    assert OwnFlight.at(0.0, OWN, unknown).mission_altitude_m is None

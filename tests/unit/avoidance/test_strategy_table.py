@@ -5,9 +5,9 @@ from itertools import combinations, product
 
 import pytest
 
-from companion.avoidance.cost import CostContext
+from companion.avoidance.cost import CostContext, Height, Speed
 from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
-from companion.avoidance.inner import TABLE, Course, Height, Speed, StrategyTable
+from companion.avoidance.inner import TABLE, Course, StrategyTable
 from companion.model import Guidance
 from tests.support.avoidance_cases import ENVELOPE, MISSION, make_context
 

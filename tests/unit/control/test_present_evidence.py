@@ -21,10 +21,12 @@ from tests.support.pilots_seat import (
     ARDUPILOT,
     AUTO,
     AUTOPILOT,
+    CENTERED_US,
     FBWA,
     GUIDED,
     HOLD,
     MISSION,
+    MOVED_US,
     OFFBOARD,
     PX4,
     SELECT_ITEM,
@@ -301,6 +303,18 @@ def test_a_claim_keeps_the_aircraft_from_being_taken(fact: Fact) -> None:
     assert seat.engine.conditions
 
 
+@BOTH
+def test_two_vehicles_are_reported_in_any_mode(autopilot: int) -> None:
+    seat = flying(autopilot)
+    seat.extra_facts = [OtherVehicle(AUTOPILOT)]
+    seat.fly(4.0)
+    assert seat.state is State.HANDS_OFF
+    assert [one.text for one in seat.engine.conditions if "two vehicles" in one.text]
+    seat.extra_facts = []
+    seat.fly(15.0)
+    assert not [one.text for one in seat.engine.conditions if "two vehicles" in one.text]
+
+
 @pytest.mark.parametrize("component_id", [197, 196])
 def test_beside_another_companion_the_aircraft_is_given_back(component_id: int) -> None:
     seat = flying()
@@ -319,8 +333,8 @@ def test_mavros_and_cameras_are_no_companions() -> None:
     seat.until(*FLYING)
 
 
-STICKS = RcChannels(AUTOPILOT, (1900, 1500, 1000, 1500))
-CENTRED = RcChannels(AUTOPILOT, (1500, 1500, 1000, 1500))
+STICKS = RcChannels(AUTOPILOT, MOVED_US)
+CENTRED = RcChannels(AUTOPILOT, CENTERED_US)
 
 
 @BOTH

@@ -2,13 +2,14 @@
 
 import math
 import random
+from dataclasses import replace
 
 import pytest
 
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.phrases import TrafficSituation
-from companion.model import Decision, Guidance, Layer, Ownship, Threat
-from companion.output.notice import ConflictNotice
+from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat
+from companion.output.notice import TEXT_BYTES, ConflictNotice
 from companion.units import wrap_pi
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
@@ -167,3 +168,38 @@ def test_the_crew_always_knows_what_is_flown() -> None:
             assert abs(wrap_pi(guidance.course_rad - known.course_rad)) <= math.radians(20.1)
             assert abs(guidance.altitude_m - known.altitude_m) <= 15.1
             assert abs(guidance.airspeed_mps - known.airspeed_mps) <= 2.1
+
+
+def test_the_crew_always_knows_what_is_advised() -> None:
+    """Advice that is held back by many changes in a row follows when texts may be sent again."""
+    for seed in range(20):
+        rng, crew, known = random.Random(seed), Crew(), flown()
+        for _ in range(60):
+            guidance = flown(rng.uniform(-90.0, 90.0), rng.uniform(200.0, 400.0))
+            for _ in range(rng.randint(1, 40)):  # some last for less than the interval of texts
+                crew.now_s += 0.1
+                known = guidance if crew.conflict(guidance, flying=False) else known
+        for _ in range(130):  # the texts in reserve are used up, and then refilled
+            crew.now_s += 0.1
+            known = guidance if crew.conflict(guidance, flying=False) else known
+        assert abs(wrap_pi(guidance.course_rad - known.course_rad)) <= math.radians(20.1)
+        assert abs(guidance.altitude_m - known.altitude_m) <= 15.1
+
+
+@pytest.mark.parametrize("units", ["metric", "aviation"])
+def test_the_way_back_fits_one_statustext(units: TextUnits) -> None:
+    notices, own = ManeuverNotices(), replace(OWN, position_m=(0.0, 0.0, -1300.0))
+    around = TrafficSituation(Decision(Layer.CLEAR, None, (), "clear, returning along the fence"), own, 0.0)
+    guidance = flown(200.0, 1130.0, 28.0)
+    (notice,) = notices.changes(guidance, around, units, 0.0, returning=False)
+    assert notice.text.startswith("DESCEND to ")
+    assert notice.text.endswith(": returning along the fence")
+    assert notice.brief is not None
+    assert len(notice.brief) <= TEXT_BYTES
+    assert notice.brief.startswith("DESCEND to ")
+    assert "LEFT 200" in notice.brief
+    (shorter,) = notices.changes(flown(90.0, 1130.0, 28.0), around, units, 1.0, returning=True)
+    assert shorter.text.endswith(": returning")
+    assert shorter.brief is not None
+    assert len(shorter.brief) <= TEXT_BYTES
+    assert shorter.brief.endswith(": returning")

@@ -70,7 +70,7 @@ def test_flying_means_in_the_air_and_high_enough(
 ) -> None:
     ours = aircraft(position(height_m), LandedState(AUTOPILOT, landed_state))
     assert ours.flying(30.0) is flying
-    assert ours.landing() is (landed_state == mavlink.MAV_LANDED_STATE_LANDING)
+    assert ours.flight_state.landing is (landed_state == mavlink.MAV_LANDED_STATE_LANDING)
 
 
 def test_the_landed_state_is_awaited_four_seconds() -> None:
@@ -84,16 +84,16 @@ def test_the_landed_state_is_awaited_four_seconds() -> None:
 def test_a_fence_breach_ends_when_the_fence_is_no_longer_reported() -> None:
     ours = aircraft(FenceStatus(AUTOPILOT, breached=True))
     ours.observe(heartbeat(), 9.0)
-    assert ours.fence_breached
+    assert ours.flight_state.fence_breached
     ours.observe(heartbeat(), 10.0)
-    assert not ours.fence_breached
+    assert not ours.flight_state.fence_breached
 
 
 def test_a_failsafe_is_the_state_of_the_newest_heartbeat() -> None:
     ours = aircraft(heartbeat(status=mavlink.MAV_STATE_CRITICAL))
-    assert ours.failsafe
+    assert ours.flight_state.failsafe
     ours.observe(heartbeat(), 1.0)
-    assert not ours.failsafe
+    assert not ours.flight_state.failsafe
 
 
 def test_the_former_target_counts_again_when_the_guided_mode_is_left() -> None:
@@ -127,5 +127,5 @@ def test_after_a_silence_the_lost_stream_mode_was_entered_by_the_autopilot_itsel
 
 
 def test_the_newest_stick_positions_are_stored() -> None:
-    assert aircraft().stick_pulses_us == ()
-    assert aircraft(RcChannels(AUTOPILOT, (1500, 1600))).stick_pulses_us == (1500, 1600)
+    assert aircraft().sticks.pulses_us == ()
+    assert aircraft(RcChannels(AUTOPILOT, (1500, 1600))).sticks.pulses_us == (1500, 1600)

@@ -17,7 +17,7 @@ def test_nothing_is_heard_at_first() -> None:
     contact = Contact()
     assert not contact.heard(0.0)
     assert not contact.in_contact(0.0)
-    assert not contact.contact_just_regained(0.0)
+    assert not contact.just_regained(0.0)
 
 
 def test_the_autopilot_is_lost_five_seconds_after_its_last_heartbeat() -> None:
@@ -41,8 +41,8 @@ def test_the_time_since_a_silence_is_known() -> None:
     contact = heard_until(10.0)
     assert contact.since_silence_s(10.0) == float("inf")
     contact.observe(13.0)
-    assert contact.contact_just_regained(13.9)
-    assert not contact.contact_just_regained(14.0)
+    assert contact.just_regained(13.9)
+    assert not contact.just_regained(14.0)
     assert contact.since_silence_s(15.0) == 2.0
 
 

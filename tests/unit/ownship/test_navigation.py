@@ -105,7 +105,7 @@ def test_a_target_of_our_own_setpoints_is_no_target_of_the_autopilot() -> None:
     assert navigation.target(0.0) == GeoPoint(47.2, 8.0, 650.0)
     assert navigation.redirected_from(GeoPoint(47.2, 8.0, 650.0))
     assert not navigation.redirected_from(GeoPoint(47.0505, 8.0, 650.0))
-    assert not navigation.redirected_from(None)
+    assert not navigation.is_redirected
 
 
 def test_the_missions_target_of_while_we_asked_is_no_target_of_the_guided_mode() -> None:
@@ -113,7 +113,7 @@ def test_the_missions_target_of_while_we_asked_is_no_target_of_the_guided_mode()
     navigation.observe_target(NavigationTarget(AUTOPILOT, 47.2, 8.0, 650.0), 0.0, ours=True, guided=False)
     navigation.observe_guided()
     target(navigation, 47.05, ours=True)
-    assert not navigation.redirected_from(None)
+    assert not navigation.is_redirected
 
 
 def test_a_target_counts_once_the_guided_mode_is_still_shown_after_it() -> None:
@@ -121,10 +121,10 @@ def test_a_target_counts_once_the_guided_mode_is_still_shown_after_it() -> None:
     target(navigation, 47.05, ours=True)
     navigation.observe_guided()
     target(navigation, 47.2, ours=True)
-    assert not navigation.redirected_from(None)
+    assert not navigation.is_redirected
     navigation.observe_guided()
     target(navigation, 47.2, ours=True)  # reported again in the same instant, as often as heartbeats
-    assert navigation.redirected_from(None)
+    assert navigation.is_redirected
 
 
 def test_destinations_are_those_of_the_mission_that_is_known() -> None:
@@ -135,3 +135,28 @@ def test_destinations_are_those_of_the_mission_that_is_known() -> None:
     navigation.mission = None
     assert navigation.destination(3) is None
     assert not navigation.taking_off_or_landing()
+
+
+def test_the_height_is_known_only_from_an_item_or_from_a_target_with_a_height() -> None:
+    navigation = flying()
+    assert navigation.goal(FRAME, 1.0, in_mission=True).height_is_known
+    assert not navigation.goal(FRAME, 1.0, in_mission=False).height_is_known, "the present course"
+    target(navigation, 47.05)
+    assert navigation.goal(FRAME, 1.0, in_mission=False).height_is_known
+    without = NavigationTarget(AUTOPILOT, 47.05, 8.0, None)
+    navigation.observe_target(without, 1.0, ours=False, guided=False)
+    goal = navigation.goal(FRAME, 1.0, in_mission=False)
+    assert (goal.altitude_m, goal.height_is_known) == (700.0, False)
+
+
+def test_a_target_reported_before_the_item_was_selected_does_not_outweigh_it() -> None:
+    """As after an avoidance: the target from before it is flown to again, and the item is passed at once."""
+    navigation = flying(1)
+    target(navigation, 47.1)
+    navigation.refresh_target(60.0)
+    navigation.observe_progress(MissionProgress(AUTOPILOT, 2), 61.0, guided=False)
+    goal = navigation.goal(FRAME, 62.0, in_mission=True)
+    assert north_m(goal) == pytest.approx(to_the_north_m(47.2))
+    target(navigation, 47.1, 63.0)
+    goal = navigation.goal(FRAME, 63.0, in_mission=True)
+    assert north_m(goal) == pytest.approx(to_the_north_m(47.1)), "reported again: it counts"

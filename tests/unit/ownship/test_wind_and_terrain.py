@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from companion.airspace.altitude_limits import HeightLimits, limit_heights
+from companion.airspace.fences import HeightLimits, limit_heights
 from companion.avoidance import Envelope
 from companion.geodesy import GeoPoint
 from companion.mavlink.facts import OwnPosition, Sender, TerrainReport, Wind

@@ -47,7 +47,7 @@ def test_what_cannot_be_written_is_found_at_the_start_and_ends_when_it_can(tmp_p
     state_file = StateFile(path)
     state_file.try_writing()
     (condition,) = state_file.conditions()
-    assert condition.text == "Avoidance: state not saved: No such file or directory"
+    assert condition.text == f"Avoidance: state not saved: there is no folder {path.parent}"
     path.parent.mkdir()
     state_file.write("one")
     assert list(state_file.conditions()) == []

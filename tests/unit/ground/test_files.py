@@ -1,4 +1,4 @@
-"""Small files: whatever is at a path, reading, writing and setting aside end at once."""
+"""Files: whatever is at a path, reading, writing, trying and setting aside end at once."""
 
 import os
 import signal
@@ -8,7 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from companion.small_file import MAX_BYTES, read_small, replace_small, set_aside, writing_problem
+from companion.files import (
+    MAX_BYTES,
+    read_small,
+    replace_small,
+    set_aside,
+    why_no_new_file,
+    why_not_replaceable,
+    why_not_writable,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -72,12 +80,12 @@ def test_only_files_are_replaced_and_nothing_blocks_writing(
     path = tmp_path / "state"
     make(path)
     if make is large:
-        assert writing_problem(path) is None
+        assert why_not_replaceable(path) is None
         replace_small(path, b"new", durable=False)
         assert read_small(path) == b"new"
         return
     kind = path.stat().st_mode
-    assert writing_problem(path)
+    assert why_not_replaceable(path)
     with pytest.raises(OSError, match=r"."):
         replace_small(path, b"new", durable=False)
     assert path.stat().st_mode == kind
@@ -107,8 +115,35 @@ def test_bad_files_are_set_aside_but_folders_and_devices_stay(tmp_path: Path) ->
     assert set_aside(tmp_path / "missing") is None
 
 
-def test_a_writing_problem_is_found_without_leaving_anything(tmp_path: Path) -> None:
-    assert writing_problem(tmp_path / "state") is None
+def test_a_file_that_cannot_be_replaced_is_found_without_leaving_anything(tmp_path: Path) -> None:
+    assert why_not_replaceable(tmp_path / "state") is None
     assert list(tmp_path.iterdir()) == []
-    assert writing_problem(tmp_path / "nowhere" / "state") == "No such file or directory"
-    assert writing_problem(tmp_path) == "not a regular file"
+    assert why_not_replaceable(tmp_path / "nowhere" / "state") == f"there is no folder {tmp_path}/nowhere"
+    assert why_not_replaceable(tmp_path) == "this is a folder, not a file"
+    fifo(tmp_path / "fifo")
+    assert why_not_replaceable(tmp_path / "fifo") == "not a regular file"
+
+
+def test_a_file_that_can_be_written_is_left_as_it_is(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    kept.write_text("old")
+    assert why_not_writable(kept) is None
+    assert why_not_writable(tmp_path / "new") is None
+    assert why_no_new_file(tmp_path / "a" / "b") is None
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]
+    assert kept.read_text() == "old"
+    assert why_not_writable(Path(os.devnull)) is None
+
+
+def test_a_fifo_is_not_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    assert why_not_writable(tmp_path / "fifo") is None
+
+
+def test_the_reason_is_named(tmp_path: Path) -> None:
+    assert why_not_writable(tmp_path / "no" / "file") == f"there is no folder {tmp_path}/no"
+    assert why_not_writable(tmp_path) == "this is a folder, not a file"
+    assert why_not_writable(Path("/proc/a file")) is not None
+    assert why_no_new_file(Path("/proc/recordings")) is not None
+    (tmp_path / "file").touch()
+    assert why_no_new_file(tmp_path / "file" / "no") == f"there is no folder {tmp_path}/file"

@@ -1,10 +1,13 @@
-"""Small files that one run leaves to the next: read, replaced and set aside without ever waiting for a path.
+"""Files: whether a path can be written, and small files that one run leaves to the next.
 
-A path may hold anything: a FIFO would be waited for, and a device or an endless file read for ever.
+A path may hold anything: a FIFO would be waited for, and a device or an endless file read for ever. Nothing
+here waits for a path. What cannot be written is found out before the work, not at its end or in flight.
 """
 
+import contextlib
 import os
 import stat
+import tempfile
 from pathlib import Path
 
 MAX_BYTES = 1 << 16
@@ -51,13 +54,48 @@ def replace_small(path: Path, content: bytes, *, durable: bool) -> None:
     os.replace(new, path)  # noqa: PTH105 - documented to be atomic
 
 
-def writing_problem(path: Path) -> str | None:
-    """The reason why the file cannot be replaced, found by writing beside it; `None` when it can."""
+def why_not_writable(path: Path) -> str | None:
+    """The reason why a file cannot be written; `None` if it can. Leaves an existing file as it is."""
+    if (why := _why_no_place(path)) is not None:
+        return why
+    if path.exists() and not path.is_file():
+        return None  # a device
+    try:
+        if path.exists():
+            with path.open("ab"):
+                return None
+        with path.open("xb"):
+            pass
+    except OSError as error:
+        return reason(error)
+    with contextlib.suppress(OSError):
+        path.unlink()
+    return None
+
+
+def why_not_replaceable(path: Path) -> str | None:
+    """The reason why `replace_small` would fail, found by writing beside the file; `None` if it would not."""
+    if (why := _why_no_place(path)) is not None:
+        return why
     trial = path.with_name(f"{path.name}.try")
     try:
         _require_replaceable(path)
         replace_small(trial, b"", durable=False)
         trial.unlink()
+    except OSError as error:
+        return reason(error)
+    return None
+
+
+def why_no_new_file(folder: Path) -> str | None:
+    """The reason why no file can be created in a folder that may be missing yet; `None` if one can."""
+    while not folder.exists() and folder.parent != folder:
+        folder = folder.parent
+    if not folder.is_dir():
+        return f"there is no folder {folder}"
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"0")
     except OSError as error:
         return reason(error)
     return None
@@ -82,6 +120,13 @@ def set_aside(path: Path) -> Path | None:
 def reason(error: OSError) -> str:
     """The reason of an error, without the path."""
     return error.strerror or str(error)
+
+
+def _why_no_place(path: Path) -> str | None:
+    """The reason why no file can be at this path."""
+    if not path.parent.is_dir():
+        return f"there is no folder {path.parent}"
+    return "this is a folder, not a file" if path.is_dir() else None
 
 
 def _require_replaceable(path: Path) -> None:
