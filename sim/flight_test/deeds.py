@@ -135,7 +135,7 @@ class Deeds:
     async def _send_sticks(self, sticks: Sticks) -> None:
         if self._observer.name == "px4":
             fields: dict[str, object] = {
-                "target": 1, "x": round(sticks.pitch * 1000), "y": round(sticks.roll * 1000),
+                "target": self._station.target, "x": round(sticks.pitch * 1000), "y": round(sticks.roll * 1000),
                 "z": 500, "r": 0, "buttons": 0,
             }  # fmt: skip
             await self._station.send("MANUAL_CONTROL", fields)
@@ -144,9 +144,8 @@ class Deeds:
         pitch_us = _STICK_CENTRE_US + round(sticks.pitch * _STICK_REACH_US)
         await self._station.send("RC_CHANNELS_OVERRIDE", self._channels(roll_us, pitch_us))
 
-    @staticmethod
-    def _channels(roll_us: int, pitch_us: int) -> dict[str, object]:
-        channels: dict[str, object] = {"target_system": 1, "target_component": 1}
+    def _channels(self, roll_us: int, pitch_us: int) -> dict[str, object]:
+        channels: dict[str, object] = {"target_system": self._station.target, "target_component": 1}
         pulses = [roll_us, pitch_us, *(_IGNORED_US for _ in range(6))]
         return channels | {f"chan{i}_raw": pulse for i, pulse in enumerate(pulses, 1)}
 

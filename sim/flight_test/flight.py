@@ -33,6 +33,7 @@ _READY_AFTER_S = 8.0  # for Companion to read parameters and mission
 _LEG_MARGIN_S = 60.0
 # A waypoint that leads back to the leg is this far ahead.
 _REJOIN_S, _REJOIN_M = 60.0, 1200.0
+_REJOINED_WITHIN_S, _ATTEMPTS = 200.0, 4
 _UPLOAD_SHIFT_M = 60.0
 
 
@@ -142,15 +143,22 @@ class Flight:
         ]
 
     async def _fly_encounters(self) -> None:
-        chosen, mission = self._plans, self._the_mission
+        chosen = self._plans
         names = {plan.name for plan in chosen}
         self.result.left_out = [p.name for p in self.options.test.encounters if p.name not in names]
         for plan in chosen:
             self.doing = f"waiting for the leg before {plan.name}"
-            await self._rejoin()
-            problem = f"not on its leg before {plan.name}"
-            await self._wires.until(lambda: mission.is_settled, _ON_LEG_WITHIN_S, problem)
+            await self._settle(plan)
             await self._fly(plan)
+
+    async def _settle(self, plan: EncounterPlan) -> None:
+        """Wait until the aircraft flies along a leg, and lead it there when it does not come by itself."""
+        mission = self._the_mission
+        for _ in range(_ATTEMPTS):
+            await self._rejoin()
+            if await self._wires.settles(lambda: mission.is_settled, _REJOINED_WITHIN_S):
+                return
+        raise FlightTestError(f"not on its leg before {plan.name}, in {self.observer.mode}")
 
     async def _fly(self, plan: EncounterPlan) -> None:
         observer, wires = self.observer, self._wires

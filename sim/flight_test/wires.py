@@ -100,14 +100,20 @@ class Wires:
 
     async def until(self, condition: Callable[[], bool], limit_s: float, problem: str) -> None:
         """Wait until a condition has held for some seconds; `FlightTestError` after `limit_s`."""
+        if not await self.settles(condition, limit_s):
+            raise FlightTestError(f"{problem} within {limit_s:.0f} s, in {self.observer.mode}")
+
+    async def settles(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """Whether a condition holds for some seconds, before `limit_s` is over."""
         observer = self.observer
         began_s = since_s = observer.now_s()
         while observer.now_s() - since_s < _SETTLED_S:
             if not condition():
                 since_s = observer.now_s()
             if observer.now_s() - began_s > limit_s:
-                raise FlightTestError(f"{problem} within {limit_s:.0f} s, in {observer.mode}")
+                return False
             await self.pause()
+        return True
 
     async def sleep(self, seconds: float) -> None:
         """Wait for some seconds of the vehicle."""
