@@ -135,8 +135,8 @@ class Deeds:
     async def _send_sticks(self, sticks: Sticks) -> None:
         if self._observer.name == "px4":
             fields: dict[str, object] = {
-                "target": self._station.target, "x": round(sticks.pitch * 1000), "y": round(sticks.roll * 1000),
-                "z": 500, "r": 0, "buttons": 0,
+                "target": self._station.target, "z": 500, "r": 0, "buttons": 0,
+                "x": round(sticks.pitch * 1000), "y": round(sticks.roll * 1000),
             }  # fmt: skip
             await self._station.send("MANUAL_CONTROL", fields)
             return
