@@ -156,9 +156,19 @@ class Flight:
         mission = self._the_mission
         for _ in range(_ATTEMPTS):
             await self._rejoin()
-            if await self._wires.settles(lambda: mission.is_settled, _REJOINED_WITHIN_S):
+            if await self._wires.settles(lambda: mission.is_settled and self._fits(plan), _REJOINED_WITHIN_S):
                 return
-        raise FlightTestError(f"not on its leg before {plan.name}, in {self.observer.mode}")
+        why = "the leg is too short for" if mission.is_settled else "not on its leg before"
+        raise FlightTestError(f"{why} {plan.name}, in {self.observer.mode}")
+
+    def _fits(self, plan: EncounterPlan) -> bool:
+        """Whether enough of the present leg is left for an encounter."""
+        leg, sample = self._the_mission.leg, self.observer.sample
+        if leg is None or sample is None:
+            return False
+        frame = LocalFrame(sample.place.lat_deg, sample.place.lon_deg)
+        left_m = math.hypot(*frame.to_north_east_m(leg.end.lat_deg, leg.end.lon_deg))
+        return left_m >= sample.speed_mps * (plan.meets_s + _LEG_MARGIN_S)
 
     async def _fly(self, plan: EncounterPlan) -> None:
         observer, wires = self.observer, self._wires
@@ -202,8 +212,6 @@ class Flight:
         assert sample is not None
         frame = LocalFrame(sample.place.lat_deg, sample.place.lon_deg)
         speed_mps = sample.speed_mps
-        if math.hypot(*frame.to_ned_m(leg.end)[:2]) < speed_mps * (plan.meets_s + _LEG_MARGIN_S):
-            raise FlightTestError(f"the leg is too short for {plan.name}: its end is near")
         here = leg.ahead(sample.place, 0.0)
         there = leg.ahead(sample.place, speed_mps * plan.meets_s)
         climb_mps = (there.altitude_m - here.altitude_m) / plan.meets_s
