@@ -1,4 +1,4 @@
-"""Paths over ground as polylines: distance of a point, and thinning."""
+"""Paths over ground as polylines: distance of a point, offsets from a leg with its slope, and thinning."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.model import Vec2
+from companion.model import Vec2, Vec3
+
+Array = NDArray[np.floating]
 
 
 def thinned_path(points: Sequence[Vec2], spacing_m: float = 50.0) -> list[Vec2]:
@@ -31,3 +33,19 @@ def distance_to_path_m(point: Vec2, path: Sequence[Vec2] | NDArray[np.float64]) 
     share = np.clip((away * along).sum(axis=1) / length2, 0.0, 1.0)
     off = away - share[:, None] * along
     return math.sqrt(float((off * off).sum(axis=1).min()))
+
+
+def off_leg(start_m: Vec3, end_m: Vec3, own_m: Array) -> tuple[Array, Array, Array]:
+    """Offsets of places (n, 3) from a leg: to its right, above its slope, and beyond its ends, (n,) each."""
+    along_n, along_e, length_m = _direction(start_m[:2], end_m[:2])
+    north, east = own_m[:, 0] - start_m[0], own_m[:, 1] - start_m[1]
+    along = north * along_n + east * along_e
+    within = np.clip(along, 0.0, length_m)
+    down = start_m[2] + within / length_m * (end_m[2] - start_m[2])
+    return east * along_n - north * along_e, down - own_m[:, 2], along - within
+
+
+def _direction(start_m: Sequence[float], end_m: Sequence[float]) -> tuple[float, float, float]:
+    leg: Vec2 = (end_m[0] - start_m[0], end_m[1] - start_m[1])
+    length_m = max(math.hypot(*leg), 1e-6)
+    return leg[0] / length_m, leg[1] / length_m, length_m

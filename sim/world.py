@@ -78,7 +78,7 @@ def aim(conflict: Conflict, truth: Truth) -> Intruder:
     course_rad = own_course_rad + math.radians(conflict.from_deg) + math.pi
     north_mps = conflict.speed_mps * math.cos(course_rad)
     east_mps = conflict.speed_mps * math.sin(course_rad)
-    aside_n, aside_e = _aside(north_mps - own_north_mps, east_mps - own_east_mps, own_course_rad)
+    aside_n, aside_e = aside(north_mps - own_north_mps, east_mps - own_east_mps, own_course_rad)
     return Intruder(
         icao=int(conflict.icao, 16),
         callsign=conflict.callsign,
@@ -92,7 +92,7 @@ def aim(conflict: Conflict, truth: Truth) -> Intruder:
     )
 
 
-def _aside(relative_north_mps: float, relative_east_mps: float, own_course_rad: float) -> Vec2:
+def aside(relative_north_mps: float, relative_east_mps: float, own_course_rad: float) -> Vec2:
     """The unit vector perpendicular to the relative motion, on our right: the direction of the miss."""
     speed_mps = math.hypot(relative_north_mps, relative_east_mps)
     right_n, right_e = -math.sin(own_course_rad), math.cos(own_course_rad)

@@ -211,7 +211,7 @@ class Sticks:
             self._rested_us, self._motion_s = fact.pulses_us, now_s
 
     def in_use(self, now_s: float) -> bool:
-        """Whether the pilot flies with them: they moved since the mark, and have not been at rest for long."""
+        """Whether the pilot flies with them: they moved since the mark, and have not rested for long."""
         return now_s - self._motion_s < _AT_REST_S
 
     def mark(self) -> None:

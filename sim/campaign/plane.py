@@ -33,9 +33,10 @@ from companion.mavlink.facts import (
 )
 from companion.model import Vec3
 from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
-from sim.campaign.route import Route, off_leg
+from sim.campaign.route import Route
 from sim.compiled.airframe_step import L1_TIME_S
 from sim.dynamics import ARDUPLANE, Airframe, FixedWing
+from sim.path import off_leg
 
 AUTOPILOT = Sender(1, 1)
 AUTO = 10

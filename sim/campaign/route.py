@@ -1,15 +1,15 @@
 """The mission of an encounter: one endless straight line, or legs of 3 km with slopes and corners."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.model import Vec2, Vec3
+from companion.model import Vec3
 from sim.encounters import Encounter
 from sim.encounters.encounter import passing
+from sim.path import off_leg
 
 Array = NDArray[np.floating]
 
@@ -46,16 +46,6 @@ class Route:
             best = np.where(nearer, away, best)
             off[nearer] = np.column_stack([away, above])[nearer]
         return off
-
-
-def off_leg(start_m: Vec3, end_m: Vec3, own_m: Array) -> tuple[Array, Array, Array]:
-    """Offsets of places (n, 3) from a leg: to its right, above its slope, and beyond its ends, (n,) each."""
-    along_n, along_e, length_m = _direction(start_m[:2], end_m[:2])
-    north, east = own_m[:, 0] - start_m[0], own_m[:, 1] - start_m[1]
-    along = north * along_n + east * along_e
-    within = np.clip(along, 0.0, length_m)
-    down = start_m[2] + within / length_m * (end_m[2] - start_m[2])
-    return east * along_n - north * along_e, down - own_m[:, 2], along - within
 
 
 def straight(encounter: Encounter) -> Route:
@@ -120,9 +110,3 @@ def _beyond(start_m: Vec3, course_rad: float, length_m: float, rise_m: float) ->
         east_m + length_m * math.sin(course_rad),
         down_m - rise_m,
     )
-
-
-def _direction(start_m: Sequence[float], end_m: Sequence[float]) -> tuple[float, float, float]:
-    leg: Vec2 = (end_m[0] - start_m[0], end_m[1] - start_m[1])
-    length_m = max(math.hypot(*leg), 1e-6)
-    return leg[0] / length_m, leg[1] / length_m, length_m

@@ -8,6 +8,7 @@ from companion.cli.common import VersionFlag, run_app, show_version
 from sim.cli.bench import bench
 from sim.cli.campaign import campaign, encounter
 from sim.cli.demo import demo
+from sim.cli.flight_test import flight_test
 from sim.cli.paper import paper
 from sim.cli.relay import relay
 from sim.cli.vehicle import vehicle
@@ -20,6 +21,10 @@ app = typer.Typer(
 )
 app.command(epilog="Example: companion-sim demo --scenario head-on --speedup 4")(demo)
 app.command(epilog="Example: companion-sim vehicle --link udpout:127.0.0.1:14550 --scenario head-on")(vehicle)
+app.command(
+    "flight-test",
+    epilog="Example: companion-sim flight-test --vehicle tcpout:127.0.0.1:5763 --set basic --set-parameters",
+)(flight_test)
 app.command(epilog="Example: companion-sim bench --report bench.json")(bench)
 app.command(epilog="Example: companion-sim paper --out paper-results")(paper)
 app.command(

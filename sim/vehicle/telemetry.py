@@ -35,6 +35,7 @@ class Telemetry(ABC):
     # SYS_STATUS: sensors present, and healthy
     sensors = 0
     sensors_healthy = 0
+    uid = 1  # AUTOPILOT_VERSION
 
     def __init__(
         self, flight: Flight, boot_s: float, geoid_height_m: float, versions: tuple[int, int]
@@ -87,7 +88,7 @@ class Telemetry(ABC):
             os_custom_version=[0] * 8,
             vendor_id=0,
             product_id=0,
-            uid=1,
+            uid=self.uid,
         )
 
     @property

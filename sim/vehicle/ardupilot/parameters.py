@@ -38,6 +38,7 @@ _TABLE: tuple[Row, ...] = (
     ("RTL_ALTITUDE", 100, REAL32),
     ("RTL_AUTOLAND", 0, INT8),
     ("SERIAL0_PROTOCOL", 2, INT8),
+    ("SIM_SPEEDUP", 1, REAL32),  # shows that this is a simulation, as in ArduPilot's own
     ("STAT_RUNTIME", 0, INT32),
     ("SYSID_THISMAV", 1, INT16),
     ("TECS_CLMB_MAX", 5, REAL32),

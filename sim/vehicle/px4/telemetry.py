@@ -39,6 +39,7 @@ class Px4Telemetry(Telemetry):
     capabilities = 4 | 8 | 16 | 128 | 256 | 8192 | 16384
     sensors = 0x0120_001F
     sensors_healthy = 0x0120_001F
+    uid = 0x4954_414C_4449_4E4F  # that of PX4's own simulation
 
     def __init__(
         self, flight: Px4Flight, boot_s: float, geoid_height_m: float, firmware: Firmware = "1.16"
