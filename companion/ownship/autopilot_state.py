@@ -211,13 +211,12 @@ class Sticks:
             self._rested_us, self._motion_s = fact.pulses_us, now_s
 
     def in_use(self, now_s: float) -> bool:
-        """Whether the pilot flies with them: they moved since the mark, and have not rested for long."""
-        return now_s - self._motion_s < _AT_REST_S
+        """Whether the pilot flies with them: moved, and not at rest since then."""
+        return self.moved and now_s - self._motion_s < _AT_REST_S
 
     def mark(self) -> None:
         """Mark the newest positions; without a report yet, the first ones that are received."""
         self._marked_us = self.pulses_us or None
-        self._motion_s = -math.inf
 
     @property
     def moved(self) -> bool:

@@ -48,16 +48,3 @@ def test_with_a_limit_of_zero_no_stick_ever_moves() -> None:
     sticks.mark()
     sticks.observe(channels(1000, 2000, 1000, 2000), 0.0)
     assert not sticks.moved
-
-
-def test_sticks_are_in_use_for_some_seconds_after_they_moved_also_back_in_the_middle() -> None:
-    sticks = Sticks(100.0)
-    sticks.observe(channels(1500, 1500, 1500, 1500), 0.0)
-    sticks.mark()
-    assert not sticks.in_use(1.0)
-    sticks.observe(channels(1800, 1500, 1500, 1500), 20.0)
-    sticks.observe(channels(1500, 1500, 1500, 1500), 24.0)
-    assert sticks.in_use(30.0)
-    assert not sticks.in_use(40.0)
-    sticks.mark()
-    assert not sticks.in_use(25.0)
