@@ -15,7 +15,7 @@ another vehicle with the same address.
 
 import math
 import struct
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
@@ -70,6 +70,7 @@ _NEWS_OF_ANOTHER = 5
 _LEAST_SHARE_OF_COPIES = 0.2
 _COPIES_OF_ANOTHER = 3
 _MOST_OTHERS = 4
+_HEARTBEATS = 32  # remembered: of some seconds, whatever their rate
 
 
 class Origin(Enum):
@@ -175,6 +176,7 @@ class _Sender:
     others: list[_Clock] = field(default_factory=list)
     heartbeat_s: float = -math.inf  # when the newest heartbeat was true
     heartbeat_path: _Path | None = None  # which brought it
+    heartbeats: deque[bytes] = field(default_factory=lambda: deque(maxlen=_HEARTBEATS))  # the newest ones
     paths: list[_Path] = field(default_factory=list)
 
 
@@ -199,10 +201,14 @@ class VehicleClocks:
         timing = _timing(sender, path, boot_s is not None, received_s)
         if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT or timing.origin is not Origin.PRESENT:
             return timing
-        # On one path the numbers tell: a mode change sends a heartbeat at once, maybe just after another one.
-        in_order = path is sender.heartbeat_path and not path.outdated
-        is_later = timing.true_s > sender.heartbeat_s + _SAME_HEARTBEAT_S
-        is_newer = in_order or is_later or path.clock is None
+        # A mode change sends a heartbeat at once, maybe just after another one: on one path the numbers tell
+        # which is newer, unless it is a copy that was counted to the wrong path.
+        since_s = timing.true_s - sender.heartbeat_s
+        is_copy = frame.raw in sender.heartbeats
+        sender.heartbeats.append(frame.raw)
+        in_order = path is sender.heartbeat_path and not path.outdated and not is_copy
+        is_newer = (in_order and since_s > -_SAME_HEARTBEAT_S) or since_s > _SAME_HEARTBEAT_S
+        is_newer |= path.clock is None
         if path.is_overtaken(number) or not is_newer:
             return timing._replace(origin=Origin.PAST)
         sender.heartbeat_s, sender.heartbeat_path = timing.true_s, path
