@@ -11,6 +11,8 @@ from companion.mavlink.dialect import mavlink
 from companion.output.notice import ConflictNotice, Notice
 
 _LONGEST_ENGAGING_S = 3.0
+# A request that is obeyed shows in the heartbeat within this time, unless that is lost.
+_ANSWERED_WITHIN_S = 1.2
 # The wait after a refusal grows with the refusals in a row, up to this many times.
 _LONGEST_WAIT = 5
 
@@ -88,6 +90,8 @@ class TakeOver:
             return self._release.begin(now_s)
         if not (request.refusals or now_s - request.asked_s >= _LONGEST_ENGAGING_S):
             return self._requester.send(now_s)
+        if not request.refusals and now_s - request.sent_s < _ANSWERED_WITHIN_S:
+            return []  # the last request may just be obeyed
         if not request.refusals and context.aircraft.heartbeat_s <= request.sent_s:
             # No heartbeat since: the aircraft may be in the guided mode by now, flown by no one.
             context.supervisor.handle(Event.UNKNOWN)
