@@ -34,6 +34,8 @@ _WINDOW_S = 5.0
 # The interval between requests for a message that does not come doubles up to this.
 _LONGEST_WAIT_S = 60.0
 _OWN_ICAO_TRIES = 4
+# Heartbeats come once a second at least. On a bad link several in a row are lost.
+_HEARTBEAT_OVERDUE_S, _HEARTBEAT_AGAIN_S = 1.2, 0.3
 _QUIET_TRAFFIC_S = 10.0
 
 
@@ -52,6 +54,7 @@ class MessageRates:
         self._requested = False
         self.traffic_s = -math.inf  # when it last passed a report of traffic on
         self._own_icao_tries = 0
+        self._asked_for_heartbeat_s = -math.inf
         self.measured_hz: dict[int, float] = {}  # by message id, over the last full window
 
     def observe(self, fact: Fact) -> None:
@@ -61,6 +64,14 @@ class MessageRates:
             self._counts[message_id] = self._counts.get(message_id, 0) + 1
         elif isinstance(fact, Parameter) and fact.name == OWN_ICAO_PARAMETER:
             self._own_icao_tries = _OWN_ICAO_TRIES
+
+    def missing_heartbeat(self, adapter: Adapter, heard_s: float, now_s: float) -> list[Message]:
+        """A request for the heartbeat when it is overdue: without one, nothing may be commanded."""
+        due_s = max(heard_s + _HEARTBEAT_OVERDUE_S, self._asked_for_heartbeat_s + _HEARTBEAT_AGAIN_S)
+        if heard_s <= now_s < due_s:
+            return []
+        self._asked_for_heartbeat_s = now_s
+        return [adapter.request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT)]
 
     def restart(self) -> None:
         """Request everything again, because the autopilot restarted or was out of contact."""
