@@ -22,6 +22,9 @@ BOOTED_BEFORE_S = 30.0
 _HEARTBEAT_PERIOD_S = 1.0
 _STATUSTEXT_BYTES = 50
 _TOLERANCE_S = 1e-6
+# RC_CHANNELS_OVERRIDE
+_LEFT_ALONE = 65_535
+_CENTRE_US, _REACH_US = 1500, 500
 _HEARTBEAT, _ADSB_VEHICLE = mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE
 
 
@@ -316,6 +319,8 @@ class FakeVehicle(ABC):
         elif kind.startswith("PARAM_"):
             if self._parameter_protocol.receive(message, channel):
                 self._flight.apply_parameters()
+        elif kind == "RC_CHANNELS_OVERRIDE":
+            self._override_sticks(message)
         elif kind == "REQUEST_DATA_STREAM":
             self._handle_data_stream(message, channel)
         elif kind == "TIMESYNC" and message.tc1 == 0:
@@ -326,6 +331,17 @@ class FakeVehicle(ABC):
             self._send(channel, answer)
         else:
             self._missions.receive(message, sender, channel, now_s)
+
+    def _override_sticks(self, message: Message) -> None:
+        """Take roll and pitch from a ground station; a channel of 0 is given back to the centered sticks."""
+        roll, pitch = _deflection(message.chan1_raw), _deflection(message.chan2_raw)
+        present = self._flight.sticks
+        self._flight.sticks = Sticks(
+            present.roll if roll is None else roll,
+            present.pitch if pitch is None else pitch,
+            present.throttle,
+            present.yaw,
+        )
 
     def _handle_command(self, call: Call, sender: tuple[int, int]) -> None:
         silent = call.command in self._silenced
@@ -350,3 +366,10 @@ class FakeVehicle(ABC):
                 target_component=sender[1],
             ),
         )
+
+
+def _deflection(pulse_us: int) -> float | None:
+    """The deflection of a stick from -1 to 1; `None` when the channel is left alone."""
+    if pulse_us == _LEFT_ALONE:
+        return None
+    return 0.0 if pulse_us == 0 else (pulse_us - _CENTRE_US) / _REACH_US

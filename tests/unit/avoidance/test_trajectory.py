@@ -112,7 +112,7 @@ def test_an_aircraft_that_drifts_backwards_keeps_its_heading() -> None:
 COORDINATED = replace(ARDUPLANE, turn_share=1.0)
 
 
-@pytest.mark.parametrize(("wind_mps", "worst_m"), [(0.0, 25.0), (8.0, 42.0), (15.0, 65.0)])
+@pytest.mark.parametrize(("wind_mps", "worst_m"), [(0.0, 34.0), (8.0, 42.0), (15.0, 65.0)])
 @pytest.mark.parametrize("turn_deg", [-150.0, -60.0, -15.0, 30.0, 90.0])
 def test_turns_in_wind_match_a_simulated_aircraft(turn_deg: float, wind_mps: float, worst_m: float) -> None:
     for from_deg in range(0, 360, 45):

@@ -200,3 +200,12 @@ def test_auto_without_a_mission_goes_home() -> None:
     bench.send(mavlink.MAVLink_mission_clear_all_message(1, 1))
     assert bench.vehicle.truth.mode == "RTL"
     assert "Aircraft in auto without a running mission" in bench.texts()
+
+
+def test_a_ground_station_moves_the_sticks_and_gives_them_back() -> None:
+    bench, alone = airborne(), 65_535
+    bench.send(mavlink.MAVLink_rc_channels_override_message(1, 1, 1800, *[alone] * 7))
+    assert bench.vehicle.flight.sticks.roll == pytest.approx(0.6)
+    assert bench.vehicle.flight.sticks.pitch == 0.0
+    bench.send(mavlink.MAVLink_rc_channels_override_message(1, 1, 0, 0, *[alone] * 6))
+    assert bench.vehicle.flight.sticks.roll == 0.0
