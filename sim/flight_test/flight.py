@@ -125,6 +125,8 @@ class Flight:
         self.doing = "starting companion"
         await self._beside.start(self._wires.relay.local_port)
         self.result.companion = self._beside.name
+        if not self._beside.on_our_link:
+            return  # it may be at a link from which nothing is passed on
         begun_s = time.monotonic()
         while math.isinf(self.observer.companion_s):
             if time.monotonic() - begun_s > _COMPANION_WITHIN_S:
