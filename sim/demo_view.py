@@ -1,11 +1,8 @@
 """The demonstration on a terminal: live view in flight, a table at the end."""
 
 import math
-from contextlib import AbstractContextManager
-from types import TracebackType
 
 from rich.console import Console, Group
-from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -14,26 +11,19 @@ from rich.text import Text
 from companion.model import Layer, Snapshot
 from companion.units import course_deg
 from sim.demo import DemoState
+from sim.live_view import LiveView, clock
 
 _REFRESH_PER_S = 8
 _COLOURS = {Layer.CLEAR: "green", Layer.OUTER: "yellow", Layer.INNER: "bold red"}
 _TEXTS_SHOWN = 4
 
 
-class DemoView(AbstractContextManager["DemoView"]):
-    """Draws the state on a terminal; without one, prints one line per event."""
+class DemoView(LiveView):
+    """Draws the state of a demonstration."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
+        super().__init__(console, refresh_per_s=_REFRESH_PER_S, lines_shown=_TEXTS_SHOWN)
         self._state: DemoState | None = None
-        self._live = Live(
-            get_renderable=self._render,
-            console=console,
-            refresh_per_second=_REFRESH_PER_S,
-            transient=True,
-            auto_refresh=console.is_terminal,
-        )
-        self._texts: list[str] = []
 
     def start(self, state: DemoState) -> None:
         """Begin with the demonstration's state."""
@@ -41,25 +31,11 @@ class DemoView(AbstractContextManager["DemoView"]):
 
     def add_text(self, text: str) -> None:
         """Show a line that the companion logs."""
-        if self._state is None:
-            return
-        line = f"{_clock(self._state.elapsed_s)}  {text}"
-        self._texts.append(line)
-        if not self._console.is_terminal:
-            self._console.print(line, markup=False, soft_wrap=True)
+        if self._state is not None:
+            self.add_line(self._state.elapsed_s, text)
 
-    def __enter__(self) -> "DemoView":
-        if self._console.is_terminal:
-            self._live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._console.is_terminal:
-            self._live.stop()
-
-    def _render(self) -> Panel:
+    def render(self) -> Panel:
+        """The aircraft, its traffic, and the newest lines."""
         state = self._state
         if state is None:
             return Panel("building the world ...")
@@ -69,9 +45,8 @@ class DemoView(AbstractContextManager["DemoView"]):
         bar.add_row(
             ProgressBar(total=scenario.duration_s, completed=min(state.elapsed_s, scenario.duration_s))
         )
-        texts = Text("\n".join(self._texts[-_TEXTS_SHOWN:]))
-        title = f"Companion demo   {_clock(state.elapsed_s)}   {state.options.speedup:g} x"
-        return Panel(Group(head, bar, _aircraft(state), _traffic(state), texts), title=title)
+        title = f"Companion demo   {clock(state.elapsed_s)}   {state.options.speedup:g} x"
+        return Panel(Group(head, bar, _aircraft(state), _traffic(state), self.newest_lines), title=title)
 
 
 def _aircraft(state: DemoState) -> Table:
@@ -140,10 +115,6 @@ def _course(course_rad: float) -> str:
     return f"{round(course_deg(course_rad)) % 360:03d}"
 
 
-def _clock(seconds: float) -> str:
-    return f"{int(seconds) // 60:3d}:{int(seconds) % 60:02d}"
-
-
 def print_result(console: Console, state: DemoState) -> None:
     """Print the result."""
     table = Table(title="Closest approaches", title_justify="left", title_style="bold")
@@ -156,7 +127,7 @@ def print_result(console: Console, state: DemoState) -> None:
             result = "[yellow]well clear lost[/]"
         else:
             result = "[green]well clear[/]"
-        action = "-" if encounter.first_action_s is None else _clock(encounter.first_action_s).strip()
+        action = "-" if encounter.first_action_s is None else clock(encounter.first_action_s).strip()
         table.add_row(
             encounter.callsign,
             f"{encounter.min_slant_m:.0f} m",
@@ -169,7 +140,7 @@ def print_result(console: Console, state: DemoState) -> None:
     report = state.report()
     done = "[green]completed[/]" if state.truth.mission_completed else "[red]not completed[/]"
     console.print(
-        f"Mission {done} after {_clock(state.elapsed_s).strip()}, largest deviation "
+        f"Mission {done} after {clock(state.elapsed_s).strip()}, largest deviation "
         f"{state.score.max_deviation_m:.0f} m sideways, {report['setpoints_sent']} setpoints sent.",
         soft_wrap=True,
     )

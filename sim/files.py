@@ -36,3 +36,19 @@ def checked_from(content: Any, kind: type[T], source: str) -> T:
         key = ".".join(str(part) for part in first["loc"])
         why = "unknown key" if first["type"] == "unexpected_keyword_argument" else first["msg"]
         raise ConfigError(f"{source}: {key}: {why}" if key else f"{source}: {why}") from error
+
+
+def names_in(folder: Path) -> list[str]:
+    """Names of the YAML files that come with the project in a folder."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
+def read_named(name_or_path: str | Path, folder: Path, kind: type[T], what: str) -> T:
+    """Read one of a folder's files by name, or any file by its path; `ConfigError` names file and key."""
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        path = folder / f"{name_or_path}.yaml"
+        if not path.is_file():
+            known = ", ".join(names_in(folder)) or "none installed"
+            raise ConfigError(f"{name_or_path}: no such {what}; there are: {known}")
+    return read_checked(path, kind)

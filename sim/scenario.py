@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Len, Lt
 from pydantic import dataclasses as checked
 
-from companion.errors import ConfigError
 from companion.geodesy import GeoPoint, LocalFrame
-from sim.files import STRICT, read_checked
+from sim.files import STRICT, names_in, read_named
 from sim.traffic import ALL_VALID
 from sim.vehicle import MissionItem, takeoff_item, waypoint_item
 
@@ -157,15 +156,9 @@ class Scenario:
 
 def scenario_names() -> list[str]:
     """Names of the scenarios that come with the project."""
-    return sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
+    return names_in(SCENARIO_FOLDER)
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """Read a scenario by name or from a file; `ConfigError` names file and key."""
-    path = Path(name_or_path)
-    if path.suffix not in (".yaml", ".yml"):
-        path = SCENARIO_FOLDER / f"{name_or_path}.yaml"
-        if not path.is_file():
-            known = ", ".join(scenario_names()) or "none installed"
-            raise ConfigError(f"{name_or_path}: no such scenario; there are: {known}")
-    return read_checked(path, Scenario)
+    return read_named(name_or_path, SCENARIO_FOLDER, Scenario, "scenario")

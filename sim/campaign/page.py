@@ -10,24 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from companion.model import Layer
-from companion.report.drawing import BANDS
 from companion.report.html import image, table
 from companion.report.html import page as html_page
-from companion.units import (
-    NMAC_HORIZONTAL_M,
-    NMAC_VERTICAL_M,
-    WELL_CLEAR_HORIZONTAL_M,
-    WELL_CLEAR_VERTICAL_M,
-)
 from sim.campaign.flight import EncounterResult
 from sim.campaign.plan import Plan
 from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, Figures, ratio_of
+from sim.encounter_figure import COLOURS, DASHES, HIGHEST_RATIO, OWN, centre_map, draw_separation, laid_out
 from sim.encounters import Encounter
 
-_OWN, _COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#000000")
-_DASHES = ("--", "-.", ":", (0, (5, 1)))
-_LOST, _NEAR = BANDS[Layer.OUTER], BANDS[Layer.INNER]
 _CLOSING_EDGES_MPS = (0.0, 30.0, 60.0, 90.0, np.inf)
 Flight = tuple[Encounter, EncounterResult]
 
@@ -143,49 +133,22 @@ def _drawn(encounter: Encounter, flown: EncounterResult) -> str:
 
 def figure_of(encounter: Encounter, flown: EncounterResult) -> Figure:
     """A figure of one encounter: map, heights, and separation over time with the volumes as bands."""
-    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
-    above, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.3), squeeze=False)[0]
-    heights, apart = right.subplots(2, 1, sharex=True)
+    figure, above, heights, apart = laid_out()
     times_s = np.arange(len(flown.own_m)) * 0.1
     shown = times_s <= encounter.duration_s
     own_m, times_s = flown.own_m[shown], times_s[shown]
     seen = [path.positions_m(times_s) for path in encounter.intruders]
-    _from_above(above.subplots(), flown, own_m, seen)
-    _over_time(heights, times_s, [own_m, *seen], lambda place_m: -place_m[:, 2])
-    heights.set_ylabel("height [m]")
+    above.plot(flown.own_m[:, 1], flown.own_m[:, 0], color=OWN, lw=0.8)
+    _over_time_marks(above, own_m, OWN, "-", "own")
     for i, place_m in enumerate(seen):
-        off_m = place_m - own_m
-        horizontal = np.hypot(off_m[:, 0], off_m[:, 1]) / WELL_CLEAR_HORIZONTAL_M
-        vertical = np.abs(off_m[:, 2]) / WELL_CLEAR_VERTICAL_M
-        style = {"color": _COLOURS[i % 4], "ls": _DASHES[i % 4]}
-        apart.plot(times_s, horizontal, lw=1.6, label="horizontal", **style)
-        apart.plot(times_s, vertical, lw=0.8, label="vertical", **style)
-    near = max(NMAC_HORIZONTAL_M / WELL_CLEAR_HORIZONTAL_M, NMAC_VERTICAL_M / WELL_CLEAR_VERTICAL_M)
-    apart.axhspan(0.0, 1.0, color=_LOST, zorder=0)
-    apart.axhspan(0.0, near, color=_NEAR, zorder=0)
+        _over_time_marks(above, place_m, COLOURS[i % 4], DASHES[i % 4], f"intruder {i + 1}")
+    centre_map(above, flown.own_m)
+    _over_time(heights, times_s, [own_m, *seen], lambda place_m: -place_m[:, 2])
+    draw_separation(apart, times_s, own_m, seen)
     if flown.first_action_s is not None:
         apart.axvline(flown.first_action_s, color="#444", lw=1.0)
-        apart.annotate("first action", (flown.first_action_s, 3.6), fontsize=8)
-    apart.set(ylim=(0.0, 4.0), xlabel="time [s]", ylabel="apart [well clear]")
-    apart.legend(fontsize=8, loc="upper right", ncols=2)
+        apart.annotate("first action", (flown.first_action_s, 0.9 * HIGHEST_RATIO), fontsize=8)
     return figure
-
-
-def _from_above(
-    axes: Axes, flown: EncounterResult, own_m: NDArray[np.floating], seen: Sequence[NDArray[np.floating]]
-) -> None:
-    axes.plot(flown.own_m[:, 1], flown.own_m[:, 0], color=_OWN, lw=0.8)
-    _over_time_marks(axes, own_m, _OWN, "-", "own")
-    for i, place_m in enumerate(seen):
-        _over_time_marks(axes, place_m, _COLOURS[i % 4], _DASHES[i % 4], f"intruder {i + 1}")
-    reach_m = max(float(np.ptp(flown.own_m[:, :2], axis=0).max()), 2500.0)
-    centre = 0.5 * (flown.own_m.min(0) + flown.own_m.max(0))
-    axes.set(
-        xlim=(centre[1] - 0.6 * reach_m, centre[1] + 0.6 * reach_m),
-        ylim=(centre[0] - 0.6 * reach_m, centre[0] + 0.6 * reach_m),
-        aspect="equal", xlabel="east [m]", ylabel="north [m]",
-    )  # fmt: skip
-    axes.legend(fontsize=8)
 
 
 def _over_time_marks(axes: Axes, place_m: NDArray[np.floating], colour: str, dash: Any, label: str) -> None:
@@ -201,5 +164,5 @@ def _over_time(
     of: Callable[[NDArray[np.floating]], NDArray[np.floating]],
 ) -> None:
     for i, place_m in enumerate(places):
-        colour, dash = (_OWN, "-") if i == 0 else (_COLOURS[(i - 1) % 4], _DASHES[(i - 1) % 4])
+        colour, dash = (OWN, "-") if i == 0 else (COLOURS[(i - 1) % 4], DASHES[(i - 1) % 4])
         axes.plot(times_s, of(place_m), color=colour, ls=dash, lw=1.6)

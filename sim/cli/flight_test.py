@@ -100,7 +100,7 @@ def flight_test(
     console = Console(highlight=False)
     logging.getLogger("companion").setLevel(logging.CRITICAL)  # events show its texts
     with FlightView(console) as view:
-        flight = Flight(options, view.event)
+        flight = Flight(options, view.add_line)
         view.show(flight)
         result = asyncio.run(_until_interrupted(flight))
     figures = report_of(result)

@@ -2,33 +2,18 @@
 
 import html
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from companion.model import Layer
-from companion.report.drawing import BANDS
 from companion.report.html import image, table
 from companion.report.html import page as html_page
-from companion.units import (
-    NMAC_HORIZONTAL_M,
-    NMAC_VERTICAL_M,
-    WELL_CLEAR_HORIZONTAL_M,
-    WELL_CLEAR_VERTICAL_M,
-)
+from sim.encounter_figure import COLOURS, DASHES, OWN, centre_map, draw_separation, laid_out
 from sim.flight_test.judge import Judged
 from sim.flight_test.report import COLUMNS, Report
 from sim.flight_test.result import Result
-
-Array = NDArray[np.floating]
-
-_OWN, _COLOURS = "#0072B2", ("#D55E00", "#009E73", "#CC79A7", "#000000")
-_LOST, _NEAR = BANDS[Layer.OUTER], BANDS[Layer.INNER]
-_SHOWN_RATIO = 4.0
 
 
 def page(result: Result, report: Report) -> str:
@@ -79,50 +64,20 @@ def figure_of(judged: Judged) -> Figure:
     times_s = np.array([time_s for time_s, _ in judged.path])
     own_m = np.array([place_m for _, place_m in judged.path])
     seen = [np.array([one.state_at(time_s)[0] for time_s in times_s]) for one in judged.intruders]
-    reported = [(times_s >= one.appears_s) & (times_s <= one.disappears_s) for one in judged.intruders]
     since_s = times_s - judged.begun_s
-    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
-    above, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.3), squeeze=False)[0]
-    heights, apart = right.subplots(2, 1, sharex=True)
-    _from_above(above.subplots(), own_m, [path[shown] for path, shown in zip(seen, reported, strict=True)])
-    heights.plot(since_s, -own_m[:, 2], color=_OWN, lw=1.6)
-    for i, (path, shown) in enumerate(zip(seen, reported, strict=True)):
-        heights.plot(since_s[shown], -path[shown][:, 2], color=_COLOURS[i % 4], lw=1.6, ls="--")
-    heights.set_ylabel("height [m]")
-    _separation(apart, since_s, own_m, seen)
+    figure, above, heights, apart = laid_out()
+    above.plot(own_m[:, 1], own_m[:, 0], color=OWN, lw=1.6, label="own")
+    heights.plot(since_s, -own_m[:, 2], color=OWN, lw=1.6)
+    for i, (path, one) in enumerate(zip(seen, judged.intruders, strict=True)):
+        shown = (times_s >= one.appears_s) & (times_s <= one.disappears_s)
+        style: dict[str, Any] = {"color": COLOURS[i % 4], "ls": DASHES[i % 4], "lw": 1.6}
+        above.plot(path[shown, 1], path[shown, 0], label=f"intruder {i + 1}", **style)
+        heights.plot(since_s[shown], -path[shown, 2], **style)
+    centre_map(above, own_m)
+    draw_separation(apart, since_s, own_m, seen)
     for axes in (heights, apart):
         _mark(axes, judged)
     return figure
-
-
-def _from_above(axes: Axes, own_m: Array, seen: Sequence[Array]) -> None:
-    axes.plot(own_m[:, 1], own_m[:, 0], color=_OWN, lw=1.6, label="own")
-    for i, path in enumerate(seen):
-        axes.plot(path[:, 1], path[:, 0], color=_COLOURS[i % 4], lw=1.6, ls="--", label=f"intruder {i + 1}")
-    reach_m = max(float(np.ptp(own_m[:, :2], axis=0).max()), 2500.0)
-    centre = 0.5 * (own_m.min(0) + own_m.max(0))
-    axes.set(
-        xlim=(centre[1] - 0.6 * reach_m, centre[1] + 0.6 * reach_m),
-        ylim=(centre[0] - 0.6 * reach_m, centre[0] + 0.6 * reach_m),
-        aspect="equal", xlabel="east [m]", ylabel="north [m]",
-    )  # fmt: skip
-    axes.legend(fontsize=8)
-
-
-def _separation(axes: Axes, since_s: Array, own_m: Array, seen: Sequence[Array]) -> None:
-    for i, path in enumerate(seen):
-        off_m = path - own_m
-        horizontal = np.hypot(off_m[:, 0], off_m[:, 1]) / WELL_CLEAR_HORIZONTAL_M
-        vertical = np.abs(off_m[:, 2]) / WELL_CLEAR_VERTICAL_M
-        style: dict[str, Any] = {"color": _COLOURS[i % 4]}
-        axes.plot(since_s, horizontal, lw=1.6, label="horizontal", **style)
-        axes.plot(since_s, vertical, lw=0.8, ls=":", label="vertical", **style)
-    near = max(NMAC_HORIZONTAL_M / WELL_CLEAR_HORIZONTAL_M, NMAC_VERTICAL_M / WELL_CLEAR_VERTICAL_M)
-    axes.axhspan(0.0, 1.0, color=_LOST, zorder=0)
-    axes.axhspan(0.0, near, color=_NEAR, zorder=0)
-    axes.set(ylim=(0.0, _SHOWN_RATIO), xlabel="time [s]", ylabel="apart [well clear]")
-    if seen:
-        axes.legend(fontsize=8, loc="upper right", ncols=2)
 
 
 def _mark(axes: Axes, judged: Judged) -> None:

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Len
 from pydantic import dataclasses as checked
 
-from companion.errors import ConfigError
-from sim.files import STRICT, read_checked
+from sim.files import STRICT, names_in, read_named
 from sim.scenario import MissionPlan
 
 SET_FOLDER = Path(__file__).with_name("sets")
@@ -183,15 +182,9 @@ class FlightTest:
 
 def set_names() -> list[str]:
     """Names of the sets that come with the project."""
-    return sorted(path.stem for path in SET_FOLDER.glob("*.yaml"))
+    return names_in(SET_FOLDER)
 
 
 def load_set(name_or_path: str | Path) -> FlightTest:
     """Read a set by name or from a file; `ConfigError` names file and key."""
-    path = Path(name_or_path)
-    if path.suffix not in (".yaml", ".yml"):
-        path = SET_FOLDER / f"{name_or_path}.yaml"
-        if not path.is_file():
-            known = ", ".join(set_names()) or "none installed"
-            raise ConfigError(f"{name_or_path}: no such set; there are: {known}")
-    return read_checked(path, FlightTest)
+    return read_named(name_or_path, SET_FOLDER, FlightTest, "set")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE
+from rich.markup import escape
 from rich.table import Table
 
 from companion import __version__
@@ -15,6 +16,7 @@ from sim.flight_test.judge import Judged
 from sim.flight_test.result import Result
 
 Report = dict[str, Any]
+_NAME_WIDTH = 26  # the table fits 80 columns
 _SLOW = 0.1  # a rate of the vehicle's time this far from ours is shown
 
 
@@ -68,7 +70,7 @@ def _rounded(value: float | None) -> float | None:
 # Heading, key, and whether it is a time.
 COLUMNS = (
     ("slant\n[m]", "min_slant_m"), ("side\n[m]", "min_horizontal_m"), ("high\n[m]", "vertical_m"),
-    ("acts\nat [s]", "first_action_s"), ("off leg\n[m]", "max_deviation_m"), ("height\n[m]", "max_height_m"),
+    ("acts\n[s]", "first_action_s"), ("aside\n[m]", "max_deviation_m"), ("height\n[m]", "max_height_m"),
     ("back\n[s]", "back_on_leg_s"),
 )  # fmt: skip
 
@@ -76,28 +78,27 @@ COLUMNS = (
 def table_of(report: Report) -> Table:
     """All encounters as a table."""
     table = _table("Flight test")
-    table.add_column("modes", overflow="fold")
-    table.add_column("re-\nfused", justify="right", no_wrap=True)
-    table.add_column("result", overflow="fold")
+    table.add_column("re-\nfus.", justify="right", no_wrap=True)
     for each in report["encounters"]:
         figures = [_figure(each, key) for _, key in COLUMNS]
         refused = str(len(each["commands_refused"]) or "-")
-        table.add_row(each["name"], *figures, " ".join(each["modes"]), refused, verdict(each))
+        named = f"{escape(each['name'])}\n[dim]{' '.join(each['modes'])}[/]\n{verdict(each)}"
+        table.add_row(named, *figures, refused)
     return table
 
 
 def _table(title: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", padding=(0, 1, 0, 0), box=SIMPLE)
-    table.add_column("encounter", overflow="fold")
+    table.add_column("encounter", min_width=_NAME_WIDTH)
     for heading, _ in COLUMNS:
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(escape(heading), justify="right", no_wrap=True)
     return table
 
 
 def verdict(encounter: Report) -> str:
     """The result of one encounter in words, with colours."""
     if encounter["failures"]:
-        return f"[bold red]{'; '.join(encounter['failures'])}[/]"
+        return f"[bold red]{escape('; '.join(encounter['failures']))}[/]"
     return "[green]well clear[/]" if not encounter["lowc"] else "[yellow]as expected[/]"
 
 
@@ -139,15 +140,15 @@ def load_report(path: Path) -> Report:
 
 
 def comparison_of(report: Report, other: Report) -> Table:
-    """Both runs side by side, encounter by encounter: this run, the other, for each figure."""
-    table = _table("This run | the other")
-    table.add_column("result")
+    """Both runs, encounter by encounter: this one above, the other below."""
+    table = _table("This run above, the other below")
     theirs = {each["name"]: each for each in other["encounters"]}
     ours = {each["name"]: each for each in report["encounters"]}
     for name in dict.fromkeys([*ours, *theirs]):
         pair = ours.get(name), theirs.get(name)
-        cells = ["|".join("-" if one is None else _figure(one, key) for one in pair) for _, key in COLUMNS]
-        table.add_row(name, *cells, " | ".join("not flown" if one is None else _short(one) for one in pair))
+        cells = ["\n".join("-" if one is None else _figure(one, key) for one in pair) for _, key in COLUMNS]
+        results = ["not flown" if one is None else _short(one) for one in pair]
+        table.add_row(f"{escape(name)}: {results[0]}\n[dim]the other:[/] {results[1]}", *cells)
     return table
 
 

@@ -1,58 +1,33 @@
 """The flight test on a terminal: a live table in flight, or a line for each event without a terminal."""
 
 import math
-from contextlib import AbstractContextManager
-from types import TracebackType
 
 from rich.console import Console, Group
-from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
-from rich.text import Text
 
 from sim.flight_test.flight import Flight
 from sim.flight_test.judge import Judged
 from sim.flight_test.report import report_of, table_of
+from sim.live_view import LiveView
 
 _REFRESH_PER_S = 4
 _EVENTS_SHOWN = 8
 
 
-class FlightView(AbstractContextManager["FlightView"]):
+class FlightView(LiveView):
     """Draws a flight."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
+        super().__init__(console, refresh_per_s=_REFRESH_PER_S, lines_shown=_EVENTS_SHOWN)
         self._flight: Flight | None = None
-        self._events: list[str] = []
-        self._live = Live(
-            get_renderable=self._render, console=console, refresh_per_second=_REFRESH_PER_S, transient=True,
-            auto_refresh=console.is_terminal,
-        )  # fmt: skip
 
     def show(self, flight: Flight) -> None:
         """Begin with a flight."""
         self._flight = flight
 
-    def event(self, time_s: float, text: str) -> None:
-        """Show a line; `time_s` is the vehicle's."""
-        line = f"{_clock(time_s)}  {text}"
-        self._events.append(line)
-        if not self._console.is_terminal:
-            self._console.print(line, markup=False, soft_wrap=True)
-
-    def __enter__(self) -> "FlightView":
-        if self._console.is_terminal:
-            self._live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._console.is_terminal:
-            self._live.stop()
-
-    def _render(self) -> Panel:
+    def render(self) -> Panel:
+        """The aircraft, its traffic, the encounters that are over, and the newest events."""
         flight = self._flight
         if flight is None:
             return Panel("connecting ...")
@@ -63,8 +38,7 @@ class FlightView(AbstractContextManager["FlightView"]):
         done["encounters"] = [e for e in done["encounters"] if e["name"] in flight.result.failures]
         if done["encounters"]:
             parts.append(table_of(done))
-        events = Text("\n".join(self._events[-_EVENTS_SHOWN:]), style="dim")
-        return Panel(Group(*parts, events), title=f"flight test: {flight.doing}")
+        return Panel(Group(*parts, self.newest_lines), title=f"flight test: {flight.doing}")
 
 
 def _aircraft(flight: Flight) -> Table:
@@ -98,7 +72,3 @@ def _traffic(flight: Flight, judged: Judged) -> Table:
             intruder.callsign, f"{distance_m / 1000:.2f} km", f"{own_m[2] - down_m:+.0f} m", closest
         )
     return table
-
-
-def _clock(seconds: float) -> str:
-    return f"{int(seconds) // 60:3d}:{int(seconds) % 60:02d}"

@@ -53,14 +53,18 @@ def test_two_runs_stand_side_by_side() -> None:
     other = report_of(result())
     other["encounters"][0]["max_deviation_m"] = 40.0
     shown = printed(comparison_of(report_of(result("not avoided")), other))
-    assert "250|40" in shown
-    assert "lost | passed" in shown
+    ours, theirs = shown.splitlines()[-3:-1]
+    assert "head-on: lost" in ours
+    assert " 250 " in ours
+    assert "the other: passed" in theirs
+    assert " 40 " in theirs
 
 
 def test_encounters_of_one_run_only_are_shown_too() -> None:
     shown = printed(comparison_of(report_of(result(name="one")), report_of(result(name="two"))))
-    assert "passed | not flown" in shown
-    assert "not flown | passed" in shown
+    assert "one: passed" in shown
+    assert "two: not flown" in shown
+    assert shown.count("the other: not flown") == shown.count("the other: passed") == 1
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"encounters": 3}', '{"encounters": [{}]}', "\udcff"])
