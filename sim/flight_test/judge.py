@@ -228,7 +228,7 @@ class Judged:
         if claim is not None and claim.shown_s is None:
             failed.append(f"the aircraft never showed the pilot's mode {claim.mode}")
         if claim is not None and claim.commands:
-            failed.append(f"{len(claim.commands)} commands after the pilot had it")
+            failed.append(f"commands sent after the pilot took over: {len(claim.commands)}")
         if self.release_asked_s is not None:
             released = [t for t, mode in self.mode_changes if t >= self.release_asked_s and not mode]
             limit_s = self.release_asked_s + self.plan.expect.released_s

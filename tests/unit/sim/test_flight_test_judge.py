@@ -104,7 +104,7 @@ def test_a_command_after_the_pilot_took_it_is_a_failure() -> None:
     one.observe_command(13.0, command())  # in time
     assert one.failures("LOITER") == []
     one.observe_command(14.0, command())
-    assert one.failures("LOITER") == ["1 commands after the pilot had it"]
+    assert one.failures("LOITER") == ["commands sent after the pilot took over: 1"]
     assert one.claim.commands == ["DO_SET_MODE"]
 
 
