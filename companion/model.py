@@ -55,9 +55,15 @@ class AltitudeReference(StrEnum):
 
 
 class TrafficSource(StrEnum):
-    """The channel that a traffic report came by."""
+    """The surveillance that a traffic report came by."""
 
     ADSB = "ADS-B"
+    ADSR = "ADS-R"  # ADS-B of another data link, repeated by a ground station
+    TISB = "TIS-B"  # radar tracks, broadcast by a ground station
+    MLAT = "MLAT"  # located by the times of arrival at several ground stations
+    MODE_S = "Mode S"  # an altitude and an address, without a position
+    FLARM = "FLARM"
+    REMOTE_ID = "Remote ID"
     UTM = "UTM"
     SYSTEM = "MAVLink system"
 
@@ -77,8 +83,16 @@ class TrafficReport:
     """A report of another aircraft, valid at `time_s`; values that the sender did not mark valid are `None`.
 
     `key` identifies the aircraft across all sources: the six digits of its ICAO address, or a prefix with the
-    source's own identifier. The sigmas are standard deviations as stated by the sender. `airborne` is False
-    only when the aircraft is known to be on the ground.
+    source's own identifier; "" for an aircraft without an identifier. `airborne` is False only when the
+    sender says that the aircraft is on the ground.
+
+    The sigmas are standard deviations as stated by the sender (horizontal ones for each axis).
+    `containment_m` is the radius that the true position leaves with the probability that `sil` stands for
+    (the surveillance integrity level of ADS-B: 1, 2, 3 for 1e-3, 1e-5, 1e-7 in an hour).
+    `geometric_altitude_m` is above the ellipsoid, sent in addition to a barometric `altitude_m`.
+
+    `relative_m` (north, east, up) is the position relative to our own, of receivers that send nothing else.
+    `alarm` is the receiver's own collision alarm, 0 (none) to 3. `heard_by` names the receiver.
     """
 
     source: TrafficSource
@@ -99,6 +113,13 @@ class TrafficReport:
     airborne: bool = True
     position_sigma_m: float | None = None
     altitude_sigma_m: float | None = None
+    velocity_sigma_mps: float | None = None
+    containment_m: float | None = None
+    sil: int | None = None
+    geometric_altitude_m: float | None = None
+    relative_m: Vec3 | None = None
+    alarm: int = 0
+    heard_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

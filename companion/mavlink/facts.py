@@ -350,9 +350,24 @@ class OwnTransponder:
     icao: int
 
 
+RECEIVER = Sender(0, 0)
+"""The sender of facts from receivers that do not speak MAVLink: the address that no MAVLink system has."""
+
+
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """ADSB_VEHICLE or UTM_GLOBAL_POSITION. `report.time_s` is the time of reception minus the known age."""
+    """A report of another aircraft. `report.time_s` is the time of reception minus the known age."""
+
+    sender: Sender
+    report: TrafficReport
+
+
+@dataclass(frozen=True, slots=True)
+class ReceiverOwnship:
+    """A receiver's report of the aircraft that carries it; ours only if it is where we are.
+
+    Its barometric altitude is in the standard atmosphere, its geometric one above the ellipsoid.
+    """
 
     sender: Sender
     report: TrafficReport
@@ -392,4 +407,5 @@ Fact = (
     | ParameterSet
     | OwnTransponder
     | Traffic
+    | ReceiverOwnship
 )
