@@ -213,7 +213,7 @@ class Target:
         comparable = False
         for reference, altitude_m, _ in measurement.altitudes:
             known = self._verticals.get(reference)
-            if known is None or measurement.time_s > self._valid_until_s(known.gate.estimate):
+            if known is None or self._is_outdated(known, measurement.time_s):
                 continue
             comparable = True
             if not known.gate.estimate.is_outlier(VerticalFix(measurement.time_s, altitude_m, None)):
@@ -351,10 +351,8 @@ class Target:
 
     def _receive_altitudes(self, measurement: Measurement, dropped: list[DropReason]) -> None:
         time_s = measurement.time_s
-        for reference, known in list(self._verticals.items()):
-            if time_s > self._valid_until_s(known.gate.estimate):
-                del self._verticals[reference]
-        if not measurement.altitudes and not self._verticals:
+        valid = [known for known in self._verticals.values() if not self._is_outdated(known, time_s)]
+        if not measurement.altitudes and not valid:
             dropped.append(DropReason.NO_ALTITUDE)
         climb_mps = measurement.climb_mps
         for number, (reference, altitude_m, sigma_m) in enumerate(measurement.altitudes):
@@ -380,7 +378,7 @@ class Target:
         self, reference: AltitudeReference, fix: VerticalFix, sigma_m: float, dropped: list[DropReason]
     ) -> None:
         known = self._verticals.get(reference)
-        if known is None or self.kind is TrafficKind.OBSTACLE:
+        if known is None or self.kind is TrafficKind.OBSTACLE or self._is_outdated(known, fix.time_s):
             gate: OutlierGate[VerticalFilter, VerticalFix]
             gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
             self._verticals[reference] = _Vertical(gate, sigma_m)
@@ -397,6 +395,9 @@ class Target:
             dropped.append(DropReason.ALTITUDE_JUMPED)
             return
         self._verticals[reference] = _Vertical(known.gate, sigma_m)
+
+    def _is_outdated(self, known: _Vertical, time_s: float) -> bool:
+        return time_s > self._valid_until_s(known.gate.estimate)
 
     def _valid_until_s(self, here: VerticalFilter) -> float:
         """An altitude is extrapolated for a limited time, unless it is that of an obstacle."""
