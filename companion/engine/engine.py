@@ -43,6 +43,7 @@ from companion.mavlink.facts import (
     Parameter,
     ParameterRequest,
     ParameterSet,
+    ReceiverOwnship,
     Sender,
     Traffic,
 )
@@ -263,6 +264,9 @@ class Engine:
             self._answers += self.operator.receive(fact)
             self._resume |= self.operator.take_resume()
             return bool(self._answers)
+        if isinstance(fact, ReceiverOwnship):
+            self._picture.observe_receiver(fact, now_s)
+            return False
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
                 self._rates.traffic_s = now_s
@@ -314,8 +318,9 @@ class Engine:
         track_id = self._picture.receive(fact, now_s)
         if track_id is None:
             return False
-        self._prompted = any(threat.track_id == track_id for threat in self.decision.threats)
-        return self._prompted
+        prompted = any(threat.track_id == track_id for threat in self.decision.threats)
+        self._prompted |= prompted
+        return prompted
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Whether another system than ours sent it; false until our autopilot is known."""

@@ -4,7 +4,7 @@ A tick at time T sees exactly the facts received before T, whenever its timer fi
 flight, replayed by the time stamps of its log, makes the decisions that were flown.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from companion.engine.engine import Engine
 from companion.mavlink.facts import Fact
@@ -19,6 +19,9 @@ LONGEST_STALL_US = 500_000
 WATCHDOG_S = 3.0
 # A log has no record of our stalls. Its longer gaps are of a machine that was suspended.
 LONGEST_GAP_IN_LOG_US = 5_000_000
+
+# Facts that came together prompt one tick, not more often than this: a flood must not be answered one by one.
+SHORTEST_PROMPT_US = 20_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
 
@@ -37,6 +40,7 @@ class Stepper:
         self._perform = perform
         self._longest_stall_us = longest_stall_us
         self._next_tick_us: int | None = None
+        self._prompted_us: int | None = None
 
     def next_tick_us(self, now_us: int) -> int:
         """Time of the next tick [us]."""
@@ -68,4 +72,13 @@ class Stepper:
         """
         self.advance(now_us)
         if self.engine.receive(fact, now_us / 1e6, true_s):
+            self._perform(now_us, self.engine.tick(now_us / 1e6))
+
+    def receive_together(self, facts: Iterable[Fact], now_us: int) -> None:
+        """Make the ticks that are due, take facts in, and tick once at once when one of them cannot wait."""
+        self.advance(now_us)
+        prompts = [self.engine.receive(fact, now_us / 1e6) for fact in facts]
+        last_us = self._prompted_us
+        if any(prompts) and (last_us is None or now_us - last_us >= SHORTEST_PROMPT_US):
+            self._prompted_us = now_us
             self._perform(now_us, self.engine.tick(now_us / 1e6))

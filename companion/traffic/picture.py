@@ -14,6 +14,7 @@ from companion.mavlink.facts import (
     OwnTransponder,
     Parameter,
     PressureAltitude,
+    ReceiverOwnship,
     Traffic,
 )
 from companion.model import Track, TrafficReport, Vec2, adsb_key, uas_key
@@ -300,6 +301,9 @@ class TrafficPicture:
                 self.tracker.add_own_address(fact.icao)
             case _:
                 pass
+
+    def observe_receiver(self, fact: ReceiverOwnship, now_s: float) -> None:
+        """Process what a receiver reports of the aircraft that carries it."""
 
     def receive(self, fact: Fact, now_s: float) -> str | None:
         """Process a traffic report, or a fact of another MAVLink system.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from companion.links import Link
+from companion.links import Link, ReceiverLink
 
 
 class LoopTimes:
@@ -49,6 +49,44 @@ class LinkCount:
 
 
 @dataclass(frozen=True, slots=True)
+class ReceiverCount:
+    """What one receiver sent since the start, and how it is now.
+
+    `bad` counts what was not understood, by reason, `dropped` pieces that arrived faster than they were
+    processed; `aircraft` were heard in the last minute. `silent_s` is the time since the last message.
+    """
+
+    address: str
+    title: str
+    lacks: str
+    messages: int
+    reports: int
+    bad: tuple[tuple[str, int], ...]
+    dropped: int
+    aircraft: int
+    silent_s: float
+    problem: str | None
+
+    @classmethod
+    def of(cls, one: ReceiverLink, now_s: float) -> "ReceiverCount":
+        """The counts of a receiver at `now_s` by the engine's clock."""
+        receiver = one.receiver
+        counters = receiver.counters
+        return cls(
+            receiver.address,
+            receiver.title,
+            receiver.lacks,
+            counters.messages,
+            counters.reports,
+            tuple(sorted(counters.bad.items())),
+            one.link.counters.dropped,
+            receiver.aircraft(now_s),
+            one.silent_s(now_s),
+            one.problem(now_s),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Health:
     """Health of the service at one moment; counts since the start.
 
@@ -61,6 +99,7 @@ class Health:
     ticks_total_s: float
     skipped_ticks: int
     links: tuple[LinkCount, ...]
+    receivers: tuple[ReceiverCount, ...]
     unusable: int
     late: int
     of_others: int
@@ -74,6 +113,7 @@ class Health:
         uptime_s: float,
         times: LoopTimes,
         links: Sequence[Link],
+        receivers: tuple[ReceiverCount, ...] = (),
         *,
         skipped_ticks: int = 0,
         unusable: int = 0,
@@ -102,6 +142,7 @@ class Health:
             times.total_s,
             skipped_ticks,
             counts,
+            receivers,
             unusable,
             late,
             of_others,
