@@ -5,11 +5,11 @@ import contextlib
 import http.client
 import os
 import stat
-import threading
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import IO
 from urllib.parse import urlsplit
 
@@ -24,6 +24,7 @@ _MAX_BYTES = 8 << 20
 _PART_BYTES = 1 << 16
 # For a connection, and for the next bytes; the whole document has twice as long.
 _LONGEST_SILENCE_S, _LONGEST_S = 2.0, 4.0
+_LONGEST_REASON = 160
 # A path may hold a FIFO, which would be waited for.
 _READ_FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
 
@@ -40,13 +41,14 @@ class DocumentLink(Link):
         super().__init__(address, listen_only=True, content=content)
         self._read = _reader_of(document)
         self._period_s = period_s
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="document")
         self._waiting: bytes | None = None  # read by `open`, for `run`
         self._last = b""
         self._closed = asyncio.Event()
 
     async def open(self) -> None:
         """Read the document for the first time; does nothing if that was done."""
-        if self._waiting is None:
+        if self._waiting is None and not self._closed.is_set():
             self._waiting = await self._fetch()
 
     async def run(self, on_frames: OnFrames) -> None:
@@ -71,15 +73,16 @@ class DocumentLink(Link):
     def close(self) -> None:
         """Close for good; `run` returns. A second call does nothing."""
         self._closed.set()
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
     def _send(self, data: bytes) -> None:
         """Never called: it only listens."""
 
     async def _fetch(self) -> bytes:
-        outcome = await _in_thread(self._read)
-        if isinstance(outcome, bytes):
-            return outcome
-        raise LinkDownError(f"{self.address}: {_reason(outcome)}") from outcome
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._thread, self._read)
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            raise LinkDownError(f"{self.address}: {_reason(error)}") from error
 
 
 class _SameScheme(urllib.request.HTTPRedirectHandler):
@@ -96,6 +99,7 @@ class _SameScheme(urllib.request.HTTPRedirectHandler):
     ) -> urllib.request.Request | None:
         """The request to follow; `OSError` if there must be none."""
         if urlsplit(newurl).scheme != req.type:
+            fp.close()
             raise OSError(None, f"it redirects to {newurl}: use that address")
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
@@ -112,12 +116,17 @@ def _reader_of(document: DocumentAddress) -> Callable[[], bytes]:
 
 
 def _read_file(path: str) -> bytes:
-    with os.fdopen(os.open(path, _READ_FLAGS), "rb") as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+    descriptor = os.open(path, _READ_FLAGS)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
             raise OSError(None, "not a regular file")
-        content = file.read(_MAX_BYTES + 1)
-    _refuse_larger(content)
-    return content
+        content = bytearray()
+        while part := os.read(descriptor, _PART_BYTES):
+            content += part
+            _refuse_larger(content)
+        return bytes(content)
+    finally:
+        os.close(descriptor)
 
 
 def _read_url(opener: urllib.request.OpenerDirector, url: str) -> bytes:
@@ -134,37 +143,17 @@ def _read_url(opener: urllib.request.OpenerDirector, url: str) -> bytes:
         return bytes(content)
 
 
-def _refuse_larger(content: bytes | bytearray) -> None:
+def _refuse_larger(content: bytearray) -> None:
     if len(content) > _MAX_BYTES:
         raise OSError(None, f"larger than {_MAX_BYTES >> 20} MB")
 
 
 def _reason(error: Exception) -> str:
     if isinstance(error, urllib.error.HTTPError):
-        return f"the server answers {error.code} {error.reason}"
+        error.close()
+        return f"the server answers {error.code}"
     if isinstance(error, urllib.error.URLError) and isinstance(error.reason, OSError):
         error = error.reason
-    return error_text(error) if isinstance(error, OSError) else f"no HTTP answer: {error!r}"
-
-
-async def _in_thread(read: Callable[[], bytes]) -> bytes | Exception:
-    """The content, or why there is none, from a thread that the end of the program does not wait for."""
-    loop = asyncio.get_running_loop()
-    result: asyncio.Future[bytes | Exception] = loop.create_future()
-
-    def finish(outcome: bytes | Exception) -> None:
-        if not result.done():
-            result.set_result(outcome)
-
-    def work() -> None:
-        outcome: bytes | Exception = OSError(None, "internal error")
-        try:
-            outcome = read()
-        except (OSError, http.client.HTTPException, ValueError) as error:
-            outcome = error
-        finally:
-            with contextlib.suppress(RuntimeError):  # the loop is closed
-                loop.call_soon_threadsafe(finish, outcome)
-
-    threading.Thread(target=work, name="document", daemon=True).start()
-    return await result
+    text = error_text(error) if isinstance(error, OSError) else f"no HTTP answer: {error!r}"
+    # Parts of it are the words of the server.
+    return "".join(each if each.isprintable() else " " for each in text[:_LONGEST_REASON])
