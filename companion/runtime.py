@@ -31,7 +31,7 @@ from companion.engine import (
 )
 from companion.errors import CompanionError, ungrouped
 from companion.links import Link, ReceiverLink, Reconnect, open_all
-from companion.links.receiver_link import conditions
+from companion.links.receiver_link import conditions_of
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.facts import Sender
 from companion.mavlink.framing import Frame, FrameSplitter
@@ -213,7 +213,7 @@ class Runtime:
         now_us = self.clock.now_us()
         self.engine.shell_conditions = (
             *(one for file in files for one in file.conditions()),
-            *conditions(self.receivers, now_us / 1e6),
+            *conditions_of(self.receivers, now_us / 1e6),
         )
         self._advance(now_us)
         self._watchdog.alive(self._stepper.ticks, time.monotonic())

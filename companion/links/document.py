@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import http.client
 import os
+import ssl
 import stat
 import time
 import urllib.error
@@ -45,11 +46,13 @@ class DocumentLink(Link):
         self._waiting: bytes | None = None  # read by `open`, for `run`
         self._last = b""
         self._closed = asyncio.Event()
+        self._opening = asyncio.Lock()  # `open` and `run` at the same time
 
     async def open(self) -> None:
         """Read the document for the first time; does nothing if that was done."""
-        if self._waiting is None and not self._closed.is_set():
-            self._waiting = await self._fetch()
+        async with self._opening:
+            if self._waiting is None and not self._closed.is_set():
+                self._waiting = await self._fetch()
 
     async def run(self, on_frames: OnFrames) -> None:
         """Pass each new content to the reader until `close`."""
@@ -154,6 +157,8 @@ def _reason(error: Exception) -> str:
         return f"the server answers {error.code}"
     if isinstance(error, urllib.error.URLError) and isinstance(error.reason, OSError):
         error = error.reason
+    if isinstance(error, ssl.SSLError):
+        return f"TLS: {getattr(error, 'verify_message', None) or error.reason}"
     text = error_text(error) if isinstance(error, OSError) else f"no HTTP answer: {error!r}"
     # Parts of it are the words of the server.
     return "".join(each if each.isprintable() else " " for each in text[:_LONGEST_REASON])

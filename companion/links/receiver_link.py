@@ -80,7 +80,7 @@ class ReceiverLink:
         self._on_piece(self.receiver, Piece(self.receiver.address, data, begins))
 
 
-def conditions(receivers: Sequence[ReceiverLink], now_s: float) -> list[Condition]:
+def conditions_of(receivers: Sequence[ReceiverLink], now_s: float) -> list[Condition]:
     """What the operator should know of the receivers, each by its format if it is the only one of it."""
     titles = Counter(one.receiver.title for one in receivers)
     found = []

@@ -15,7 +15,7 @@ from companion.errors import LinkDownError
 from companion.links import Link, ReceiverLink
 from companion.links.content import Content
 from companion.links.document import DocumentLink
-from companion.links.receiver_link import conditions
+from companion.links.receiver_link import conditions_of
 from companion.mavlink.framing import Frame
 from companion.sources.receiver import INTERNAL_ERROR, Piece, Receiver
 from tests.support.line_decoder import LineDecoder, line_formats, traffic_line
@@ -176,20 +176,22 @@ def test_a_decoder_that_raises_is_counted_and_dropped(caplog: pytest.LogCaptureF
 
 async def test_silence_problems_and_recovery_are_conditions() -> None:
     one, other = receiver_at("gdl90:udpin:127.0.0.1:0"), receiver_at("readsb:file:/x")
-    assert conditions([one, other], 0.0) == []
-    assert [each.text for each in conditions([one], 10.0)] == ["Avoidance: GDL 90 receiver: silent for 10 s"]
+    assert conditions_of([one, other], 0.0) == []
+    assert [each.text for each in conditions_of([one], 10.0)] == [
+        "Avoidance: GDL 90 receiver: silent for 10 s"
+    ]
     one.receiver.take(Piece("", b"H\n"), 12.0)
-    assert conditions([one], 21.9) == []
+    assert conditions_of([one], 21.9) == []
     one.receiver.take(Piece("", b"junk\n"), 21.9)
-    (silent,) = conditions([one], 22.0)
+    (silent,) = conditions_of([one], 22.0)
     assert silent.ended == "Avoidance: GDL 90 receiver works again"
     assert silent.matters
     one.receiver.take(Piece("", b"S,no GPS fix\n"), 23.0)
-    assert [each.text for each in conditions([one], 23.0)] == ["Avoidance: GDL 90 receiver: no GPS fix"]
+    assert [each.text for each in conditions_of([one], 23.0)] == ["Avoidance: GDL 90 receiver: no GPS fix"]
     one.receiver.take(Piece("", b"S,\n"), 24.0)
-    assert conditions([one], 24.0) == []
+    assert conditions_of([one], 24.0) == []
     twin = receiver_at("gdl90:tcp:127.0.0.1:4000")
-    texts = {each.text for each in conditions([one, twin], 40.0) + conditions([one, twin], 51.0)}
+    texts = {each.text for each in conditions_of([one, twin], 40.0) + conditions_of([one, twin], 51.0)}
     assert "Avoidance: gdl90:tcp:127.0.0.1:4000: silent for 10 s" in texts
 
 

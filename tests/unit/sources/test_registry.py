@@ -2,9 +2,13 @@
 
 import subprocess
 import sys
+from importlib import import_module
+from inspect import isabstract
+from pkgutil import iter_modules
 
 import pytest
 
+from companion import sources
 from companion.errors import ConfigError
 from companion.sources.decoder import Decoder
 from companion.sources.registry import FORMATS, Format, decoder_class, new_decoder
@@ -55,3 +59,11 @@ def test_the_registry_loads_no_library_of_a_format() -> None:
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "[]"
+
+
+def test_every_decoder_in_this_room_is_in_the_registry() -> None:
+    registered = {form.decoder for form in FORMATS.values()}
+    for module in iter_modules(sources.__path__, f"{sources.__name__}."):
+        for name, kind in vars(import_module(module.name)).items():
+            if isinstance(kind, type) and issubclass(kind, Decoder) and kind.__module__ == module.name:
+                assert isabstract(kind) or f"{module.name}:{name}" in registered

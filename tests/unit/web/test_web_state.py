@@ -220,6 +220,7 @@ def test_receivers_are_listed_with_their_rates() -> None:
     assert stats.receivers() == [
         {
             "address": "sbs:tcp:a:1", "title": "SBS", "lacks": "speed", "problem": None,
-            "messages_per_s": 20.0, "reports_per_s": 10.0, "aircraft": 4, "bad": 2, "dropped": 3, "silent_s": 0.2,
+            "messages_per_s": 20.0, "reports_per_s": 10.0, "aircraft": 4, "bad": 2,
+            "dropped": 3, "silent_s": 0.2,
         }
     ]  # fmt: skip
