@@ -247,6 +247,7 @@ class Runtime:
             of_others=self.intake.of_others,
             repeated=self.intake.repeated,
             setpoints_sent=self.setpoints_sent,
+            dropped_reports=self._stepper.dropped_facts,
             recording_problem=self._recording_problem,
         )
 
@@ -418,13 +419,14 @@ class Runtime:
         intake = self.intake
         _log.info(
             "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
-            "%d requests repeated, %d traffic reports refused",
+            "%d requests repeated, %d traffic reports refused, %d dropped",
             intake.unusable,
             intake.past,
             intake.of_others,
             self.engine.foreign,
             intake.repeated,
             self.engine.tracker.dropped.total(),
+            self._stepper.dropped_facts,
         )
 
 

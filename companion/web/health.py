@@ -90,7 +90,8 @@ class ReceiverCount:
 class Health:
     """Health of the service at one moment; counts since the start.
 
-    `unusable`, `late` and `of_others` are those of `Intake`.
+    `unusable`, `late` and `of_others` are those of `Intake`; `dropped_reports` of receivers came faster than
+    they were processed.
     """
 
     uptime_s: float
@@ -105,6 +106,7 @@ class Health:
     of_others: int
     repeated: int
     setpoints_sent: int
+    dropped_reports: int
     recording_problem: str | None
 
     @classmethod
@@ -121,6 +123,7 @@ class Health:
         of_others: int = 0,
         repeated: int = 0,
         setpoints_sent: int = 0,
+        dropped_reports: int = 0,
         recording_problem: str | None = None,
     ) -> "Health":
         """The health from the counters of the service."""
@@ -148,5 +151,6 @@ class Health:
             of_others,
             repeated,
             setpoints_sent,
+            dropped_reports,
             recording_problem,
         )

@@ -61,6 +61,8 @@ class Metrics(Collector):
             "messages_of_others", "Messages of another vehicle with a known address", health.of_others
         )
         yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
+        dropped = "Reports of receivers that came faster than they were processed"
+        yield _counter("reports_dropped", dropped, health.dropped_reports)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)
         yield _counter("command_rejections", "Commands refused or not answered", live.rejections)

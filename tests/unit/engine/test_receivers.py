@@ -3,7 +3,7 @@
 import pytest
 
 from companion.engine import Engine, Stepper
-from companion.engine.stepper import SHORTEST_PROMPT_US
+from companion.engine.stepper import FACTS_AT_ONCE, MOST_FACTS_WAITING, SHORTEST_PROMPT_US
 from companion.mavlink.facts import RECEIVER, Fact, ReceiverOwnship, Traffic
 from companion.model import TrafficReport, TrafficSource
 
@@ -57,3 +57,40 @@ def test_facts_that_came_together_prompt_one_tick_and_a_flood_few() -> None:
     assert len(ticked) == 2
     stepper.receive_together([], NOW_US + 90_000)
     assert len(ticked) == 2
+
+
+class Counting(Engine):
+    """Remembers the facts of each tick."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.facts: list[Fact] = []
+
+    def receive(self, fact: Fact, now_s: float, true_s: float | None = None) -> bool:
+        del now_s, true_s
+        self.facts.append(fact)
+        return False
+
+
+def test_many_facts_at_once_are_taken_in_over_the_next_ticks() -> None:
+    engine, taken = Counting(), []
+    stepper = Stepper(engine, lambda _time_us, _effects: taken.append(len(engine.facts)))
+    stepper.advance(NOW_US)
+    facts = [Traffic(RECEIVER, report(f"{number:06X}")) for number in range(3 * FACTS_AT_ONCE - 100)]
+    stepper.receive_together(facts, NOW_US + 1)
+    assert len(engine.facts) == FACTS_AT_ONCE
+    stepper.receive_together(facts[:1], NOW_US + 2)
+    assert len(engine.facts) == FACTS_AT_ONCE + 1, "another receiver does not wait"
+    stepper.advance(NOW_US + 400_000)
+    assert taken == [0, 2 * FACTS_AT_ONCE + 1, len(facts) + 1, len(facts) + 1, len(facts) + 1]
+    assert engine.facts[:FACTS_AT_ONCE] + engine.facts[FACTS_AT_ONCE + 1 :] == facts
+    assert stepper.dropped_facts == 0
+
+
+def test_of_too_many_facts_the_oldest_are_dropped_and_counted() -> None:
+    engine = Counting()
+    stepper = Stepper(engine, lambda _time_us, _effects: None)
+    facts = [Traffic(RECEIVER, report(f"{number:06X}")) for number in range(MOST_FACTS_WAITING)]
+    for _ in range(2):
+        stepper.receive_together(facts, NOW_US + 1)
+    assert stepper.dropped_facts == MOST_FACTS_WAITING - 2 * FACTS_AT_ONCE
