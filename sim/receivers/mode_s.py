@@ -13,7 +13,7 @@ from sim.receivers.encoder import Transmission
 _GENERATOR: Final = 0x1FFF409
 _ALTITUDE_STEP_FT, _ALTITUDE_ZERO_FT, _MAX_STEPS = 25.0, -1000.0, 2047
 _CLIMB_STEP_FPM, _MAX_CLIMB = 64.0, 511
-_DIFFERENCE_STEP_FT, _MAX_DIFFERENCE = 25.0, 126
+_DIFFERENCE_STEP_FT, _MAX_DIFFERENCE = 25.0, 127  # the last one: more than 3,137.5 ft
 _MAX_SPEED_CODE: Final = 1022
 _LETTERS: Final = "#ABCDEFGHIJKLMNOPQRSTUVWXYZ#####_###############0123456789######"
 # Type code and the two supplements of a position by its NIC, in the air (table 2-14) and on the ground.

@@ -76,6 +76,10 @@ def test_a_velocity() -> None:
     assert fields.geo_minus_baro == 450  # 134.5 m are 441 ft
 
 
+def test_a_difference_of_altitudes_that_has_no_code_is_unknown() -> None:
+    assert read(mode_s.velocity(aircraft(pressure_altitude_m=150.0))).geo_minus_baro is None
+
+
 def test_a_velocity_above_the_speed_of_sound() -> None:
     fields = read(mode_s.velocity(aircraft(velocity_mps=(600.0, -300.0, 100.0))))
     assert (fields.subtype, fields.vertical_rate) == (2, -19712)
