@@ -30,6 +30,7 @@ from companion.gcs.statustext import StatusText
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
+    RECEIVER,
     AttitudeTarget,
     AutopilotVersion,
     AvailableMode,
@@ -43,6 +44,7 @@ from companion.mavlink.facts import (
     Parameter,
     ParameterRequest,
     ParameterSet,
+    ReceiverOwnship,
     Sender,
     Traffic,
 )
@@ -263,6 +265,8 @@ class Engine:
             self._answers += self.operator.receive(fact)
             self._resume |= self.operator.take_resume()
             return bool(self._answers)
+        if isinstance(fact, ReceiverOwnship) and self._is_of_another_vehicle(fact):
+            fact = Traffic(sender, fact.report)
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
                 self._rates.traffic_s = now_s
@@ -321,6 +325,10 @@ class Engine:
         """Whether another system than ours sent it; false until our autopilot is known."""
         own = self.aircraft.sender
         return own is not None and fact.sender.system_id not in (own.system_id, self.sender.system_id)
+
+    def _is_of_another_vehicle(self, fact: ReceiverOwnship) -> bool:
+        """Whether another vehicle sent its own position; receivers that speak no MAVLink are on ours."""
+        return fact.sender != RECEIVER and self._is_of_another_system(fact)
 
     def _ask_again(self) -> None:
         """Request everything again: the autopilot restarted or came back, and may have other settings."""
