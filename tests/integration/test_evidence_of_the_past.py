@@ -158,15 +158,16 @@ def pid_of(flight: Aircraft) -> int:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "taken", "while_flying"),
+    ("autopilot", "taken"),
     [
-        ("ardupilot", Mode.MANUAL, True),
-        ("ardupilot", Mode.RTL, False),
-        ("px4", "POSCTL", True),
-        ("px4-1.18", "POSCTL", True),
+        ("ardupilot", Mode.MANUAL),
+        ("ardupilot", Mode.RTL),
+        ("px4", "POSCTL"),
+        ("px4-1.18", "POSCTL"),
     ],
-    ids=["MANUAL", "RTL", "POSCTL", "POSCTL in GUIDED_COURSE"],
+    ids=["MANUAL", "RTL", "POSCTL", "POSCTL on 1.18"],
 )
+@pytest.mark.parametrize("while_flying", [True, False], ids=["while flying", "before"])
 async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alone(
     autopilot: Autopilot, taken: Mode | str, while_flying: bool, tmp_path: Path
 ) -> None:

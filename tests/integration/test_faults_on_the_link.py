@@ -115,7 +115,7 @@ SPOILT = {
 }
 
 
-@both
+@every
 @pytest.mark.parametrize("faults", SPOILT.values(), ids=SPOILT.keys())
 @in_virtual_time
 async def test_a_bad_link_does_not_keep_the_traffic_from_being_avoided(
@@ -124,10 +124,9 @@ async def test_a_bad_link_does_not_keep_the_traffic_from_being_avoided(
     async with faulty_flight(autopilot, forth=faults, back=faults) as flight:
         await flight.engaged()
         await flight.resumed()
-        if faults.loss:
-            # A second of silence ends OFFBOARD, which is then entered again: in half of the flights.
-            assert flight.modes[-1] == MISSION[autopilot]
-            assert set(flight.modes) <= {MISSION[autopilot], GUIDED[autopilot], "HOLD"}
+        if faults.loss and autopilot == "px4" and "HOLD" in flight.modes:
+            # A second of silence ends OFFBOARD, which is then entered again: in one flight of forty.
+            assert flight.modes == ["MISSION", "OFFBOARD", "HOLD", "OFFBOARD", "MISSION"]
         else:
             assert flight.modes == [MISSION[autopilot], GUIDED[autopilot], MISSION[autopilot]]
         assert not flight.nmac
