@@ -17,13 +17,12 @@ from companion.model import Role
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.vehicle import Mode
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every
 from tests.support.companion_process import Aircraft, aircraft
-from tests.support.faulty_flight import GUIDED, MISSION, FaultyFlight, faulty_flight
+from tests.support.faulty_flight import FaultyFlight, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
-
-every = pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
 
 
 # --- late copies
@@ -36,7 +35,7 @@ async def test_late_copies_of_every_frame_change_nothing(autopilot: Autopilot, l
     async with faulty_flight(autopilot, forth=Faults(copy_after_s=late_s)) as flight:
         await flight.engaged()
         await flight.resumed()
-        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot], MISSION[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot], MISSION_MODE[autopilot]]
         assert flight.runtime.intake.past > 1000
         assert not any("hands off" in text for text in flight.notes.texts())
         assert not flight.lowc

@@ -231,4 +231,11 @@ def test_state_and_data_are_all_that_is_remembered_of_a_refusal(autopilot: int) 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
 def test_state_and_data_are_all_that_is_remembered_at_random(autopilot: int) -> None:
     visited = set[State]().union(*(fly_at_random(autopilot, seed) for seed in range(8)))
-    assert {State.MONITOR, State.ENGAGING, State.OUTER, State.INNER, State.SUPPRESSED, State.STOPPED} <= visited
+    assert {
+        State.MONITOR,
+        State.ENGAGING,
+        State.OUTER,
+        State.INNER,
+        State.SUPPRESSED,
+        State.STOPPED,
+    } <= visited
