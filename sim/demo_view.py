@@ -22,8 +22,8 @@ class DemoView(LiveView):
     """Draws the state of a demonstration."""
 
     def __init__(self, console: Console) -> None:
-        super().__init__(console, refresh_per_s=_REFRESH_PER_S, lines_shown=_TEXTS_SHOWN)
         self._state: DemoState | None = None
+        super().__init__(console, refresh_per_s=_REFRESH_PER_S, lines_shown=_TEXTS_SHOWN)
 
     def start(self, state: DemoState) -> None:
         """Begin with the demonstration's state."""

@@ -10,7 +10,7 @@ from rich.text import Text
 
 
 class LiveView(ABC):
-    """Draws `render` several times a second while it is entered."""
+    """Draws `render` several times a second while it is entered, and once when it is made."""
 
     def __init__(self, console: Console, *, refresh_per_s: float, lines_shown: int) -> None:
         self._console = console

@@ -23,7 +23,7 @@ app.command(epilog="Example: companion-sim demo --scenario head-on --speedup 4")
 app.command(epilog="Example: companion-sim vehicle --link udpout:127.0.0.1:14550 --scenario head-on")(vehicle)
 app.command(
     "flight-test",
-    epilog="Example: companion-sim flight-test --vehicle tcpout:127.0.0.1:5763 --set basic --set-parameters",
+    epilog="Example: companion-sim flight-test --vehicle tcpout:127.0.0.1:5760 --set basic --set-parameters",
 )(flight_test)
 app.command(epilog="Example: companion-sim bench --report bench.json")(bench)
 app.command(epilog="Example: companion-sim paper --out paper-results")(paper)

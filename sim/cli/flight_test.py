@@ -3,7 +3,6 @@
 import asyncio
 import json
 import logging
-import signal
 import time
 from pathlib import Path
 from typing import Annotated
@@ -13,8 +12,9 @@ from rich.console import Console
 
 from companion.address import parse_address
 from companion.cli.common import writable
-from companion.errors import CompanionError, ConfigError, LinkError, require
+from companion.errors import ConfigError, LinkError, require
 from companion.geodesy import GeoPoint
+from companion.signals import handled
 from sim.cli.common import Autopilot, AutopilotOption, ReportOption
 from sim.clock import ScaledClock
 from sim.flight_test.flight import Flight, Options
@@ -33,7 +33,7 @@ def flight_test(
     vehicle: Annotated[
         str,
         typer.Option(
-            metavar="LINK|fake", help="The autopilot's link, such as tcpout:127.0.0.1:5763; or fake."
+            metavar="LINK|fake", help="The autopilot's link, such as tcpout:127.0.0.1:5760; or fake."
         ),
     ],
     flown: Annotated[
@@ -94,9 +94,18 @@ def flight_test(
     flies, clock = _vehicle(vehicle, autopilot, speedup)
     folder = _folder(out)
     options = Options(
-        test, flies, folder, clock, companion, set_parameters or vehicle == "fake", real_aircraft,
-        simulated_flag, tuple(only or ()), seed,
-    )  # fmt: skip
+        test=test,
+        vehicle=flies,
+        folder=folder,
+        clock=clock,
+        inside=speedup is not None,
+        companion=companion,
+        set_parameters=set_parameters or vehicle == "fake",
+        real_aircraft=real_aircraft,
+        simulated_flag=simulated_flag,
+        only=tuple(only or ()),
+        seed=seed,
+    )
     console = Console(highlight=False)
     logging.getLogger("companion").setLevel(logging.CRITICAL)  # events show its texts
     with FlightView(console) as view:
@@ -147,11 +156,15 @@ def _folder(out: Path) -> Path:
 
 
 async def _until_interrupted(flight: Flight) -> Result:
-    """Run the flight; Ctrl-C ends it in order: the aircraft is given back first."""
+    """Run the flight; the first signal that would end the program ends it in order, others are ignored."""
     running = asyncio.ensure_future(flight.run())
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, running.cancel)
-    try:
+    interrupted = False
+
+    def stop() -> None:
+        nonlocal interrupted
+        if not interrupted:
+            interrupted = True
+            running.cancel()
+
+    with handled(stop):
         return await running
-    except asyncio.CancelledError:
-        raise CompanionError("interrupted: the aircraft was given back to its mission") from None

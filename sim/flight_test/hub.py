@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from companion.errors import LinkDownError, LinkError
-from companion.links import Link
+from companion.links import Link, Reconnect, open_all
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import Frame, decode
 from companion.mavlink.tlog import TlogWriter
@@ -29,7 +28,7 @@ _TARGETED = frozenset(
     }
 )
 
-Observe = Callable[[str, Frame], None]  # the end that it came from, and the frame
+Observe = Callable[[Frame], None]
 
 
 class Hub:
@@ -49,23 +48,16 @@ class Hub:
 
     async def open(self) -> None:
         """Open all ends; `LinkError` when one cannot be opened."""
-        for link in self._ends.values():
-            await link.open()
+        await open_all(list(self._ends.values()))
 
     async def run(self) -> None:
-        """Pass frames on until `close`. `LinkError` when an end is lost."""
+        """Pass frames on until `close`; an end that is lost is opened again."""
         try:
             async with asyncio.TaskGroup() as tasks:
                 for name, link in self._ends.items():
-                    tasks.create_task(self._run(name, link), name=f"hub {name}")
+                    tasks.create_task(Reconnect(link).run(partial(self._forward, name)), name=f"hub {name}")
         finally:
             self.close()
-
-    async def _run(self, name: str, link: Link) -> None:
-        try:
-            await link.run(partial(self._forward, name))
-        except LinkDownError as error:
-            raise LinkError(f"the link to the {name} was lost: {error}") from error
 
     def close(self) -> None:
         """Stop; a second call does nothing."""
@@ -87,7 +79,7 @@ class Hub:
         for frame in frames:
             self._record(frame.raw)
             self._heard[frame.system_id, frame.component_id] = name
-            self._observe(name, frame)
+            self._observe(frame)
             only = self._target_end(frame)
             for other, link in self._ends.items():
                 if other != name and only in (None, other):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from sim.traffic import Intruder
 ON_LEG_M, AT_HEIGHT_M, _STAYS_S = 30.0, 10.0, 5.0
 # The closest approach is looked for this often between two reported positions.
 _BETWEEN_S = 0.1
-# A longer gap between positions is not interpolated.
-_LONGEST_GAP_S = 3.0
+# A longer gap between positions is not interpolated, and around a meeting the encounter is then not judged.
+_LONGEST_GAP_S, _AROUND_S = 3.0, 30.0
 
 
 class Leg:
@@ -58,12 +59,14 @@ class Leg:
 
 @dataclass
 class Claim:
-    """A deed that claimed the aircraft, and what Companion still sent."""
+    """An action that claimed the aircraft, and what Companion still sent.
 
-    at_s: float
+    `mode` is the name of the mode that must be shown; without one it is shown at once.
+    """
+
+    mode: str | None = None
     shown_s: float | None = None  # when the aircraft showed it
-    last_command_s: float | None = None
-    commands: list[str] = field(default_factory=list)  # after the time it had to let go
+    commands: list[str] = field(default_factory=list)  # after the time in which Companion had to let go
     ended: bool = False  # the pilot gave the mission back
 
 
@@ -75,9 +78,12 @@ class Judged:
     begun_s: float
     frame: LocalFrame
     intruders: Sequence[Intruder]
+    meetings_s: Sequence[float] = ()
     on_mission: bool = True
     guided: bool = False
+    expected_mode: str | None = None  # of the plan, by the autopilot's own name
     modes: list[str] = field(default_factory=list)
+    mode_changes: list[tuple[float, bool]] = field(default_factory=list)  # when, and whether to a guided mode
     events: list[tuple[float, str]] = field(default_factory=list)
     path: list[tuple[float, Vec3]] = field(default_factory=list)
     scores: list[EncounterScore] = field(init=False)
@@ -88,6 +94,7 @@ class Judged:
     max_height_m: float = 0.0
     refused: list[str] = field(default_factory=list)
     claim: Claim | None = None
+    release_asked_s: float | None = None
     problems: list[str] = field(default_factory=list)
     _back_since_s: float | None = None
 
@@ -106,20 +113,23 @@ class Judged:
             self.given_back_s = time_s - self.begun_s
         self.guided, self.on_mission = guided, on_mission
         self.modes.append(mode)
+        self.mode_changes.append((time_s, guided))
         self.note(time_s, f"mode {mode}")
         if guided and self.first_action_s is None:
             self.first_action_s = time_s - self.begun_s
-        if self.claim is not None and self.claim.shown_s is None:
+        if self.claim is not None and self.claim.shown_s is None and mode == self.claim.mode:
             self.claim.shown_s = time_s
 
-    def observe_position(self, sample: Sample, leg: Leg) -> None:
-        """Take in a position, between the last one and this."""
+    def observe_position(self, sample: Sample, leg: Leg | None) -> None:
+        """Take in a position, and the way between the last one and this. `leg`: the present one, if known."""
         own_m = self.frame.to_ned_m(sample.place)
         before = self.path[-1] if self.path else (sample.time_s, own_m)
         self.path.append((sample.time_s, own_m))
         for time_s, place_m in _between(before, (sample.time_s, own_m)):
             for score, intruder in zip(self.scores, self.intruders, strict=True):
                 score.update(time_s, place_m, intruder.state_at(time_s)[0])
+        if leg is None:
+            return
         aside_m, above_m = leg.off_m(sample.place)
         self.max_deviation_m = max(self.max_deviation_m, aside_m)
         self.max_height_m = max(self.max_height_m, abs(above_m))
@@ -139,7 +149,6 @@ class Judged:
         claim = self.claim
         if claim is None or claim.ended:
             return
-        claim.last_command_s = time_s
         if claim.shown_s is not None and time_s - claim.shown_s > self.plan.expect.hands_off_s:
             claim.commands.append(_named(message))
 
@@ -156,6 +165,19 @@ class Judged:
         return self.back_s is not None or not (expect.back and expect.resumed)
 
     # --- the verdict
+
+    @property
+    def was_observed(self) -> bool:
+        """Whether the aircraft's positions are known around each meeting."""
+        times_s = [time_s for time_s, _ in self.path]
+        for meeting_s in self.meetings_s:
+            around = [t for t in times_s if abs(t - meeting_s) <= _AROUND_S]
+            ends = [meeting_s - _AROUND_S, *around, meeting_s + _AROUND_S]
+            ends[0] = max(ends[0], self.begun_s)
+            ends[-1] = min(ends[-1], max(times_s, default=ends[-1]))
+            if not around or max(b - a for a, b in pairwise(ends)) > _LONGEST_GAP_S:
+                return False
+        return True
 
     @property
     def nmac(self) -> bool:
@@ -182,6 +204,8 @@ class Judged:
     def failures(self, mode: str) -> list[str]:
         """What was expected and did not come true, in words; `mode` is the aircraft's at the end."""
         expect, failed = self.plan.expect, list(self.problems)
+        if not self.was_observed:
+            failed.append("not observed around the meeting")
         if expect.no_nmac and self.nmac:
             failed.append("near mid-air collision")
         elif expect.well_clear and self.lowc:
@@ -192,13 +216,24 @@ class Judged:
             failed.append("avoided without need")
         if expect.resumed and not self.on_mission:
             failed.append(f"the mission was not resumed: {mode}")
-        if expect.mode is not None and expect.mode not in self.modes:
-            failed.append(f"never in {expect.mode}")
+        if self.expected_mode is not None and self.expected_mode not in self.modes[1:]:
+            failed.append(f"never in {self.expected_mode}")
         late = self.return_s is not None and self.return_s > expect.back_within_s
         if expect.back and expect.resumed and (self.back_s is None or late):
             failed.append("not back on its leg and height" + (" in time" if late else ""))
-        if self.claim is not None and self.claim.commands:
-            failed.append(f"{len(self.claim.commands)} commands after the pilot had it")
+        return failed + self._failures_of_authority()
+
+    def _failures_of_authority(self) -> list[str]:
+        failed, claim = [], self.claim
+        if claim is not None and claim.shown_s is None:
+            failed.append(f"the aircraft never showed the pilot's mode {claim.mode}")
+        if claim is not None and claim.commands:
+            failed.append(f"commands sent after the pilot took over: {len(claim.commands)}")
+        if self.release_asked_s is not None:
+            released = [t for t, mode in self.mode_changes if t >= self.release_asked_s and not mode]
+            limit_s = self.release_asked_s + self.plan.expect.released_s
+            if not released or released[0] > limit_s:
+                failed.append(f"not given back within {self.plan.expect.released_s:.0f} s of the request")
         return failed
 
 

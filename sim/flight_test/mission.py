@@ -9,9 +9,18 @@ from sim.flight_test.judge import AT_HEIGHT_M, ON_LEG_M, Leg
 from sim.flight_test.observer import Observer
 from sim.scenario import MissionPlan
 from sim.vehicle import MissionItem
-from sim.vehicle.mission import ABSOLUTE_FRAMES, LOITERS, NAV_LAND, NAV_TAKEOFF, NAV_WAYPOINT, home_item
+from sim.vehicle.mission import (
+    ABSOLUTE_FRAMES,
+    DO_JUMP,
+    LOITERS,
+    NAV_LAND,
+    NAV_RETURN_TO_LAUNCH,
+    NAV_TAKEOFF,
+    NAV_WAYPOINT,
+    home_item,
+)
 
-_RELATIVE_FRAME = 3
+_RELATIVE_FRAME, _NO_FRAME = 3, 2  # MAV_FRAME_MISSION for items that are no places
 # PX4 flies its take-off to a place; this far ahead on the way to the first waypoint.
 _TAKE_OFF_AHEAD_M = 300.0
 _ALIGNED_RAD = math.radians(10.0)
@@ -19,7 +28,7 @@ _PLACES = LOITERS | {NAV_WAYPOINT, NAV_LAND}
 
 
 def items_of(plan: MissionPlan, home: GeoPoint, autopilot: str) -> list[MissionItem]:
-    """The items to upload: take-off and waypoints; ArduPilot's list begins with home."""
+    """The items to upload: take-off, waypoints, return home; ArduPilot's list begins with home."""
     frame = LocalFrame(home.lat_deg, home.lon_deg)
     first = plan.waypoints[0]
     length_m = max((first.north_m**2 + first.east_m**2) ** 0.5, 1.0)
@@ -32,7 +41,7 @@ def items_of(plan: MissionPlan, home: GeoPoint, autopilot: str) -> list[MissionI
         for each in plan.waypoints
     ]
     before = [home_item(home)] if autopilot == "ardupilot" else []
-    return [*before, takeoff, *waypoints]
+    return [*before, takeoff, *waypoints, MissionItem(NAV_RETURN_TO_LAUNCH, frame=_NO_FRAME)]
 
 
 def _item(command: int, place: GeoPoint, height_m: float, *, pitch_deg: float = 0.0) -> MissionItem:
@@ -88,14 +97,28 @@ def with_waypoint(items: Sequence[MissionItem], number: int, place: GeoPoint) ->
 class MissionFlown:
     """The mission in the vehicle, and where the aircraft is on it."""
 
-    def __init__(self, items: Sequence[MissionItem], home: GeoPoint, observer: Observer) -> None:
+    def __init__(
+        self, items: Sequence[MissionItem], home: GeoPoint, observer: Observer, *, flown_before: bool = False
+    ) -> None:
+        """`flown_before`: the aircraft was flying this mission before the test."""
+        self.flown_before = flown_before
         self._home, self._observer = home, observer
+        self.original = list(items)
         self.replace(items)
 
     def replace(self, items: Sequence[MissionItem]) -> None:
         """Another mission was uploaded."""
         self.items = list(items)
         self._legs = legs_of(items, self._home, self._observer.name)
+
+    @property
+    def can_be_changed(self) -> bool:
+        """Whether an item may be added: jumps would lead elsewhere."""
+        return all(item.command != DO_JUMP for item in self.items)
+
+    def original_number(self, number: int) -> int:
+        """The item of the original mission that leads to the same place as an item of the present one."""
+        return max(number - (len(self.items) - len(self.original)), 0)
 
     @property
     def leg(self) -> Leg | None:

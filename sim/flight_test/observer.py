@@ -25,6 +25,7 @@ _TARGETS = (
     mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
 )
 _ACCEPTED = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
+_GUIDED = ("GUIDED", "OFFBOARD", "GUIDED_COURSE")  # one autopilot may be flown in either of two
 # Only simulations send these.
 _SIMULATION_MESSAGES = {
     mavlink.MAVLINK_MSG_ID_SIMSTATE: "SIMSTATE",
@@ -42,9 +43,7 @@ _READ = frozenset(
         mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
         mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
         mavlink.MAVLINK_MSG_ID_COMMAND_INT,
-        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
-        mavlink.MAVLINK_MSG_ID_VFR_HUD,
         mavlink.MAVLINK_MSG_ID_HOME_POSITION,
         *_TARGETS,
         *_SIMULATION_MESSAGES,
@@ -74,23 +73,23 @@ class Observer:
     vehicle: Sender | None = None
     autopilot: int = 0
     adapter: Adapter | None = None
+    another: Sender | None = None  # another autopilot at the same link
     custom_mode: int | None = None
     armed: bool = False
     in_simulation: str | None = None  # the sign of a simulation that was seen
-    in_air: bool | None = None
     sample: Sample | None = None
-    airspeed_mps: float | None = None
     sequence: int | None = None
     home: GeoPoint | None = None
     version: int | None = None
     companion_s: float = -math.inf  # its newest heartbeat
+    role: int | None = None  # Companion's, by its heartbeat
     on_sample: Callable[[Sample], None] = lambda _: None
     on_mode: Callable[[str], None] = lambda _: None
     on_text: Callable[[str, str], None] = lambda _who, _text: None
     on_command: Callable[[Message], None] = lambda _: None
     on_refusal: Callable[[int, int], None] = lambda _command, _result: None
 
-    def observe(self, _end: str, frame: Frame) -> None:
+    def observe(self, frame: Frame) -> None:
         """Take in a frame."""
         if frame.message_id not in _READ:
             return
@@ -102,6 +101,8 @@ class Observer:
             self._find_vehicle(message, sender)
         if self.vehicle is None:
             return
+        if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and sender != self.vehicle:
+            self._look_for_another(message, sender)
         if sender == self.vehicle:
             self._observe_vehicle(message)
         elif sender == (self.vehicle.system_id, _COMPANION):
@@ -122,7 +123,7 @@ class Observer:
     @property
     def guided(self) -> bool:
         """Whether it is in a mode in which Companion flies."""
-        return self.mode in ("GUIDED", "OFFBOARD", "GUIDED_COURSE")
+        return self.mode in _GUIDED
 
     @property
     def on_mission(self) -> bool:
@@ -138,23 +139,21 @@ class Observer:
         if adapter is not None and sender.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1:
             self.vehicle, self.autopilot, self.adapter = sender, heartbeat.autopilot, adapter
 
+    def _look_for_another(self, heartbeat: Message, sender: Sender) -> None:
+        """Note a second autopilot: the one that is commanded may not be the one that was checked."""
+        if sender.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and choose(heartbeat.autopilot, sender):
+            self.another = sender
+
     def _observe_vehicle(self, message: Message) -> None:
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self._observe_heartbeat(message)
         elif kind == "GLOBAL_POSITION_INT":
             self._observe_position(message)
-        elif kind == "VFR_HUD":
-            self.airspeed_mps = message.airspeed
         elif kind == "HOME_POSITION":
             self.home = GeoPoint(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
         elif kind == "MISSION_CURRENT":
             self.sequence = message.seq
-        elif kind == "EXTENDED_SYS_STATE":
-            self.in_air = message.landed_state in (
-                mavlink.MAV_LANDED_STATE_IN_AIR,
-                mavlink.MAV_LANDED_STATE_LANDING,
-            )
         elif kind == "AUTOPILOT_VERSION":
             self.version = message.flight_sw_version
             if message.uid == _PX4_SIMULATION_UID:
@@ -189,7 +188,7 @@ class Observer:
     def _observe_companion(self, message: Message) -> None:
         kind = message.get_type()
         if kind == "HEARTBEAT":
-            self.companion_s = self.now_s()
+            self.companion_s, self.role = self.now_s(), message.custom_mode
         elif kind == "STATUSTEXT":
             self.on_text("companion", message.text)
         elif message.get_msgId() in _TARGETS or (

@@ -89,20 +89,21 @@ class Sticks:
     for_s: _Seconds = 3.0
 
 
-_DEEDS = ("mode", "fly_to", "sticks", "select_item", "upload", "role", "resume", "stall_s", "link")
+_KINDS = ("mode", "fly_to", "sticks", "select_item", "upload", "role", "resume", "stall_s", "link")
 
 
 @checked.dataclass(frozen=True, config=STRICT)
 class Action:
-    """One deed of the pilot, or one fault, `after_s` after a moment of the encounter.
+    """One action of the pilot, or one fault, `after_s` after a moment of the encounter.
 
-    `claims` means that the aircraft is the pilot's from then on: Companion must send nothing more until the
-    next deed with `mode: mission`.
+    With `claims` the aircraft is the pilot's from then on: Companion must send nothing more until the next
+    action with `mode: mission`. With `releases` Companion must give the aircraft back.
     """
 
     when: Literal["start", "taken over", "given back", "last"] = "start"
     after_s: _Seconds = 0.0
     claims: bool = False
+    releases: bool = False
     mode: str | None = None
     fly_to: FlyTo | None = None
     sticks: Sticks | None = None
@@ -114,37 +115,42 @@ class Action:
     link: LinkFault | None = None
 
     def __post_init__(self) -> None:
-        """Refuse an action without a deed, or with two."""
-        if len(self.deeds) != 1:
-            raise ValueError(f"needs exactly one of {', '.join(_DEEDS)}")
+        """Refuse an action that does nothing, or two things."""
+        if len(self.kinds) != 1:
+            raise ValueError(f"needs exactly one of {', '.join(_KINDS)}")
 
     @property
-    def deeds(self) -> list[str]:
+    def kinds(self) -> list[str]:
         """The names of what is done."""
-        return [name for name in _DEEDS if getattr(self, name) is not None]
+        return [name for name in _KINDS if getattr(self, name) is not None]
 
 
 @checked.dataclass(frozen=True, config=STRICT)
 class Expectation:
-    """What must come true. `None`: both are right.
+    """What must come true; `null` (and for `no_nmac` and `resumed` false): it is not judged.
 
-    `hands_off_s` is how long Companion may still send after a deed that claims the aircraft, counted from
-    when the aircraft shows it. `mode` is the mode in which the aircraft must be before the encounter ends.
+    `avoids`: whether the aircraft is taken over at all. `hands_off_s` is how long Companion may still send
+    after an action that claims the aircraft, counted from when the aircraft shows it. `released_s` is how
+    long giving back may take after an action that asks for it. `mode` must be entered during the encounter.
     """
 
-    well_clear: bool | None = True
+    well_clear: Literal[True] | None = True
     no_nmac: bool = True
     avoids: bool | None = True
     resumed: bool = True
-    back: bool | None = True
+    back: Literal[True] | None = True
     back_within_s: Annotated[float, Gt(0.0), Le(900.0)] = 300.0
     hands_off_s: Annotated[float, Gt(0.0), Le(10.0)] = 1.5
+    released_s: Annotated[float, Gt(0.0), Le(60.0)] = 5.0
     mode: str | None = None
 
 
 @checked.dataclass(frozen=True, config=STRICT)
 class EncounterPlan:
-    """One encounter: its traffic, what else happens, and what is expected. It meets after `meets_s`."""
+    """One encounter: its traffic, what else happens, and what is expected.
+
+    The intruders meet the aircraft `meets_s` after its start; it lasts for `lasts_s` after the last meeting.
+    """
 
     name: Annotated[str, Len(1, 80)]
     intruders: tuple[IntruderPlan, ...] = ()

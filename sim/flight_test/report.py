@@ -67,7 +67,7 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, 1)
 
 
-# Heading, key, and whether it is a time.
+# Heading, and key in the report.
 COLUMNS = (
     ("slant\n[m]", "min_slant_m"), ("side\n[m]", "min_horizontal_m"), ("high\n[m]", "vertical_m"),
     ("acts\n[s]", "first_action_s"), ("aside\n[m]", "max_deviation_m"), ("height\n[m]", "max_height_m"),

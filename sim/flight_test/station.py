@@ -15,7 +15,6 @@ T = TypeVar("T")
 SYSTEM_ID, COMPONENT_ID = 255, 190
 _FIND_S = 20.0
 _MISSION_ATTEMPTS = 4
-_ACCEPTED = 0
 
 
 class StationError(CompanionError):
@@ -47,12 +46,14 @@ class Station:
         self._plugins.clear()
         await self._client.__aexit__(kind, error, trace)
 
-    async def find(self) -> None:
-        """Wait for the autopilot; `StationError` if there is none."""
+    async def find(self, system_id: int) -> None:
+        """Wait for the autopilot of this system; `StationError` if there is none, or another."""
         system = await self._client.first_autopilot(timeout_s=_FIND_S)
         if system is None:
             raise StationError("MAVSDK found no autopilot at the vehicle's link")
         self.target = await system.get_system_id()
+        if self.target != system_id:
+            raise StationError(f"MAVSDK found system {self.target}, the test system {system_id}")
         self._plugins = _plugins(system)
 
     # --- parameters

@@ -90,6 +90,8 @@ class Traffic:
     ) -> None:
         """`flags` are set in every report in addition to those of the plan."""
         numbered = list(enumerate(plan.intruders, first_number))
+        # When each of them meets the aircraft.
+        self.meetings_s = [meeting.time_s + each.meets_after_s for each in plan.intruders] or [meeting.time_s]
         self.intruders = tuple(aimed(each, meeting, number) for number, each in numbered)
         self._gaps = [
             [(meeting.time_s + each.meets_after_s + a, meeting.time_s + each.meets_after_s + b)
@@ -109,11 +111,6 @@ class Traffic:
             if not any(begin_s <= now_s < end_s for begin_s, end_s in gaps):
                 due += heard
         return due
-
-    @property
-    def ends_s(self) -> float:
-        """When the last of them is no longer reported."""
-        return max((one.disappears_s for one in self.intruders), default=-math.inf)
 
 
 def _model(plan: IntruderPlan, flags: int) -> ReceiverModel:

@@ -19,8 +19,8 @@ class FlightView(LiveView):
     """Draws a flight."""
 
     def __init__(self, console: Console) -> None:
-        super().__init__(console, refresh_per_s=_REFRESH_PER_S, lines_shown=_EVENTS_SHOWN)
         self._flight: Flight | None = None
+        super().__init__(console, refresh_per_s=_REFRESH_PER_S, lines_shown=_EVENTS_SHOWN)
 
     def show(self, flight: Flight) -> None:
         """Begin with a flight."""

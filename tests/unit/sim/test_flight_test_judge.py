@@ -86,7 +86,7 @@ def test_back_at_another_height_is_not_back() -> None:
 
 def test_a_conflict_that_is_not_avoided_is_a_failure_and_so_is_a_needless_avoidance() -> None:
     assert "not avoided" in judged(avoids=True).failures("AUTO")
-    one = judged(avoids=False, back=False)
+    one = judged(avoids=False, back=None)
     one.observe_mode(1.0, "GUIDED", guided=True, on_mission=False)
     one.observe_mode(2.0, "AUTO", guided=False, on_mission=True)
     assert one.failures("AUTO") == ["avoided without need"]
@@ -97,20 +97,20 @@ def command() -> mavlink.MAVLink_command_long_message:
 
 
 def test_a_command_after_the_pilot_took_it_is_a_failure() -> None:
-    one = judged(avoids=None, back=False, resumed=False, hands_off_s=1.5)
-    one.claim = Claim(10.0)
+    one = judged(avoids=None, back=None, resumed=False, hands_off_s=1.5)
+    one.claim = Claim("LOITER")
     one.observe_command(12.0, command())  # the aircraft does not show it yet
     one.observe_mode(12.1, "LOITER", guided=False, on_mission=False)
     one.observe_command(13.0, command())  # in time
     assert one.failures("LOITER") == []
     one.observe_command(14.0, command())
-    assert one.failures("LOITER") == ["1 commands after the pilot had it"]
+    assert one.failures("LOITER") == ["commands sent after the pilot took over: 1"]
     assert one.claim.commands == ["DO_SET_MODE"]
 
 
 def test_commands_count_no_longer_once_the_pilot_resumed_the_mission() -> None:
-    one = judged(avoids=None, back=False)
-    one.claim = Claim(10.0, shown_s=10.0, ended=True)
+    one = judged(avoids=None, back=None)
+    one.claim = Claim(shown_s=10.0, ended=True)
     one.observe_command(30.0, command())
     assert one.failures("AUTO") == []
 
@@ -121,10 +121,55 @@ def test_a_refused_command_is_named() -> None:
     assert one.refused == ["GUIDED_CHANGE_HEADING: UNSUPPORTED"]
 
 
-def test_a_long_silence_is_not_bridged() -> None:
-    one = judged(crossing(30.0, 600.0))
+def test_a_mode_that_the_aircraft_never_showed_is_a_failure() -> None:
+    one = judged(avoids=None, back=None)
+    one.claim = Claim("LOITER")
+    one.observe_mode(12.0, "RTL", guided=False, on_mission=True)
+    one.observe_command(13.0, command())
+    assert one.failures("RTL") == ["the aircraft never showed the pilot's mode LOITER"]
+
+
+@pytest.mark.parametrize(("given_back_s", "late"), [(14.0, False), (16.0, True), (None, True)])
+def test_an_aircraft_that_is_asked_for_must_be_given_back_in_time(
+    given_back_s: float | None, late: bool
+) -> None:
+    one = judged(back=None, resumed=False, released_s=5.0)
+    one.observe_mode(5.0, "GUIDED", guided=True, on_mission=False)
+    one.release_asked_s = 10.0
+    if given_back_s is not None:
+        one.observe_mode(given_back_s, "AUTO", guided=False, on_mission=True)
+    assert one.failures("?") == (["not given back within 5 s of the request"] if late else [])
+
+
+def test_a_mode_counts_only_when_it_is_entered_during_the_encounter() -> None:
+    one = judged(avoids=None, back=None)
+    one.expected_mode = "AUTO"
+    assert one.failures("AUTO") == ["never in AUTO"]
+
+
+def test_an_encounter_that_was_not_observed_does_not_pass() -> None:
+    one = judged(crossing(30.0, 600.0), avoids=None, back=None)
+    one.meetings_s = [30.0]
+    assert one.failures("AUTO") == ["not observed around the meeting"]
     one.observe_position(sample(0.0, 0.0), LEG)
     one.observe_position(sample(60.0, 1200.0), LEG)
     assert len(one.path) == 2
     assert math.isfinite(one.scores[0].min_slant_m)
-    assert not one.nmac
+    assert one.failures("AUTO") == ["not observed around the meeting"], "a gap is not bridged"
+
+
+def test_an_encounter_is_observed_when_there_is_a_position_each_second() -> None:
+    one = judged(crossing(100.0, 5000.0), avoids=None, back=None, well_clear=None)
+    one.meetings_s = [30.0]
+    for second in range(62):
+        one.observe_position(sample(float(second), 20.0 * second), LEG)
+    assert one.failures("AUTO") == []
+    del one.path[40:45]
+    assert one.failures("AUTO") == ["not observed around the meeting"]
+
+
+def test_intruders_are_scored_where_the_mission_has_no_leg() -> None:
+    one = judged(crossing(10.5, 210.0))
+    for second in range(20):
+        one.observe_position(sample(float(second), 20.0 * second), None)
+    assert one.nmac

@@ -1,5 +1,6 @@
 """The files of flight tests."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -38,16 +39,23 @@ def test_a_file_of_ones_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        ("speed_mps: 60", "intruders.0.speed_mps"),
+        ("speed_mps: 60", "encounters.0.intruders.0.speed_mps"),
         ("name: head-on", "encounters.0.name"),
     ],
 )
 def test_what_is_missing_is_named(tmp_path: Path, change: str, complaint: str) -> None:
     path = tmp_path / "own.yaml"
     path.write_text(MINIMAL.replace(change, "unknown: 1"))
-    with pytest.raises(ConfigError, match=r"own\.yaml: encounters\.0"):
+    with pytest.raises(ConfigError, match=rf"own\.yaml: {re.escape(complaint)}"):
         load_set(path)
-    assert complaint
+
+
+@pytest.mark.parametrize("judged", ["well_clear: false", "back: false"])
+def test_an_expectation_that_would_not_be_judged_is_refused(tmp_path: Path, judged: str) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(f"{MINIMAL}    expect: {{{judged}}}\n")
+    with pytest.raises(ConfigError, match="expect"):
+        load_set(path)
 
 
 def test_an_unknown_set_is_refused_with_those_that_exist() -> None:

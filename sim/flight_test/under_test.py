@@ -21,12 +21,17 @@ from sim.clock import ScaledClock
 _ENDS_WITHIN_S = 30.0
 
 
-class Beside(ABC):
+class CompanionUnderTest(ABC):
     """Companion during a flight test; it reaches the vehicle at a port on loopback."""
 
     name = "companion"
     can_stall = False
     on_our_link = True  # whether its messages pass through the hub
+
+    @property
+    def ended(self) -> bool:
+        """Whether it ended by itself."""
+        return False
 
     @abstractmethod
     async def start(self, port: int) -> None:
@@ -41,7 +46,7 @@ class Beside(ABC):
         del stalled
 
 
-class External(Beside):
+class External(CompanionUnderTest):
     """Already there, on a link of its own."""
 
     name = "external"
@@ -55,7 +60,7 @@ class External(Beside):
         return None
 
 
-class Process(Beside):
+class Process(CompanionUnderTest):
     """`companion run` with a configuration, whose links are replaced by the port."""
 
     can_stall = True
@@ -78,9 +83,17 @@ class Process(Beside):
                 stdout=log, stderr=log, start_new_session=True,
             )  # fmt: skip
 
+    @property
+    def ended(self) -> bool:
+        """Whether the process ended."""
+        return self._process is not None and self._process.returncode is not None
+
     def _settings(self, port: int) -> dict[str, Any]:
         content: Any = {} if self._config is None else yaml.safe_load(self._config.read_text("utf-8"))
-        settings = dict(content or {})
+        settings = {name: value for name, value in (content or {}).items() if name != "web"}
+        if self._config is not None and "obstacle_files" in settings:
+            beside = self._config.resolve().parent
+            settings["obstacle_files"] = [str(beside / name) for name in settings["obstacle_files"]]
         settings["links"] = [f"udpout:127.0.0.1:{port}"]
         recording = dict(settings.get("recording") or {})
         settings["recording"] = recording | {"directory": str(self._folder / "recording")}
@@ -90,7 +103,9 @@ class Process(Beside):
 
     def stall(self, *, stalled: bool) -> None:
         """Stop the process, or let it go on."""
-        if self._process is not None and self._process.returncode is None:
+        if self._process is None or self._process.returncode is not None:
+            return
+        with contextlib.suppress(ProcessLookupError):
             os.kill(self._process.pid, signal.SIGSTOP if stalled else signal.SIGCONT)
 
     async def stop(self) -> str | None:
@@ -112,7 +127,7 @@ class Process(Beside):
         return None if code == 0 else f"companion ended with {code}"
 
 
-class Inside(Beside):
+class Inside(CompanionUnderTest):
     """In this process, on the clock of a simulation that is faster or slower than real time."""
 
     name = "inside"
@@ -129,6 +144,11 @@ class Inside(Beside):
         self._runtime = Runtime(Engine(self._engine), [link], clock=self._clock)
         self._running = asyncio.create_task(self._runtime.run(), name="companion")
 
+    @property
+    def ended(self) -> bool:
+        """Whether its task ended."""
+        return self._running is not None and self._running.done()
+
     async def stop(self) -> str | None:
         """End it, and wait until the aircraft is given back."""
         if self._runtime is None or self._running is None:
@@ -141,7 +161,9 @@ class Inside(Beside):
         return None
 
 
-def beside(companion: str | None, folder: Path, clock: ScaledClock | None) -> Beside:
+def companion_under_test(
+    companion: str | None, folder: Path, clock: ScaledClock | None
+) -> CompanionUnderTest:
     """What `--companion` says: a configuration, `external`, or nothing; with a `clock`, inside on it."""
     if companion == "external":
         if clock is not None:

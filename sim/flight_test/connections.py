@@ -31,7 +31,7 @@ class FlightTestError(CompanionError):
     """The flight cannot go on."""
 
 
-class Wires:
+class Connections:
     """The connections of one flight, and waiting in the vehicle's time.
 
     `vehicle` is a link, or a fake vehicle in this process that flies by `clock`.
@@ -45,7 +45,7 @@ class Wires:
         self, vehicle: str | FakeVehicle, clock: ScaledClock | None, folder: Path, seed: int = 0
     ) -> None:
         self.observer = Observer(VehicleTime())
-        self.connected = False
+        self.check: Callable[[], None] = lambda: None  # called while we wait; raises when that is in vain
         self.vehicle_name = vehicle if isinstance(vehicle, str) else "the fake"
         self._vehicle, self._clock, self._folder, self._seed = vehicle, clock, folder, seed
         self._beat_s = -math.inf
@@ -56,18 +56,19 @@ class Wires:
         vehicle, station, companion = self._vehicle_end(), _end(), _end()
         ends: dict[str, Link] = {"vehicle": vehicle, "station": station, "companion": companion}
         self.hub = hub = Hub(ends, self.observer.observe, self._folder / "flight.tlog")
-        await hub.open()
-        to = f"udpout:127.0.0.1:{companion.local_port}"
-        self.relay = relay = Relay("udpin:127.0.0.1:0", to, seed=self._seed)
-        await relay.open()
-        server = self._server(vehicle)
+        relay: Relay | None = None
+        server: VehicleServer | None = None
         try:
+            await hub.open()
+            to = f"udpout:127.0.0.1:{companion.local_port}"
+            self.relay = relay = Relay("udpin:127.0.0.1:0", to, seed=self._seed)
+            await relay.open()
+            server = self._server(vehicle)
             with ungrouped():
                 async with asyncio.TaskGroup() as tasks:
                     running = tasks.create_task(hub.run(), name="hub")
                     flying = None if server is None else tasks.create_task(server.run(), name="vehicle")
                     async with Station(station.local_port) as self.station:
-                        self.connected = True
                         yield
                     hub.close()
                     await running
@@ -75,8 +76,8 @@ class Wires:
                         server.close()
                         await flying
         finally:
-            self.connected = False
-            relay.close()
+            if relay is not None:
+                relay.close()
             hub.close()
             if server is not None:
                 server.close()
@@ -93,8 +94,9 @@ class Wires:
         return VehicleServer(self._vehicle, [link], self._clock, stream_rate_hz=4.0)
 
     def report(self, message: Message) -> None:
-        """Send a message of the ADS-B receiver."""
-        self.hub.send(message, ADSB_RECEIVER)
+        """Send a message of the ADS-B receiver, a component of the vehicle."""
+        system_id = ADSB_RECEIVER[0] if self.observer.vehicle is None else self.observer.vehicle.system_id
+        self.hub.send(message, (system_id, ADSB_RECEIVER[1]))
 
     # --- waiting
 
@@ -122,8 +124,13 @@ class Wires:
             await self.pause()
 
     async def pause(self) -> None:
-        """Wait a moment; `FlightTestError` when the vehicle has fallen silent."""
-        vehicle_time = self.observer.time
+        """Wait a moment; `FlightTestError` when the vehicle fell silent, restarted, or is not alone."""
+        self.check()
+        vehicle_time, another = self.observer.time, self.observer.another
+        if another is not None:
+            raise FlightTestError(f"another autopilot is at this link: system {another.system_id}")
+        if vehicle_time.restarts:
+            raise FlightTestError("the vehicle restarted")
         if vehicle_time.known and vehicle_time.silent_s > _SILENT_S:
             raise FlightTestError(f"nothing heard of the vehicle for {_SILENT_S:.0f} s")
         now_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""The pilot's deeds and the faults of an encounter, at their times."""
+"""The pilot's actions and the faults of an encounter, at their times."""
 
 import asyncio
 import math
@@ -8,11 +8,11 @@ from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from sim.faults import Faults
-from sim.flight_test.beside import Beside
 from sim.flight_test.judge import Claim, Judged
 from sim.flight_test.observer import Observer
 from sim.flight_test.plan import PILOT_MODES, Action, FlyTo, LinkFault, Sticks
-from sim.flight_test.station import Station
+from sim.flight_test.station import Station, StationError
+from sim.flight_test.under_test import CompanionUnderTest
 from sim.relay import Relay
 
 _COMPANION = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
@@ -22,7 +22,7 @@ _IGNORED_US = 65_535
 _ABSOLUTE_INT = mavlink.MAV_FRAME_GLOBAL_INT
 
 
-class Deeds:
+class PilotActions:
     """Does the actions of one encounter, in the vehicle's time, each once and one after the other."""
 
     def __init__(
@@ -30,8 +30,8 @@ class Deeds:
         actions: tuple[Action, ...],
         observer: Observer,
         station: Station,
-        relay: Relay | None,
-        companion: Beside,
+        relay: Relay,
+        companion: CompanionUnderTest,
         upload: Callable[[str], Awaitable[None]],
     ) -> None:
         self._waiting = list(actions)
@@ -39,6 +39,12 @@ class Deeds:
         self._upload = upload
         self._running: set[asyncio.Task[None]] = set()
         self._last_s: float | None = None
+        self.modes: set[str] = set()  # that were requested
+
+    @property
+    def never_done(self) -> list[str]:
+        """What has not been done, in words."""
+        return [words(action, self._observer.name) for action in self._waiting]
 
     @property
     def done(self) -> bool:
@@ -69,8 +75,11 @@ class Deeds:
             judged.claim.ended = True
         if action.claims:
             # What is not shown by a mode is shown as soon as it is done.
-            judged.claim = Claim(now_s, shown_s=None if action.mode is not None else now_s)
-        task = asyncio.create_task(self._do(action, judged), name="deed")
+            mode = None if action.mode is None else mode_name(self._observer, action.mode)
+            judged.claim = Claim(mode, shown_s=now_s if mode is None else None)
+        if action.releases:
+            judged.release_asked_s = now_s
+        task = asyncio.create_task(self._do(action), name="pilot")
         self._running.add(task)
         task.add_done_callback(lambda done: self._ended(done, judged))
 
@@ -79,18 +88,20 @@ class Deeds:
         if not task.cancelled() and task.exception() is not None:
             judged.problems.append(str(task.exception()))
 
-    def cancel(self) -> None:
+    async def end(self) -> None:
         """Do nothing more, and end the faults."""
         self._waiting.clear()
-        for task in self._running:
+        running = list(self._running)
+        for task in running:
             task.cancel()
+        await asyncio.gather(*running, return_exceptions=True)
         self._companion.stall(stalled=False)
-        if self._relay is not None:
-            _mend(self._relay)
+        _mend(self._relay)
 
-    async def _do(self, action: Action, judged: Judged) -> None:
+    async def _do(self, action: Action) -> None:
         if action.mode is not None:
-            await set_mode(self._observer, self._station, action.mode)
+            self.modes.add(mode_name(self._observer, action.mode))
+            _demand(await set_mode(self._observer, self._station, action.mode), action.mode)
         elif action.fly_to is not None:
             await self._fly_to(action.fly_to)
         elif action.sticks is not None:
@@ -102,11 +113,12 @@ class Deeds:
         elif action.role is not None:
             await set_role(self._station, Role[action.role.upper()])
         elif action.resume:
-            await self._station.companion_command(_COMPANION, mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
+            resume = mavlink.MAV_CMD_DO_PAUSE_CONTINUE
+            _demand(await self._station.companion_command(_COMPANION, resume, 1), "resume")
         elif action.stall_s is not None:
-            await self._stall(action.stall_s, judged)
+            await self._stall(action.stall_s)
         elif action.link is not None:
-            await self._disturb(action.link, judged)
+            await self._disturb(action.link)
 
     async def _fly_to(self, wanted: FlyTo) -> None:
         sample = self._observer.sample
@@ -119,18 +131,22 @@ class Deeds:
         frame = LocalFrame(sample.place.lat_deg, sample.place.lon_deg)
         place = frame.to_geo(north_m, east_m, -sample.place.altitude_m)
         change_mode = 1
-        await self._station.command_at(
+        result = await self._station.command_at(
             mavlink.MAV_CMD_DO_REPOSITION, (-1, change_mode, 0, math.nan),
             place.lat_deg, place.lon_deg, place.altitude_m, _ABSOLUTE_INT,
         )  # fmt: skip
+        _demand(result, "fly here")
 
     async def _move_sticks(self, sticks: Sticks) -> None:
         until_s = self._observer.now_s() + sticks.for_s
-        while self._observer.now_s() < until_s:
-            await self._send_sticks(sticks)
-            await asyncio.sleep(_STICKS_EVERY_S / max(self._observer.time.rate, 0.1))
-        if self._observer.name == "ardupilot":
-            await self._station.send("RC_CHANNELS_OVERRIDE", self._channels(0, 0))  # 0: released
+        try:
+            while self._observer.now_s() < until_s:
+                await self._send_sticks(sticks)
+                await asyncio.sleep(_STICKS_EVERY_S / max(self._observer.time.rate, 0.1))
+        finally:
+            if self._observer.name == "ardupilot":
+                released = 0
+                await self._station.send("RC_CHANNELS_OVERRIDE", self._channels(released, released))
 
     async def _send_sticks(self, sticks: Sticks) -> None:
         if self._observer.name == "px4":
@@ -149,21 +165,15 @@ class Deeds:
         pulses = [roll_us, pitch_us, *(_IGNORED_US for _ in range(6))]
         return channels | {f"chan{i}_raw": pulse for i, pulse in enumerate(pulses, 1)}
 
-    async def _stall(self, stall_s: float, judged: Judged) -> None:
-        if not self._companion.can_stall:
-            judged.note(self._observer.now_s(), "companion cannot be stalled here: left out")
-            return
+    async def _stall(self, stall_s: float) -> None:
         self._companion.stall(stalled=True)
         try:
             await asyncio.sleep(stall_s)
         finally:
             self._companion.stall(stalled=False)
 
-    async def _disturb(self, fault: LinkFault, judged: Judged) -> None:
+    async def _disturb(self, fault: LinkFault) -> None:
         relay = self._relay
-        if relay is None:
-            judged.note(self._observer.now_s(), "no relay to an external companion: left out")
-            return
         rate = max(self._observer.time.rate, 0.1)
         faults = Faults(
             fault.loss,
@@ -206,10 +216,21 @@ async def set_role(station: Station, role: Role) -> None:
     await station.send("PARAM_SET", fields)
 
 
+def _demand(result: int, what: str) -> None:
+    """`StationError` unless a request of the pilot was accepted."""
+    if result != mavlink.MAV_RESULT_ACCEPTED:
+        raise StationError(f"{what}: {'not answered' if result < 0 else f'refused with {result}'}")
+
+
+def mode_name(observer: Observer, wanted: str) -> str:
+    """The autopilot's own name of a mode that is given by a common name or by its own."""
+    return PILOT_MODES.get(wanted, {}).get(observer.name, wanted)
+
+
 def mode_number(observer: Observer, wanted: str) -> int:
     """The custom mode of a name, common or the autopilot's own; `ValueError` if it has none of that name."""
     assert observer.adapter is not None
-    name = PILOT_MODES.get(wanted, {}).get(observer.name, wanted)
+    name = mode_name(observer, wanted)
     numbers = range(256) if observer.name == "ardupilot" else [
         main << 16 | sub << 24 for main in range(1, 12) for sub in range(32)
     ]  # fmt: skip
@@ -221,16 +242,16 @@ def mode_number(observer: Observer, wanted: str) -> int:
 
 def words(action: Action, autopilot: str) -> str:
     """An action in words, for the timeline."""
-    (deed,) = action.deeds
-    value = getattr(action, deed)
-    if deed == "mode":
+    (kind,) = action.kinds
+    value = getattr(action, kind)
+    if kind == "mode":
         return f"pilot: mode {PILOT_MODES.get(value, {}).get(autopilot, value)}"
-    if deed == "fly_to":
+    if kind == "fly_to":
         return f"pilot: fly here, {value.ahead_m:.0f} m ahead, {value.right_m:.0f} m right"
-    if deed == "sticks":
+    if kind == "sticks":
         return f"pilot: sticks for {value.for_s:.0f} s"
-    if deed == "stall_s":
+    if kind == "stall_s":
         return f"companion stalled for {value:g} s"
-    if deed == "link":
+    if kind == "link":
         return f"link: {value.cut or 'faults'} for {value.for_s:.0f} s"
-    return f"pilot: {deed} {value}"
+    return f"pilot: {kind} {value}"
