@@ -137,7 +137,7 @@ def test_a_turn_by_120_degrees_as_arduplane_48_was_recorded() -> None:
 def test_the_turn_rate_is_the_one_measured_on_arduplane_47() -> None:
     """About 9 degrees a second with p3 = 5; a coordinated turn would have 13.
 
-    The end of a turn is that of 4.8: 4.7 came from course 91 to 14 in 9.5 s when told to fly 10 degrees.
+    The end of a turn is that of 4.8: 4.7 came from course 91 to 14 in 9.5 s when commanded to fly 10.
     """
     aircraft = FixedWing(course_rad=math.radians(91.0))
     aircraft.hold_course(math.radians(10.0), BANK_OF_5_MPS2)
