@@ -286,6 +286,8 @@ class Engine:
                 if back:
                     self.aircraft.navigation.refresh(now_s)
                     self._ask_again()
+                if self.aircraft.adapter is not None:
+                    self.aircraft.adapter.observe(fact, at_s)
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
                 if fact.boot_time_s < self._boot_time_s - 1.0:

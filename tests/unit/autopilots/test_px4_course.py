@@ -15,6 +15,7 @@ from companion.mavlink.facts import (
     AutopilotVersion,
     AvailableMode,
     CommandResult,
+    Heartbeat,
     NavigationTarget,
     Parameter,
     Sender,
@@ -228,6 +229,65 @@ def test_a_course_that_is_unsupported_is_lost_and_the_next_way_is_offboard(adapt
     assert COURSE not in kinds(flown(adapter, 20.0))
     adapter.choose_way()
     assert adapter.guided_mode == OFFBOARD
+
+
+def refuse(adapter: Px4FixedWing, command: int, *, shown: int | None, times: int = 12) -> int:
+    """Refuse a command whenever it is sent, for 1.5 s each time; how often it was sent.
+
+    `shown`: the mode of the heartbeats that follow each refusal; `None`: none follows.
+    """
+    sent = 0
+    for tick in range(times * 15):
+        now_s = 12.0 + tick / 10
+        turned = replace(COMMAND, guidance=replace(GUIDANCE, course_rad=tick / 100))
+        for message in flown(adapter, now_s, turned):
+            refused = message.command == command
+            sent += refused
+            answer(adapter, now_s + 0.05, message.command, DENIED if refused else ACCEPTED)
+            adapter.refusals()
+        if shown is not None and tick % 2:
+            adapter.observe(Heartbeat(TARGET, 1, 12, True, shown, 4), now_s + 0.06)
+    return sent
+
+
+@pytest.mark.parametrize("command", [COURSE, HEIGHT, SPEED])
+def test_a_command_that_is_denied_again_and_again_in_its_mode_is_lost(
+    adapter: Px4FixedWing, command: int
+) -> None:
+    control = {COURSE: Control.HEADING, HEIGHT: Control.HEIGHT, SPEED: Control.SPEED}[command]
+    assert refuse(adapter, command, shown=COURSE_MODE) <= 8
+    assert adapter.lost_controls == {control}
+    adapter.restarted()
+    assert adapter.lost_controls == frozenset()
+
+
+def test_a_course_that_is_denied_twice_is_given_up(adapter: Px4FixedWing) -> None:
+    for now_s in (12.0, 13.0):
+        assert COURSE in kinds(flown(adapter, now_s))
+        answer(adapter, now_s + 0.1, COURSE, DENIED)
+        adapter.observe(Heartbeat(TARGET, 1, 12, True, COURSE_MODE, 4), now_s + 0.3)
+    flown(adapter, 14.0)
+    assert adapter.refused_values() == [RefusedValue(Control.HEADING, GUIDANCE.course_rad)]
+    assert adapter.lost_controls == frozenset()
+
+
+@pytest.mark.parametrize("shown", [None, HOLD])
+def test_a_refusal_counts_only_when_the_mode_is_shown_after_it(
+    adapter: Px4FixedWing, shown: int | None
+) -> None:
+    assert refuse(adapter, COURSE, shown=shown) > 8
+    assert adapter.lost_controls == frozenset()
+    assert adapter.refused_values() == []
+
+
+def test_refusals_just_after_the_entry_do_not_count(adapter: Px4FixedWing) -> None:
+    """The mode is acknowledged, and shown, before it takes commands."""
+    for tick in range(10):
+        for message in flown(adapter, 10.0 + tick / 10):
+            answer(adapter, 10.0 + tick / 10, message.command, DENIED)
+        adapter.observe(Heartbeat(TARGET, 1, 12, True, COURSE_MODE, 4), 10.05 + tick / 10)
+    assert set(kinds(flown(adapter, 11.6))) == {COURSE, HEIGHT, SPEED}
+    assert adapter.refused_values() == []
 
 
 def target(altitude_m: float) -> NavigationTarget:
