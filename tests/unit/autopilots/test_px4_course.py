@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from companion.autopilots import MODES_OF, ArduPlane, Px4FixedWing
-from companion.autopilots.adapter import GuidanceCommand, RefusedValue
+from companion.autopilots.adapter import GuidanceCommand, RefusedValue, is_setpoint
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import AVAILABLE_MODES, Encoder, Message, mavlink
@@ -156,6 +156,12 @@ def test_course_height_and_speed_are_one_command_each(adapter: Px4FixedWing) -> 
     assert (height.command, height.param1, height.param2) == (HEIGHT, 680.0, 0.0)
     for message in (speed, course, height):
         assert Encoder().encode(message, 1, 196)
+
+
+def test_only_requests_are_setpoints_not_our_answers_with_the_same_command(adapter: Px4FixedWing) -> None:
+    speed, course, height = flown(adapter, 10.0)
+    assert [is_setpoint(message) for message in (speed, course, height)] == [False, True, True]
+    assert not is_setpoint(mavlink.MAVLink_command_ack_message(COURSE, UNSUPPORTED, 0, 0, 255, 190))
 
 
 def test_a_course_is_in_0_to_360_degrees(adapter: Px4FixedWing) -> None:
