@@ -118,6 +118,11 @@ class Adapter(ABC):
         return 0.0
 
     @property
+    def heartbeat_interval_s(self) -> float | None:
+        """How often [s] to request the heartbeat while the aircraft is ours; `None`: when it is overdue."""
+        return None
+
+    @property
     def exit_s(self) -> float:
         """How long [s] `leaving` is streamed before the former mode is requested."""
         return 0.0

@@ -164,6 +164,11 @@ class Px4FixedWing(Adapter):
         return self._way.entry_s
 
     @property
+    def heartbeat_interval_s(self) -> float | None:
+        """How often the present way needs heartbeats."""
+        return self._way.heartbeat_interval_s
+
+    @property
     def exit_s(self) -> float:
         """How long OFFBOARD needs level setpoints before it is left."""
         return self._way.exit_s

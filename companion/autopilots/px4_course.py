@@ -34,8 +34,6 @@ _HEIGHT_CHANGE_M = 1.0
 _SPEED_CHANGE_MPS = 0.3
 # An acknowledged command may have met another mode, or been undone.
 _REPEAT_S = 2.0
-# At this rate a pilot's mode change is known almost as soon as with ArduPlane.
-_HEARTBEAT_INTERVAL_S = 0.25
 # The mode is acknowledged, and shown, some hundredths of a second before it takes commands.
 _SETTLED_S = 0.1
 # A refusal may be the first sign of a mode change: nothing more is sent before heartbeats had time to come.
@@ -56,6 +54,8 @@ class GuidedCourse(Way):
     """Commands course, height and speed on change, and compares the reported target with the height."""
 
     mode: ClassVar[int] = px4_modes.GUIDED_COURSE
+    # At this rate a pilot's mode change is known almost as soon as with ArduPlane.
+    heartbeat_interval_s: ClassVar[float | None] = 0.25
 
     def __init__(self, adapter: Adapter, parameters: Mapping[str, float]) -> None:
         super().__init__(adapter, parameters)
@@ -66,7 +66,6 @@ class GuidedCourse(Way):
         self._untaken_m: float | None = None
         self._reported: tuple[float, float] | None = None  # the height of the target, and when
         self._began_s: float | None = None
-        self._heartbeat_s = -math.inf  # requested
         self._silent_until_s = -math.inf
         self._refused_s: dict[int, float] = {}  # by command: not counted yet
         self._shown_s = -math.inf  # the newest heartbeat with the mode
@@ -83,29 +82,28 @@ class GuidedCourse(Way):
         return -math.inf
 
     def entering(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """Requests for the heartbeat that shows the mode; the targets until then are former ones."""
+        """Nothing; the targets until the mode is entered are former ones."""
         self._began_s = None
         self._heights_m.clear()
-        return self._heartbeat_request(now_s)
+        return []
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:  # noqa: ARG002
-        """Course, height and speed when they changed, and requests for heartbeats."""
+        """Course, height and speed when they changed."""
         if self._began_s is None:
             self._began_s = now_s
-        requests = self._heartbeat_request(now_s)
         if now_s < max(self._silent_until_s, self._began_s + _SETTLED_S - 1e-3):
-            return requests
+            return []
         self._count_refusals(self._began_s + _ENTRY_S)
         commands = [
             *self._speed(command, now_s),
             *self._course(command, now_s),
             *self._height(command, now_s),
         ]
-        return [*(self._adapter.commands.ask(one, now_s) for one in commands), *requests]
+        return [self._adapter.commands.ask(one, now_s) for one in commands]
 
     def leaving(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """Requests for the heartbeat that shows the mode."""
-        return self._heartbeat_request(now_s)
+        """Nothing: the mode is left by a request alone."""
+        return []
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Process the answers to our commands, the mode, and the height of the reported target."""
@@ -167,12 +165,6 @@ class GuidedCourse(Way):
         if target.altitude_m is None or not self._heights_m:
             return False
         return not self._is_known(target.altitude_m)
-
-    def _heartbeat_request(self, now_s: float) -> list[Message]:
-        if 0.0 <= now_s - self._heartbeat_s < _HEARTBEAT_INTERVAL_S - 1e-3:
-            return []
-        self._heartbeat_s = now_s
-        return [self._adapter.request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT)]
 
     def _course(self, command: GuidanceCommand, now_s: float) -> list[Message]:
         course_rad = command.guidance.course_rad

@@ -201,19 +201,6 @@ def test_without_a_sensor_no_speed_is_commanded(adapter: Px4FixedWing) -> None:
     assert SPEED not in kinds(flown(adapter, 10.0, replace(COMMAND, airspeed_mps=None)))
 
 
-def test_heartbeats_are_requested_while_it_is_entered_flown_and_left(adapter: Px4FixedWing) -> None:
-    ticks = [10.0 + tick / 10 for tick in range(20)]
-    for send in (
-        adapter.entering,
-        adapter.leaving,
-        lambda command, now_s: adapter.command(command, now_s, urgent=False),
-    ):
-        sent = [m for now_s in ticks for m in send(COMMAND, now_s) if m.command == REQUEST_MESSAGE]
-        assert {m.param1 for m in sent} == {mavlink.MAVLINK_MSG_ID_HEARTBEAT}
-        assert 6 <= len(sent) <= 10
-        ticks = [now_s + 10.0 for now_s in ticks]
-
-
 @pytest.mark.parametrize(("command", "result"), [(COURSE, DENIED), (HEIGHT, REJECTED)])
 def test_a_refusal_may_be_a_mode_change_and_silences_it_for_a_moment(
     adapter: Px4FixedWing, command: int, result: int
