@@ -222,7 +222,8 @@ class GuidedCourse(Way):
         if self._heights_m and abs(altitude_m - self._heights_m[-1]) <= _SAME_HEIGHT_M:
             self._adapter.commands.drop(_HEIGHT)
         if self._began_s is None or now_s - self._began_s <= _FORMER_TARGETS_S:
-            self._former_m.extend([] if known else [altitude_m])
+            if not known:
+                self._former_m.append(altitude_m)
             return
         due = self._accepted_s is not None and now_s - self._accepted_s >= _SHOWN_AFTER_S
         if not (due and known) or self._heights_m[-1] == self._untaken_m:

@@ -83,7 +83,7 @@ class Intake:
 
         A station that repeats a request gives it a new sequence number. Of a station whose frames all have
         the same number, a request counts again once another one came in between. A script that counts from 0
-        whenever it is run sends the same bytes as a late copy: within `REMEMBERED_S` they count as one.
+        whenever it is run sends the same bytes as a late copy: within 15 s they count as one.
 
         A copy is answered, as its sender may wait: that of a setting with the present value, that of a
         command as the command itself was.
