@@ -41,7 +41,7 @@ IGNORED = {
 
 
 def exit_on_ending() -> None:
-    """End the process with exit code 0 at a signal of `ENDING`, until `handled`; ignore those of `IGNORED`."""
+    """Exit with code 0 at a signal of `ENDING`, until `handled`; ignore those of `IGNORED`."""
     for number in IGNORED:
         signal.signal(number, signal.SIG_IGN)
     for number in ENDING:
