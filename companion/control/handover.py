@@ -198,9 +198,10 @@ class Handover:
         return self._hands_off(override, now_s)
 
     def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
-        """Delay the release: for some seconds after a claim, and for as long as the pilot moves the sticks.
+        """Delay the release once for some seconds after a claim; for as long as a lasting one holds.
 
-        Then the service ends without having given the aircraft back: it is the pilot's.
+        Lasting are sticks that move, and a second vehicle with the same system id. The service may then end
+        without having given the aircraft back.
         """
         data, delay_s = self.supervisor.data, min(self._context.params.abandoned_s, _LONGEST_YIELD_S)
         aircraft = self._context.aircraft

@@ -70,9 +70,8 @@ class Aircraft:
         self.ours = False  # our setpoints are flown, or may be
         self._mission_known_s = -math.inf
         self._mission_arrives = False
-        self.unseen_before_mode_s = (
-            math.inf
-        )  # from the last heartbeat with the former mode to this mode's first
+        # From the last heartbeat with the former mode to the first one with this mode.
+        self.unseen_before_mode_s = math.inf
         self.moved_s = -math.inf  # the last time that its position jumped
         self._gate = PositionGate()
         self._mode_heard = False
