@@ -111,7 +111,9 @@ async def test_late_copies_of_an_operators_requests_do_not_undo_later_ones(
                 assert operator.role is Role.ADVISE
                 assert operator.settings.avoidance.well_clear_horizontal_m == 900.0
         assert flight.runtime.intake.repeated == 6
-        assert len(answers(flight)) == 3
+        accepted, rejected = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        results = [answer.result for answer in answers(flight)]
+        assert results == [*[accepted] * 3, rejected, rejected, accepted], "copies of off, fly and advise"
 
 
 @every
@@ -124,10 +126,10 @@ async def test_a_late_copy_of_resume_is_not_obeyed_and_a_repetition_is(autopilot
             await flight.until(lambda: flight.vehicle.truth.on_mission, 4.0)
             await flight.fly(8.0)
             assert flight.runtime.intake.repeated == 1
-            assert len(answers(flight)) == 1
+            assert [one.result for one in answers(flight)] == [mavlink.MAV_RESULT_ACCEPTED] * 2
             one.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1.0, confirmation=1)
             await flight.fly(1.0)
-        assert len(answers(flight)) == 2
+        assert len(answers(flight)) == 3
 
 
 # --- a second companion
