@@ -82,6 +82,7 @@ class Runtime:
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
+        self.unsent = 0  # messages that came too late to be sent
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_stall_us=LONGEST_STALL_US)
         self._watchdog = watchdog or Watchdog({})
@@ -217,15 +218,15 @@ class Runtime:
                 link.ours = None if own is None else (own.system_id, own.component_id)
 
     def _health(self) -> Health:
-        return Health.of(
-            time.monotonic() - self._started_s,
-            self._times,
-            self.links,
+        health = Health.of(time.monotonic() - self._started_s, self._times, self.links)
+        return replace(
+            health,
             skipped_ticks=self._stepper.skipped_ticks,
             unusable=self.intake.unusable,
-            late=self.intake.past,
+            past=self.intake.past,
             of_others=self.intake.of_others,
             repeated=self.intake.repeated,
+            unsent=self.unsent,
             setpoints_sent=self.setpoints_sent,
             recording_problem=self._recording_problem,
         )
@@ -377,6 +378,7 @@ class Runtime:
     def _send(self, time_us: int, effect: Transmit) -> None:
         """Send a message, unless we stalled since it was made: it would act on the past."""
         if self.clock.now_us() - time_us > _LONGEST_DELAY_US:
+            self.unsent += 1
             return
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         self._own_frames.sent(raw, time_us / 1e6)
@@ -428,13 +430,14 @@ class Runtime:
         intake = self.intake
         _log.info(
             "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
-            "%d requests repeated, %d traffic reports refused",
+            "%d copies of requests ignored, %d traffic reports refused, %d messages not sent after a stall",
             intake.unusable,
             intake.past,
             intake.of_others,
             self.engine.foreign,
             intake.repeated,
             self.engine.tracker.dropped.total(),
+            self.unsent,
         )
 
 

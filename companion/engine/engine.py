@@ -290,6 +290,8 @@ class Engine:
                 if back:
                     self.aircraft.navigation.refresh(now_s)
                     self._ask_again()
+                if self.aircraft.adapter is not None:
+                    self.aircraft.adapter.observe(fact, at_s)
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
                 if fact.boot_time_s < self._boot_time_s - 1.0:
@@ -416,7 +418,7 @@ class Engine:
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
         if adapter is not None:
             if self._handover.holds:
-                outgoing += self._rates.missing_heartbeat(adapter, self.aircraft.heartbeat_s, now_s)
+                outgoing += self._rates.heartbeat(adapter, self.aircraft.heartbeat_s, now_s)
             # An autopilot that leaves the guided mode without our setpoints: do they arrive?
             often = self._handover.holds and adapter.leaves_guided_by_itself
             outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)
