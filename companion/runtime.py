@@ -86,6 +86,7 @@ class Runtime:
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
+        self.unsent = 0  # messages that came too late to be sent
         self.latencies_s: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._stepper = Stepper(engine, self._perform, longest_stall_us=LONGEST_STALL_US)
         self._watchdog = watchdog or Watchdog({})
@@ -236,16 +237,17 @@ class Runtime:
                 link.ours = None if own is None else (own.system_id, own.component_id)
 
     def _health(self) -> Health:
-        return Health.of(
-            time.monotonic() - self._started_s,
-            self._times,
-            self.links,
-            tuple(ReceiverCount.of(one, self.clock.now_us() / 1e6) for one in self.receivers),
+        health = Health.of(time.monotonic() - self._started_s, self._times, self.links)
+        now_s = self.clock.now_us() / 1e6
+        return replace(
+            health,
+            receivers=tuple(ReceiverCount.of(one, now_s) for one in self.receivers),
             skipped_ticks=self._stepper.skipped_ticks,
             unusable=self.intake.unusable,
-            late=self.intake.past,
+            past=self.intake.past,
             of_others=self.intake.of_others,
             repeated=self.intake.repeated,
+            unsent=self.unsent,
             setpoints_sent=self.setpoints_sent,
             dropped_reports=self._stepper.dropped_facts,
             recording_problem=self._recording_problem,
@@ -366,6 +368,7 @@ class Runtime:
     def _send(self, time_us: int, effect: Transmit) -> None:
         """Send a message, unless we stalled since it was made: it would act on the past."""
         if self.clock.now_us() - time_us > _LONGEST_DELAY_US:
+            self.unsent += 1
             return
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         self._receiving.own_frames.sent(raw, time_us / 1e6)
@@ -419,7 +422,8 @@ class Runtime:
         intake = self.intake
         _log.info(
             "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
-            "%d requests repeated, %d traffic reports refused, %d dropped",
+            "%d copies of requests ignored, %d traffic reports refused, %d dropped, "
+            "%d messages not sent after a stall",
             intake.unusable,
             intake.past,
             intake.of_others,
@@ -427,6 +431,7 @@ class Runtime:
             intake.repeated,
             self.engine.tracker.dropped.total(),
             self._stepper.dropped_facts,
+            self.unsent,
         )
 
 

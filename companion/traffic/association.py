@@ -16,7 +16,7 @@ from companion.traffic.params import AssociationParams
 from companion.traffic.target import Motion, Target
 
 # A report is compared with targets whose source has a lower rank than its own, so each pair is judged once.
-_RANK = {TrafficSource.ADSB: 0, TrafficSource.UTM: 1, TrafficSource.SYSTEM: 2}
+_RANK = {source: rank for rank, source in enumerate(TrafficSource)}
 _LOWER_RANKED = {source: {other for other in _RANK if _RANK[other] < _RANK[source]} for source in _RANK}
 # Targets further away in latitude or longitude are not compared: 2 km, beyond every gate.
 _NEAR_DEG = 0.02
@@ -24,7 +24,7 @@ _NEAR_DEG = 0.02
 _FRESH_S = 3.0
 _FLYING = frozenset({TrafficKind.AIRCRAFT, TrafficKind.UAV})
 # Standard deviations if the sender states none: transponders of small aircraft, networks, autopilots.
-_TYPICAL_SIGMA_M = {TrafficSource.ADSB: 30.0, TrafficSource.UTM: 20.0, TrafficSource.SYSTEM: 5.0}
+_TYPICAL_SIGMA_M = dict.fromkeys(TrafficSource, 30.0) | {TrafficSource.UTM: 20.0, TrafficSource.SYSTEM: 5.0}
 # Steps in which age and accuracy count, so that the leading target does not change with every report.
 _AGE_STEP_S, _SIGMA_STEP_M = 3.0, 10.0
 

@@ -90,43 +90,29 @@ class ReceiverCount:
 class Health:
     """Health of the service at one moment; counts since the start.
 
-    `unusable`, `late` and `of_others` are those of `Intake`; `dropped_reports` of receivers came faster than
-    they were processed.
+    `unusable`, `past`, `of_others` and `repeated` are those of `Intake`; `dropped_reports` of receivers came
+    faster than they were processed.
     """
 
     uptime_s: float
     tick_s: float  # duration of the last tick
     ticks_below: tuple[int, ...]  # as `LoopTimes.below`
     ticks_total_s: float
-    skipped_ticks: int
     links: tuple[LinkCount, ...]
-    receivers: tuple[ReceiverCount, ...]
-    unusable: int
-    late: int
-    of_others: int
-    repeated: int
-    setpoints_sent: int
-    dropped_reports: int
-    recording_problem: str | None
+    receivers: tuple[ReceiverCount, ...] = ()
+    skipped_ticks: int = 0
+    unusable: int = 0
+    past: int = 0
+    of_others: int = 0
+    repeated: int = 0
+    unsent: int = 0  # messages that came too late to be sent
+    setpoints_sent: int = 0
+    dropped_reports: int = 0
+    recording_problem: str | None = None
 
     @classmethod
-    def of(
-        cls,
-        uptime_s: float,
-        times: LoopTimes,
-        links: Sequence[Link],
-        receivers: tuple[ReceiverCount, ...] = (),
-        *,
-        skipped_ticks: int = 0,
-        unusable: int = 0,
-        late: int = 0,
-        of_others: int = 0,
-        repeated: int = 0,
-        setpoints_sent: int = 0,
-        dropped_reports: int = 0,
-        recording_problem: str | None = None,
-    ) -> "Health":
-        """The health from the counters of the service."""
+    def of(cls, uptime_s: float, times: LoopTimes, links: Sequence[Link]) -> "Health":
+        """The health by tick times and links; all other counts are 0."""
         counts = tuple(
             LinkCount(
                 link.address,
@@ -138,19 +124,4 @@ class Health:
             )
             for link in links
         )
-        return cls(
-            uptime_s,
-            times.last_s,
-            times.below,
-            times.total_s,
-            skipped_ticks,
-            counts,
-            receivers,
-            unusable,
-            late,
-            of_others,
-            repeated,
-            setpoints_sent,
-            dropped_reports,
-            recording_problem,
-        )
+        return cls(uptime_s, times.last_s, times.below, times.total_s, counts)

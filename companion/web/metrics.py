@@ -56,13 +56,14 @@ class Metrics(Collector):
             yield family
         yield from _of_receivers(health.receivers)
         yield _counter("messages_unusable", "Messages without a usable value", health.unusable)
-        yield _counter("messages_late", "Messages that arrived too late to be used", health.late)
+        yield _counter("messages_late", "Messages that arrived too late to be used", health.past)
         yield _counter(
             "messages_of_others", "Messages of another vehicle with a known address", health.of_others
         )
         yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
         dropped = "Reports of receivers that came faster than they were processed"
         yield _counter("reports_dropped", dropped, health.dropped_reports)
+        yield _counter("messages_unsent", "Messages not sent, as they were late by a stall", health.unsent)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)
         yield _counter("command_rejections", "Commands refused or not answered", live.rejections)

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from companion.control.state_machine import State
-from companion.engine import Engine, EngineConfig, EngineParams
+from companion.engine import Engine, EngineConfig, EngineParams, Transmit
 from companion.errors import CompanionError
 from companion.links import memory_pair, open_link
-from companion.mavlink.dialect import Encoder
+from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode
 from companion.mavlink.tlog import read_tlog
 from companion.recording.recorder import Recorder
@@ -38,6 +38,30 @@ async def until(runtime: Runtime, *states: State) -> None:
 
 def new_engine() -> Engine:
     return Engine(EngineConfig(engine=EngineParams(autopilot_system_id=1)))
+
+
+class ClockByHand:
+    """Stands still until it is set."""
+
+    def __init__(self) -> None:
+        self.time_us = 1_700_000_000_000_000
+
+    def now_us(self) -> int:
+        return self.time_us
+
+    def wall_seconds_until(self, time_us: int) -> float:
+        return max((time_us - self.time_us) / 1e6, 0.0)
+
+
+def test_messages_that_are_late_by_a_stall_are_counted_and_not_sent() -> None:
+    near, _far = memory_pair()
+    clock = ClockByHand()
+    runtime = Runtime(new_engine(), [near], clock=clock)
+    message = mavlink.MAVLink_heartbeat_message(18, 8, 1, 0, 4, 3)
+    for late_us in (0, 700_000, 701_000, 3_000_000):
+        begun_us, clock.time_us = clock.time_us, clock.time_us + late_us
+        runtime._perform(begun_us, [Transmit(runtime.engine.sender, message)])
+    assert (near.counters.sent_frames, runtime.unsent) == (2, 2)
 
 
 async def test_stopping_gives_back_and_ends() -> None:

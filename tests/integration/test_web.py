@@ -117,9 +117,10 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
             ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11),
             ticks_total_s=0.5,
             unusable=3,
-            late=4,
+            past=4,
             of_others=5,
             repeated=2,
+            unsent=6,
         ),
     )
     async with site(live(snapshot)) as at:
@@ -134,6 +135,7 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
     assert families["companion_messages_late"].samples[0].value == 4.0
     assert families["companion_messages_of_others"].samples[0].value == 5.0
     assert families["companion_requests_repeated"].samples[0].value == 2.0
+    assert families["companion_messages_unsent"].samples[0].value == 6.0
     assert families["companion_engagements"].samples[0].value == 1.0
     assert families["companion_up"].samples[0].value == 1.0
 
