@@ -23,6 +23,7 @@ from companion.recording.recorder import Recorder
 from companion.replay import replay
 from companion.runtime import Runtime
 from companion.sources.receiver import INTERNAL_ERROR, Piece
+from companion.summary import summary
 from sim.clock import ScaledClock
 from tests.support.line_decoder import line_formats, traffic_line
 from tests.support.talking_autopilot import Autopilot
@@ -238,9 +239,10 @@ async def test_health_and_what_the_operator_is_told() -> None:
         assert counts.bad == (("unknown line", 1),)
         assert counts.problem == "no GPS fix"
         assert counts.silent_s < 5.0
-        assert flown.receiver.summary() == (
-            "gdl90:udpin:127.0.0.1:0: 2 messages, 1 reports, 1 unknown line, 0 pieces dropped"
+        _, line, _ = summary(
+            flown.runtime.links, [flown.receiver], flown.runtime._health(), flown.runtime.engine
         )
+        assert line == "gdl90:udpin:127.0.0.1:0: 2 messages, 1 reports, 1 unknown line, 0 pieces dropped"
 
 
 @in_virtual_time
