@@ -14,8 +14,9 @@ from companion.address import parse_receiver_address
 from companion.config import Config
 from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
-from companion.links import ReceiverLink, memory_pair
-from companion.mavlink.framing import Frame, make_frame
+from companion.links import MemoryLink, ReceiverLink, memory_pair
+from companion.mavlink.dialect import mavlink
+from companion.mavlink.framing import Frame, decode, make_frame
 from companion.mavlink.tlog import read_tlog
 from companion.preflight import run_preflight
 from companion.recording.pieces import TUNNEL, PieceWriter
@@ -30,6 +31,8 @@ from tests.support.talking_autopilot import Autopilot
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
+
+STATUSTEXT = mavlink.MAVLINK_MSG_ID_STATUSTEXT
 
 
 @pytest.fixture(autouse=True)
@@ -47,11 +50,23 @@ def head_on(step: int, icao: int = 0xA00001) -> bytes:
     return traffic_line(icao, -34.985 - step * 12.0 / 111_195.0, 149.0)
 
 
+class Listening(Autopilot):
+    """Remembers what it hears."""
+
+    def __init__(self, link: MemoryLink) -> None:
+        super().__init__(link, sees_traffic=False)
+        self.heard: list[Frame] = []
+
+    def hear(self, frames: list[Frame], link: object) -> None:
+        self.heard += frames
+        super().hear(frames, link)
+
+
 @dataclass
 class Flight:
     runtime: Runtime
     receiver: ReceiverLink
-    autopilot: Autopilot
+    autopilot: Listening
     station: socket.socket
     stopped_us: int = 0
 
@@ -78,7 +93,7 @@ async def flight(folder: Path | None = None) -> AsyncIterator[Flight]:
     recorder = None if folder is None else Recorder(folder, 0.0)
     clock = ScaledClock(1.0, start_s=1.75e9, monotonic_s=asyncio.get_running_loop().time)
     runtime = Runtime(new_engine(), [near], receivers=[receiver], recorder=recorder, clock=clock)
-    autopilot = Autopilot(far, sees_traffic=False)
+    autopilot = Listening(far)
     flying = asyncio.create_task(autopilot.run())
     running = asyncio.create_task(runtime.run())
     try:
@@ -139,15 +154,10 @@ async def test_traffic_of_a_receiver_is_avoided_and_replayed_alike(tmp_path: Pat
 @in_virtual_time
 async def test_nothing_recorded_of_a_receiver_is_sent(tmp_path: Path) -> None:
     async with flight(tmp_path) as flown:
-        heard: list[int] = []
-        hear = flown.autopilot.hear
-        flown.autopilot.hear = lambda frames, link: (  # type: ignore[method-assign]
-            heard.extend(frame.message_id for frame in frames),
-            hear(frames, link),
-        )[1]
-        flown.autopilot.link._waiting.clear()
         await flown.meet()
-    assert TUNNEL not in heard
+    assert len(flown.autopilot.heard) > 20
+    assert TUNNEL not in {frame.message_id for frame in flown.autopilot.heard}
+    assert tunnels_in(tmp_path)
 
 
 def test_a_damaged_record_is_replayed_without_its_damaged_pieces(tmp_path: Path) -> None:
@@ -270,3 +280,15 @@ async def test_check_lists_each_receiver_and_what_it_lacks() -> None:
     assert "No such file or directory" in file.text
     assert not tcp.good
     assert not file.good
+
+
+@in_virtual_time
+async def test_silence_is_told_repeated_and_its_end_told() -> None:
+    async with flight() as flown:
+        await asyncio.sleep(50.0)
+        flown.say(b"H\n")
+        await asyncio.sleep(5.0)
+    messages = [decode(frame) for frame in flown.autopilot.heard if frame.message_id == STATUSTEXT]
+    texts = [message.text for message in messages if message is not None and "gdl90" in message.text]
+    silent = "Avoidance: gdl90 receiver: silent for 10 s"
+    assert texts == [silent, silent, "Avoidance: gdl90 receiver works again"]
