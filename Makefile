@@ -13,7 +13,7 @@ NEEDED := $(VENV)/.requirements
 BUILT = $(VENV)/.$(shell $(CAN_COMPILE) && echo compiled || echo plain)
 TOOLS := $(VENV)/.dev
 
-.PHONY: run test check setup compiler browser orca lock clean pictures
+.PHONY: run test check setup compiler browser receiver-tools orca lock clean pictures
 
 run: setup
 	$(BIN)/companion-sim demo
@@ -69,6 +69,11 @@ compiler:
 browser:
 	command -v chromium >/dev/null || { apt-get update -qq && \
 		apt-get install -y -qq --no-install-recommends chromium fonts-dejavu-core; }
+
+# A receiver of Mode S, for the test that compares ours with it; it is skipped without. Debian, as root.
+receiver-tools:
+	command -v dump1090-mutability >/dev/null || { apt-get update -qq && DEBIAN_FRONTEND=noninteractive \
+		apt-get install -y -qq --no-install-recommends dump1090-mutability; }
 
 # The library of ORCA, a method that campaigns compare with, without what it lists as its dependencies.
 orca: $(NEEDED)

@@ -41,7 +41,7 @@ IGNORED = {
 
 
 def exit_on_ending() -> None:
-    """End the process in order, exit code 0, at a signal that ends the service: before anything is flown."""
+    """Exit with code 0 at a signal of `ENDING`, until `handled`; ignore those of `IGNORED`."""
     for number in IGNORED:
         signal.signal(number, signal.SIG_IGN)
     for number in ENDING:
@@ -54,11 +54,9 @@ def _exit(_number: int, _frame: object) -> None:
 
 @contextlib.contextmanager
 def handled(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` at a signal that ends the service, and ignore the others; in the main thread only."""
+    """Call `stop` at a signal of `ENDING`, after `exit_on_ending`; in the main thread only."""
     loop = asyncio.get_running_loop()
     with contextlib.ExitStack() as undo:
-        for number in IGNORED:
-            undo.callback(signal.signal, number, signal.signal(number, signal.SIG_IGN))
         for number in ENDING:
             loop.add_signal_handler(number, stop)
             undo.callback(loop.remove_signal_handler, number)

@@ -21,9 +21,9 @@ from companion.web import Display
 from companion.web.settings import Settings
 from sim.clock import ScaledClock
 from sim.metrics import FlightScore, score_of
+from sim.receivers.mavlink import ADSB_RECEIVER
 from sim.scenario import Autopilot, Scenario
 from sim.server import VehicleServer
-from sim.traffic import ADSB_RECEIVER
 from sim.vehicle import Truth
 from sim.world import World, build_world
 

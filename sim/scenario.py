@@ -9,7 +9,7 @@ from pydantic import dataclasses as checked
 
 from companion.geodesy import GeoPoint, LocalFrame
 from sim.files import STRICT, names_in, read_named
-from sim.traffic import ALL_VALID
+from sim.receivers.mavlink import ALL_VALID
 from sim.vehicle import MissionItem, takeoff_item, waypoint_item
 
 SCENARIO_FOLDER = Path(__file__).with_name("scenarios")

@@ -8,25 +8,10 @@ from heapq import heappop, heappush
 from itertools import count
 
 from companion.geodesy import LocalFrame
-from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.dialect import Message
 from companion.model import Vec3
-from companion.units import course_deg
+from sim.receivers.mavlink import ALL_VALID, adsb_vehicle
 
-ADSB_RECEIVER = (1, 156)  # the MAVLink address of a receiver on the aircraft: MAV_COMP_ID_ADSB
-
-# Flags of a good receiver; the recorded autopilot forwarded 287, the same without vertical velocity.
-ALL_VALID = (
-    mavlink.ADSB_FLAGS_VALID_COORDS
-    | mavlink.ADSB_FLAGS_VALID_ALTITUDE
-    | mavlink.ADSB_FLAGS_VALID_HEADING
-    | mavlink.ADSB_FLAGS_VALID_VELOCITY
-    | mavlink.ADSB_FLAGS_VALID_CALLSIGN
-    | mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID
-    | mavlink.ADSB_FLAGS_BARO_VALID
-)
-_SQUAWK_VFR = 1200
-_CALLSIGN_BYTES = 8
-_INT16_MAX, _UINT16_MAX = 32_767, 65_535
 _PHASE_S = 0.1  # offset between the transponders
 
 
@@ -175,21 +160,13 @@ class AdsbReceiver:
         north_mps += chance.gauss(0.0, model.speed_sigma_mps)
         east_mps += chance.gauss(0.0, model.speed_sigma_mps)
         climb_mps = -down_mps + chance.gauss(0.0, model.climb_sigma_mps)
-        message = mavlink.MAVLink_adsb_vehicle_message(
-            ICAO_address=intruder.icao,
-            lat=round(place.lat_deg * 1e7),
-            lon=round(place.lon_deg * 1e7),
-            altitude_type=0 if model.barometric else 1,
-            altitude=round(place.altitude_m * 1000.0),
-            heading=round(course_deg(math.atan2(east_mps, north_mps)) * 100.0) % 36_000,
-            hor_velocity=min(round(math.hypot(north_mps, east_mps) * 100.0), _UINT16_MAX),
-            ver_velocity=max(min(round(climb_mps * 100.0), _INT16_MAX), -_INT16_MAX),
-            callsign=intruder.callsign.encode("ascii", errors="replace")[:_CALLSIGN_BYTES],
-            emitter_type=intruder.emitter_type,
-            tslc=min(int(model.delay_s), 255),
+        return adsb_vehicle(
+            intruder.icao,
+            intruder.callsign,
+            place,
+            (north_mps, east_mps, -climb_mps),
+            category=intruder.emitter_type,
+            barometric=model.barometric,
+            age_s=model.delay_s,
             flags=model.flags,
-            squawk=_SQUAWK_VFR,
         )
-        header = message.get_header()
-        header.srcSystem, header.srcComponent = ADSB_RECEIVER
-        return message

@@ -26,19 +26,23 @@ class World:
     receiver: AdsbReceiver
 
 
+def kind_of(autopilot: Autopilot) -> tuple[type[FakeArduPlane] | type[FakePx4], dict[str, Any]]:
+    """The fake that imitates an autopilot, and the options for its version."""
+    if autopilot == "ardupilot":
+        return FakeArduPlane, {}
+    return FakePx4, {"firmware": "1.18" if autopilot == "px4-1.18" else "1.16"}
+
+
 def make_vehicle(scenario: Scenario, start_s: float, autopilot: Autopilot = "ardupilot") -> FakeVehicle:
     """The scenario's vehicle on its mission and armed: about to take off, or in the air on the way."""
     start = scenario.start
     heading_rad = math.radians(start.heading_deg)
-    is_px4 = autopilot != "ardupilot"
-    kind = FakePx4 if is_px4 else FakeArduPlane
-    options: dict[str, Any] = {
+    kind, options = kind_of(autopilot)
+    options |= {
         "mission": scenario.items,
         "wind_mps": (scenario.wind.north_mps, scenario.wind.east_mps),
-        "parameters": _PX4_PARAMETERS if is_px4 else {},
+        "parameters": _PX4_PARAMETERS if kind is FakePx4 else {},
     }
-    if autopilot == "px4-1.18":
-        options["firmware"] = "1.18"
     if start.where == "air":
         return kind.airborne(
             scenario.home_place,

@@ -205,52 +205,28 @@ def _circle(item: MissionItem) -> FenceZone | None:
         return None
 
 
-class _Source(NamedTuple):
-    """Everything that the fence in the local frame is made from, besides the configuration."""
+def fence_in_force(
+    configured: tuple[FenceZone, ...], autopilot: AutopilotFence, frame: LocalFrame, home_altitude_m: float
+) -> Fence | None:
+    """The configured zones and the autopilot's fence in the local frame; `None` without zones.
 
-    frame: LocalFrame
-    home_altitude_m: float
-    autopilot: AutopilotFence
-
-
-class FenceInForce:
-    """Combines the configured zones with the autopilot's fence; keeps the result until an input changes."""
-
-    def __init__(self, configured: tuple[FenceZone, ...] = ()) -> None:
-        self._configured = configured
-        self._source: _Source | None = None
-        self._fence: Fence | None = None
-
-    def in_frame(self, frame: LocalFrame, home_altitude_m: float, autopilot: AutopilotFence) -> Fence | None:
-        """The fence in the local frame, `None` without zones; the same object until an input changes.
-
-        Its margin is the autopilot's, but at least 30 m.
-        """
-        # Home's altitude varies by centimetres all the time; whole metres keep the fence constant.
-        source = _Source(frame, float(round(home_altitude_m)), autopilot)
-        if self._source != source:
-            self._source, self._fence = source, self._combine(source)
-        return self._fence
-
-    def _combine(self, source: _Source) -> Fence | None:
-        settings = source.autopilot.settings
-        uploaded = source.autopilot.zones if settings.zones else ()
-        others = [*self._configured]
-        if settings.home_radius_m is not None and source.autopilot.home_deg is not None:
-            home_circle = FenceZone(
-                True, centre_deg=source.autopilot.home_deg, radius_m=settings.home_radius_m
-            )
-            others.append(home_circle)
-        any_inclusion = settings.any_inclusion and sum(zone.inclusion for zone in uploaded) > 1
-        if any_inclusion and any(zone.inclusion for zone in others):
-            # A fence cannot express "inside any of these, and inside that one". The autopilot itself
-            # still enforces its own inclusion zones.
-            uploaded = tuple(zone for zone in uploaded if not zone.inclusion)
-            any_inclusion = False
-        zones = tuple(zone.in_frame(source.frame, source.home_altitude_m) for zone in (*others, *uploaded))
-        if not zones:
-            return None
-        return Fence(zones, max(settings.margin_m, _MIN_MARGIN_M), any_inclusion=any_inclusion)
+    Its margin is the autopilot's, but at least 30 m.
+    """
+    settings = autopilot.settings
+    uploaded = autopilot.zones if settings.zones else ()
+    others = [*configured]
+    if settings.home_radius_m is not None and autopilot.home_deg is not None:
+        others.append(FenceZone(True, centre_deg=autopilot.home_deg, radius_m=settings.home_radius_m))
+    any_inclusion = settings.any_inclusion and sum(zone.inclusion for zone in uploaded) > 1
+    if any_inclusion and any(zone.inclusion for zone in others):
+        # A fence cannot express "inside any of these, and inside that one". The autopilot itself
+        # still enforces its own inclusion zones.
+        uploaded = tuple(zone for zone in uploaded if not zone.inclusion)
+        any_inclusion = False
+    zones = tuple(zone.in_frame(frame, home_altitude_m) for zone in (*others, *uploaded))
+    if not zones:
+        return None
+    return Fence(zones, max(settings.margin_m, _MIN_MARGIN_M), any_inclusion=any_inclusion)
 
 
 class HeightLimits(NamedTuple):
@@ -278,20 +254,18 @@ def limit_heights(
 ) -> Envelope:
     """The envelope with floor and ceiling above mean sea level [m], each the tightest of the known limits.
 
-    Altitudes of home and terrain vary by centimetres all the time; rounding them to whole metres keeps the
-    limits constant. Where floor and ceiling cross, the floor takes precedence: the ground is below it.
+    Where floor and ceiling cross, the floor takes precedence: the ground is below it.
     """
-    home_m = float(round(home_altitude_m))
-    floors_m = [home_m + limits.min_height_m]
+    floors_m = [home_altitude_m + limits.min_height_m]
     if terrain_altitude_m is not None:
-        floors_m.append(math.ceil(terrain_altitude_m) + limits.min_height_m)
+        floors_m.append(terrain_altitude_m + limits.min_height_m)
     if limits.fence_min_height_m is not None:
-        floors_m.append(home_m + limits.fence_min_height_m)
+        floors_m.append(home_altitude_m + limits.fence_min_height_m)
     if envelope.min_altitude_m is not None:
         floors_m.append(envelope.min_altitude_m)
     floor_m = max(floors_m)
     max_heights_m = (limits.max_height_m, limits.fence_max_height_m)
-    ceilings_m = [home_m + height_m for height_m in max_heights_m if height_m is not None]
+    ceilings_m = [home_altitude_m + height_m for height_m in max_heights_m if height_m is not None]
     if envelope.max_altitude_m is not None:
         ceilings_m.append(envelope.max_altitude_m)
     ceiling_m = max(min(ceilings_m), floor_m) if ceilings_m else None

@@ -37,7 +37,7 @@ class RefusedValue:
     value: float
 
 
-# Commands of where to fly in the guided mode; a speed may also be the mission's.
+# Commands that say where to fly in the guided mode, and nothing else: DO_CHANGE_SPEED may be the mission's.
 _GUIDED_COMMANDS = frozenset(
     {
         mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
@@ -46,13 +46,14 @@ _GUIDED_COMMANDS = frozenset(
         mavlink.MAV_CMD_DO_CHANGE_ALTITUDE,
     }
 )
+_COMMANDS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT})
 
 
 def is_setpoint(message: Message) -> bool:
-    """Whether a message says where to fly: a position target, or a command of course, height or speed."""
-    if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
-        return True
-    return getattr(message, "command", None) in _GUIDED_COMMANDS
+    """Whether a message says where to fly in the guided mode, by a position target or a command for that."""
+    if message.get_msgId() in _COMMANDS:
+        return message.command in _GUIDED_COMMANDS
+    return bool(message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT)
 
 
 class Adapter(ABC):
@@ -115,6 +116,11 @@ class Adapter(ABC):
     def entry_s(self) -> float:
         """How long [s] `entering` is streamed before the guided mode is requested."""
         return 0.0
+
+    @property
+    def heartbeat_interval_s(self) -> float | None:
+        """How often [s] to request the heartbeat while the aircraft is ours; `None`: when it is overdue."""
+        return None
 
     @property
     def exit_s(self) -> float:

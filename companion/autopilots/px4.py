@@ -78,17 +78,20 @@ class _AvailableModes:
 
     def lacks(self, custom_mode: int) -> bool:
         """Whether the vehicle lists the mode as one that cannot be chosen, or all modes without this one."""
-        complete = self._total is not None and len(self._indices) >= self._total
-        return not self._selectable.get(custom_mode, not complete)
+        return not self._selectable.get(custom_mode, not self._complete)
 
     def is_due(self, now_s: float) -> bool:
         """Whether to request the list now; if so, it counts as requested."""
-        complete = self._total is not None and len(self._indices) >= self._total
         waits = self._next_s is not None and 0.0 <= self._next_s - now_s <= _MODES_RETRY_S
-        if complete or waits or self._tries >= _MODES_TRIES:
+        if self._complete or waits or self._tries >= _MODES_TRIES:
             return False
         self._tries, self._next_s = self._tries + 1, now_s + _MODES_RETRY_S
         return True
+
+    @property
+    def _complete(self) -> bool:
+        """Whether all modes are known."""
+        return self._total is not None and len(self._indices) >= self._total
 
 
 class Px4FixedWing(Adapter):
@@ -159,6 +162,11 @@ class Px4FixedWing(Adapter):
     def entry_s(self) -> float:
         """How long OFFBOARD needs setpoints before it is requested."""
         return self._way.entry_s
+
+    @property
+    def heartbeat_interval_s(self) -> float | None:
+        """How often the present way needs heartbeats."""
+        return self._way.heartbeat_interval_s
 
     @property
     def exit_s(self) -> float:
@@ -248,7 +256,9 @@ class Px4FixedWing(Adapter):
 
     def observe(self, fact: Fact, now_s: float) -> None:
         """Process answers, parameters, the version, the modes, targets and attitude setpoints."""
-        ours = not isinstance(fact, CommandResult) or self.commands.is_pending(fact.command)
+        ways: tuple[Way, ...] = (self._offboard, self._course)
+        if isinstance(fact, CommandResult):
+            ways = (self._way,) if self.commands.is_pending(fact.command) else ()
         super().observe(fact, now_s)
         if isinstance(fact, AutopilotVersion):
             self._version = fact.major, fact.minor
@@ -256,9 +266,8 @@ class Px4FixedWing(Adapter):
             self._modes.observe(fact)
         elif isinstance(fact, Parameter):
             self._parameters[fact.name] = fact.value
-        if ours:
-            self._offboard.observe(fact, now_s)
-            self._course.observe(fact, now_s)
+        for way in ways:
+            way.observe(fact, now_s)
 
     def tick(self, now_s: float) -> list[Message]:
         """Commands and the speed parameter, when they are due; the list of modes from 1.18 on."""

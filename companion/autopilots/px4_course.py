@@ -21,7 +21,7 @@ from companion.autopilots.px4_way import Way
 from companion.autopilots.value_commands import ValueCommands
 from companion.avoidance.envelope import Control
 from companion.mavlink.dialect import Message, mavlink
-from companion.mavlink.facts import CommandResult, Fact, NavigationTarget
+from companion.mavlink.facts import CommandResult, Fact, Heartbeat, NavigationTarget
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg
 
 _COURSE = mavlink.MAV_CMD_GUIDED_CHANGE_HEADING
@@ -34,12 +34,11 @@ _HEIGHT_CHANGE_M = 1.0
 _SPEED_CHANGE_MPS = 0.3
 # An acknowledged command may have met another mode, or been undone.
 _REPEAT_S = 2.0
-# At this rate a pilot's mode change is known almost as soon as with ArduPlane.
-_HEARTBEAT_INTERVAL_S = 0.25
 # The mode is acknowledged, and shown, some hundredths of a second before it takes commands.
 _SETTLED_S = 0.1
 # A refusal may be the first sign of a mode change: nothing more is sent before heartbeats had time to come.
-_AFTER_REFUSAL_S = 0.6
+# It counts when they still show the mode, and not just after the entry.
+_AFTER_REFUSAL_S, _ENTRY_S = 0.6, 1.0
 # The cruise speed is flown anyway: another one is commanded when it differs by more than gusts make it vary.
 _SPEED_KEPT_MPS = 1.0
 # The target is reported twice a second: this long after a height was acknowledged it shows that height. While
@@ -55,18 +54,22 @@ class GuidedCourse(Way):
     """Commands course, height and speed on change, and compares the reported target with the height."""
 
     mode: ClassVar[int] = px4_modes.GUIDED_COURSE
+    # At this rate a pilot's mode change is known almost as soon as with ArduPlane.
+    heartbeat_interval_s: ClassVar[float | None] = 0.25
 
     def __init__(self, adapter: Adapter, parameters: Mapping[str, float]) -> None:
         super().__init__(adapter, parameters)
         self._values = ValueCommands(_CONTROLS)
         self._heights_m: deque[float] = deque(maxlen=_OWN_HEIGHTS_KNOWN)  # commanded
+        self._height_taken = False  # one of them was reported as the target since the mode was entered
         self._former_m: deque[float] = deque(maxlen=_FORMER_HEIGHTS_KNOWN)  # reported before
         self._accepted_s: float | None = None  # the height sent last
         self._untaken_m: float | None = None
         self._reported: tuple[float, float] | None = None  # the height of the target, and when
         self._began_s: float | None = None
-        self._heartbeat_s = -math.inf  # requested
         self._silent_until_s = -math.inf
+        self._refused_s: dict[int, float] = {}  # by command: not counted yet
+        self._shown_s = -math.inf  # the newest heartbeat with the mode
         self._height_refused = False  # since the last report of refusals
 
     @property
@@ -80,45 +83,64 @@ class GuidedCourse(Way):
         return -math.inf
 
     def entering(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """Requests for the heartbeat that shows the mode; the targets until then are former ones."""
+        """Nothing; the targets until the mode is entered are former ones."""
         self._began_s = None
         self._heights_m.clear()
-        return self._heartbeat_request(now_s)
+        self._height_taken = False
+        return []
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:  # noqa: ARG002
-        """Course, height and speed when they changed, and requests for heartbeats."""
+        """Course, height and speed when they changed."""
         if self._began_s is None:
             self._began_s = now_s
-        requests = self._heartbeat_request(now_s)
         if now_s < max(self._silent_until_s, self._began_s + _SETTLED_S - 1e-3):
-            return requests
+            return []
+        self._count_refusals(self._began_s + _ENTRY_S)
         commands = [
             *self._speed(command, now_s),
             *self._course(command, now_s),
             *self._height(command, now_s),
         ]
-        return [*(self._adapter.commands.ask(one, now_s) for one in commands), *requests]
+        return [self._adapter.commands.ask(one, now_s) for one in commands]
 
     def leaving(self, command: GuidanceCommand, now_s: float) -> list[Message]:  # noqa: ARG002
-        """Requests for the heartbeat that shows the mode."""
-        return self._heartbeat_request(now_s)
+        """Nothing: the mode is left by a request alone."""
+        return []
 
     def observe(self, fact: Fact, now_s: float) -> None:
-        """Process the answers to our commands, and the height of the reported target."""
+        """Process the answers to our commands, the mode, and the height of the reported target."""
         if isinstance(fact, CommandResult) and fact.command in _CONTROLS:
-            if fact.result not in (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS):
-                self._silent_until_s = now_s + _AFTER_REFUSAL_S
-                self._adapter.commands.drop(fact.command)
-                self._values.resend(fact.command)
-            elif fact.command == _HEIGHT and self._accepted_s is None:
-                self._accepted_s = now_s
-            self._values.answered(fact, self._adapter.commands.outcome(fact.command))
+            self._observe_answer(fact, now_s)
+        elif isinstance(fact, Heartbeat) and fact.custom_mode == self.mode:
+            self._shown_s = now_s
         elif isinstance(fact, NavigationTarget) and fact.altitude_m is not None:
             self._observe_height(fact.altitude_m, now_s)
+
+    def _observe_answer(self, fact: CommandResult, now_s: float) -> None:
+        if fact.result in (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS):
+            if fact.command == _HEIGHT and self._accepted_s is None:
+                self._accepted_s = now_s
+        else:
+            self._silent_until_s = now_s + _AFTER_REFUSAL_S
+            self._adapter.commands.drop(fact.command)
+            if fact.result != mavlink.MAV_RESULT_UNSUPPORTED:
+                self._refused_s[fact.command] = now_s
+                return
+        self._values.answered(fact, self._adapter.commands.outcome(fact.command))
+
+    def _count_refusals(self, from_s: float) -> None:
+        """Count the refusals since `from_s` after which the mode was shown; repeat the others."""
+        for command, at_s in self._refused_s.items():
+            if from_s <= at_s < self._shown_s:
+                self._values.refused(command)
+            else:
+                self._values.resend(command)
+        self._refused_s.clear()
 
     def drop_commands(self) -> None:
         """Forget what was sent; the heights are still known, as the aircraft may be left in the mode."""
         self._values.forget()
+        self._refused_s.clear()
         self._accepted_s = self._untaken_m = None
         self._silent_until_s = -math.inf
 
@@ -145,12 +167,6 @@ class GuidedCourse(Way):
         if target.altitude_m is None or not self._heights_m:
             return False
         return not self._is_known(target.altitude_m)
-
-    def _heartbeat_request(self, now_s: float) -> list[Message]:
-        if 0.0 <= now_s - self._heartbeat_s < _HEARTBEAT_INTERVAL_S - 1e-3:
-            return []
-        self._heartbeat_s = now_s
-        return [self._adapter.request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT)]
 
     def _course(self, command: GuidanceCommand, now_s: float) -> list[Message]:
         course_rad = command.guidance.course_rad
@@ -207,8 +223,11 @@ class GuidedCourse(Way):
         known, self._reported = self._is_known(altitude_m), (altitude_m, now_s)
         if self._heights_m and abs(altitude_m - self._heights_m[-1]) <= _SAME_HEIGHT_M:
             self._adapter.commands.drop(_HEIGHT)
-        if self._began_s is None or now_s - self._began_s <= _FORMER_TARGETS_S:
-            self._former_m.extend([] if known else [altitude_m])
+            self._height_taken = True
+        entered = self._began_s is not None and now_s - self._began_s > _FORMER_TARGETS_S
+        if not (entered or self._height_taken):
+            if not known:
+                self._former_m.append(altitude_m)
             return
         due = self._accepted_s is not None and now_s - self._accepted_s >= _SHOWN_AFTER_S
         if not (due and known) or self._heights_m[-1] == self._untaken_m:

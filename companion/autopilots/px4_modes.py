@@ -53,7 +53,7 @@ def name_of(mode: int) -> str:
     return f"AUTO {sub}" if main == _AUTO else _MAIN_MODES.get(main, f"MODE {main}")
 
 
-HOLD, MISSION = custom_mode(_AUTO, 3), custom_mode(_AUTO, 4)
+HOLD = custom_mode(_AUTO, 3)
 RETURN, LAND = custom_mode(_AUTO, 5), custom_mode(_AUTO, 6)
 OFFBOARD = custom_mode(6)
 GUIDED_COURSE = custom_mode(_AUTO, 19)

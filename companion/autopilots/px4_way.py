@@ -16,6 +16,7 @@ class Way(ABC):
     mode: ClassVar[int]
     entry_s: ClassVar[float] = 0.0
     exit_s: ClassVar[float] = 0.0
+    heartbeat_interval_s: ClassVar[float | None] = None
 
     def __init__(self, adapter: Adapter, parameters: Mapping[str, float]) -> None:
         self._adapter = adapter

@@ -186,7 +186,9 @@ class Avoider:
         constraints, last = self._constraints, self._last_that_can_be_flown(flight)
         past = self._guidance_past(now_s, flight, assessment)
         if past is not None and keeps_clear(past, flight, assessment, constraints):
-            return self._fly_past(past, flight, assessment, relevant)
+            # To the mission's item above or below the tracks that block it.
+            self._inner.reset()
+            return self._decided(self._policy.layers.holding_layer, past, flight, assessment, relevant)
         if past is not None:
             flight = flight._replace(mission=replace(flight.mission, altitude_m=past.altitude_m))
         context = conflict_context(
@@ -206,10 +208,7 @@ class Avoider:
         layer, rows = self._policy.layers.choose(conflict, self._policy.outer, self._inner, self._last_layer)
         if self._last_layer is Layer.INNER and layer is not Layer.INNER:
             self._inner.reset()
-        guidance = rows.best_guidance
-        self._last_layer, self._last_guidance = layer, guidance
-        found = threats_of(assessment, relevant, self.params.priced_tracks)
-        return Decision(layer, guidance, found, reason(found[0], guidance, flight.state))
+        return self._decided(layer, rows.best_guidance, flight, assessment, relevant)
 
     def _guidance_past(
         self, now_s: float, flight: OwnFlight, assessment: TrafficAssessment
@@ -230,18 +229,18 @@ class Avoider:
             mission.altitude_m if Control.HEIGHT in self._lost else last.altitude_m,
         )
 
-    def _fly_past(
+    def _decided(
         self,
+        layer: Layer,
         guidance: Guidance,
         flight: OwnFlight,
         assessment: TrafficAssessment,
         relevant: Sequence[Track],
     ) -> Decision:
-        """Fly to the mission's item above or below the tracks that block it."""
-        self._inner.reset()
-        self._last_layer, self._last_guidance = self._policy.layers.holding_layer, guidance
+        """The decision for a guidance, which is remembered."""
+        self._last_layer, self._last_guidance = layer, guidance
         found = threats_of(assessment, relevant, self.params.priced_tracks)
-        return Decision(self._last_layer, guidance, found, reason(found[0], guidance, flight.state))
+        return Decision(layer, guidance, found, reason(found[0], guidance, flight.state))
 
     def _fly_jointly(
         self,

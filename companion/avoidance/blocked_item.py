@@ -14,7 +14,7 @@ from companion.avoidance.trajectory import Commands, OwnFlight, fly_ahead, index
 from companion.model import Guidance, Vec3
 from companion.units import wrap_pi
 
-# A track that is this long within its volume of the item stays there.
+# A track stays at the item if the item is within its volume for this long.
 _STAYS_S = 60.0
 # The autopilot flies to the mission's height again this long: from some seconds before the item, until the
 # next one is selected and the aircraft is taken over once more.
@@ -50,9 +50,10 @@ def keeps_clear(
     guidance: Guidance, flight: OwnFlight, assessment: TrafficAssessment, constraints: Constraints
 ) -> bool:
     """Whether a guidance may be flown and keeps clear of all volumes."""
+    if not constraints.allow(guidance, flight.state):
+        return False
     paths = fly_ahead(flight.state, Commands.of([guidance]), constraints.envelope)
-    is_clear = bool((separation(paths, assessment.tracks).closest >= 1.0).all())
-    return is_clear and constraints.allow(guidance, flight.state)
+    return bool((separation(paths, assessment.tracks).closest >= 1.0).all())
 
 
 def _blocking(assessment: TrafficAssessment, item_m: Vec3, altitude_m: float) -> Mask:

@@ -101,6 +101,16 @@ def _ignore(_since_s: float, _now_s: float) -> None:
 def _print_result(console: Console, log: Path, result: Replay) -> None:
     for since_s, layer, words in result.events:
         console.print(f"{since_s:8.1f} s  {layer:<5}  {words}", markup=False, soft_wrap=True)
+    for receiver in result.receivers:
+        counted = receiver.counters
+        console.print(
+            f"{receiver.address}: {counted.messages} messages, {counted.reports} reports, "
+            f"{counted.bad.total()} bad",
+            markup=False,
+            soft_wrap=True,
+        )
+    if result.lost_pieces:
+        console.print(f"{result.lost_pieces} pieces of what receivers sent are lost", markup=False)
     layers = ", ".join(f"{layer} {result.layers[layer]}" for layer in Layer)
     console.print(
         f"{log.name}: {result.messages} messages ({result.bad_bytes} bad bytes), "

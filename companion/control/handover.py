@@ -12,7 +12,7 @@ from companion.control import suppressed_threats
 from companion.control.alarms import conditions
 from companion.control.claims import Claims
 from companion.control.context import ControlContext, Outgoing
-from companion.control.mode_request import CERTAIN_S
+from companion.control.mode_request import CERTAIN_S, ModeRequest
 from companion.control.readiness import Readiness
 from companion.control.rejoin import ControlParams, LegRejoin
 from companion.control.release import Release
@@ -45,6 +45,8 @@ from companion.ownship.legs import Leg
 _OVERTAKEN_S = 1.5
 # A failsafe, a fence breach or rotors delay the release for no longer when the service ends.
 _LONGEST_YIELD_S = 5.0
+# PX4 stays in its guided mode for a second without setpoints: heartbeats that come more often show it.
+_LEFT_UNSEEN_S = 0.9
 # Setpoints flown for this long after the last invalid one mean that the controller has recovered.
 _RECOVERED_AFTER_S = 3.0
 
@@ -196,9 +198,10 @@ class Handover:
         return self._hands_off(override, now_s)
 
     def _yield_to(self, claims: frozenset[Event], now_s: float) -> None:
-        """Delay the release: for some seconds after a claim, and for as long as the pilot moves the sticks.
+        """Delay the release once for some seconds after a claim; for as long as a lasting one holds.
 
-        Then the service ends without having given the aircraft back: it is the pilot's.
+        Lasting are sticks that move, and a second vehicle with the same system id. The service may then end
+        without having given the aircraft back.
         """
         data, delay_s = self.supervisor.data, min(self._context.params.abandoned_s, _LONGEST_YIELD_S)
         aircraft = self._context.aircraft
@@ -225,9 +228,9 @@ class Handover:
         sent_back = changed and context.aircraft.mode in context.params.take_over_from
         if not (sent_back and supervisor.handle(Event.SENT_BACK)):
             supervisor.handle(override)
-        unseen = data.guided_since_s is None and math.isfinite(data.requested_s)
+        unseen = data.guided_since_s is None and self._may_have_been_entered(request, now_s)
         if unseen:
-            data.guided_since_s = data.requested_s  # it may have been entered while nothing was heard
+            data.guided_since_s = data.requested_s
         data.let_go, data.fell_out = override, context.fell_out(request)
         data.seen_guided = unseen or context.aircraft.guided
         if not context.aircraft.guided:
@@ -235,6 +238,21 @@ class Handover:
             data.last_unguided_mode = context.aircraft.custom_mode
         text = f"Avoidance: hands off, {override}, {context.aircraft.mode}"
         return [Notice(mavlink.MAV_SEVERITY_WARNING, text)]
+
+    def _may_have_been_entered(self, request: ModeRequest | None, now_s: float) -> bool:
+        """Whether the guided mode may have been entered as requested, and left, while it was not heard.
+
+        `request` is the one under way: for the guided mode, or to give back what may have been entered.
+        """
+        aircraft, requested_s = self._context.aircraft, self.supervisor.data.requested_s
+        if request is None or not math.isfinite(requested_s):
+            return False
+        sent = request.tries > 0 or request.wanted != self._context.adapter.guided_mode
+        contact = aircraft.contact
+        interrupted = contact.just_regained(now_s) or contact.uplink_interrupted(now_s)
+        # The newest heartbeat may be from before the silence: then the mode of now is not known yet.
+        unseen_s = max(aircraft.unseen_before_mode_s, now_s - aircraft.heartbeat_s)
+        return sent and interrupted and unseen_s >= _LEFT_UNSEEN_S
 
     def _left_guided_by_itself(self, now_s: float) -> bool:
         """Whether the link was lost just now, and the mode is the one that the autopilot enters then."""

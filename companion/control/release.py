@@ -137,7 +137,7 @@ class Release:
         """Request the former mode and the fallback in turn, while the autopilot refuses both."""
         context, data, request = self._context, self._context.data, self._requester.request
         adapter = context.adapter
-        text = f"Avoidance: cannot leave {adapter.mode_name(adapter.guided_mode)}, take over"
+        text = f"Avoidance: cannot leave {adapter.mode_name(request.start)}, take over"
         other = data.prior.mode
         if request.wanted == data.prior.mode:
             other = adapter.fallback_mode

@@ -120,7 +120,7 @@ class UnattendedGuided:
             data.unattended_since_s = now_s
         abandoned = now_s - data.unattended_since_s >= context.params.abandoned_s
         # In a silence, someone may give it another target, which is heard only some time after it.
-        known = aircraft.in_contact(now_s) and not aircraft.contact.just_regained(now_s)
+        known = not aircraft.contact.just_regained(now_s)
         return (Event.ABANDONED, None) if abandoned and known else None
 
     def _left_behind(self, left: PersistedState, now_s: float) -> Found | None:

@@ -31,6 +31,7 @@ from companion.gcs.traffic_conditions import traffic_conditions
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
+    RECEIVER,
     AttitudeTarget,
     AutopilotVersion,
     AvailableMode,
@@ -265,13 +266,15 @@ class Engine:
             self._answers += self.operator.receive(fact)
             self._resume |= self.operator.take_resume()
             return bool(self._answers)
+        if isinstance(fact, ReceiverOwnship) and self._is_of_another_vehicle(fact):
+            fact = Traffic(sender, fact.report)
+        if isinstance(fact, ReceiverOwnship):
+            self._picture.observe_receiver(fact, now_s)
+            return False
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
                 self._rates.traffic_s = now_s
             return self._receive_traffic(fact, now_s)
-        if isinstance(fact, ReceiverOwnship):
-            self._picture.observe_receiver(fact, now_s)
-            return False
         return self._receive_telemetry(fact, now_s, at_s)
 
     def _receive_telemetry(self, fact: Fact, now_s: float, at_s: float) -> bool:
@@ -291,6 +294,8 @@ class Engine:
                 if back:
                     self.aircraft.navigation.refresh(now_s)
                     self._ask_again()
+                if self.aircraft.adapter is not None:
+                    self.aircraft.adapter.observe(fact, at_s)
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
                 if fact.boot_time_s < self._boot_time_s - 1.0:
@@ -319,13 +324,18 @@ class Engine:
         track_id = self._picture.receive(fact, now_s)
         if track_id is None:
             return False
-        self._prompted = any(threat.track_id == track_id for threat in self.decision.threats)
-        return self._prompted
+        prompted = any(threat.track_id == track_id for threat in self.decision.threats)
+        self._prompted |= prompted
+        return prompted
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Whether another system than ours sent it; false until our autopilot is known."""
         own = self.aircraft.sender
         return own is not None and fact.sender.system_id not in (own.system_id, self.sender.system_id)
+
+    def _is_of_another_vehicle(self, fact: ReceiverOwnship) -> bool:
+        """Whether another vehicle sent its own position; receivers that speak no MAVLink are on ours."""
+        return fact.sender != RECEIVER and self._is_of_another_system(fact)
 
     def _ask_again(self) -> None:
         """Request everything again: the autopilot restarted or came back, and may have other settings."""
@@ -414,7 +424,7 @@ class Engine:
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
         if adapter is not None:
             if self._handover.holds:
-                outgoing += self._rates.missing_heartbeat(adapter, self.aircraft.heartbeat_s, now_s)
+                outgoing += self._rates.heartbeat(adapter, self.aircraft.heartbeat_s, now_s)
             # An autopilot that leaves the guided mode without our setpoints: do they arrive?
             often = self._handover.holds and adapter.leaves_guided_by_itself
             outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)

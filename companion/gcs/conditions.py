@@ -29,7 +29,7 @@ class Conditions:
 
     def __init__(self) -> None:
         self._spells: dict[str, _Spell] = {}
-        self._ended: dict[str, Condition] = {}  # whose end is not announced yet
+        self._ended: dict[str, str] = {}  # the text of an end that is not announced yet, by key
         self._announced_s: dict[str, float] = {}  # by key, also of spells before
         self._texts_left = float(_BURST)
         self._ticked_s: float | None = None
@@ -66,7 +66,7 @@ class Conditions:
             key = spell.condition.key
             del self._spells[key]
             if spell.announced_s is not None and spell.condition.ended is not None:
-                self._ended[key] = spell.condition
+                self._ended[key] = spell.condition.ended
 
     def _is_due(self, spell: _Spell, now_s: float) -> bool:
         """Whether it is to be announced now: for the first time in this spell, or again."""
@@ -90,11 +90,11 @@ class Conditions:
     def _endings(self) -> list[Notice]:
         holding = {spell.condition.ended for spell in self._spells.values()}
         notices = []
-        over = {condition.ended: None for condition in self._ended.values() if condition.ended not in holding}
+        over = dict.fromkeys(text for text in self._ended.values() if text not in holding)
         for text in over:  # once for all that end together
-            if text is None or not self._take_text():
+            if not self._take_text():
                 break
-            self._ended = {key: one for key, one in self._ended.items() if one.ended != text}
+            self._ended = {key: one for key, one in self._ended.items() if one != text}
             notices.append(Notice(mavlink.MAV_SEVERITY_NOTICE, text))
         return notices
 

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 from companion.gcs.parameters import BY_NAME, GCS_PARAMETERS, INDEX, GcsParam
 from companion.gcs.settings import Settings
@@ -15,6 +16,8 @@ _ALL_COMPONENTS = 0
 # On a slow link the list must leave room for everything else: at most this many parameters in one tick.
 _LISTED_AT_ONCE = 10
 _LIST_INTERVAL_S = 0.1
+# Commands whose results are known, for copies of them.
+_RESULTS_KNOWN = 64
 
 
 class GcsRequests:
@@ -42,6 +45,7 @@ class GcsRequests:
         self._may_resume = may_resume
         self._resumes = False
         self._listing: deque[GcsParam] = deque()
+        self._results: deque[tuple[CommandRequest, int]] = deque(maxlen=_RESULTS_KNOWN)
         self._listed_s = -math.inf
 
     @property
@@ -53,7 +57,8 @@ class GcsRequests:
         """Carry out a request; returns the answers to send, none to a request that is not for us."""
         match fact:
             case CommandRequest() if fact.target == self._address():
-                return [self._command(fact)]
+                result = self._known_result(fact) if fact.is_copy else self._command(fact)
+                return [] if result is None else [_acknowledgement(fact, result)]
             case ParameterSet() if fact.target == self._address() and fact.name in BY_NAME:
                 parameter = BY_NAME[fact.name]
                 self._put(parameter, fact.value)
@@ -80,7 +85,8 @@ class GcsRequests:
         resumes, self._resumes = self._resumes, False
         return resumes
 
-    def _command(self, fact: CommandRequest) -> Message:
+    def _command(self, fact: CommandRequest) -> int:
+        """Carry out a command, and remember its MAV_RESULT for copies of it."""
         match fact.command:
             case mavlink.MAV_CMD_DO_SET_MODE:
                 result = _accepted(self._set_mode(*fact.params[:2]))
@@ -88,9 +94,20 @@ class GcsRequests:
                 result = _accepted(self._resume(fact.params[0]))
             case _:
                 result = mavlink.MAV_RESULT_UNSUPPORTED
-        return mavlink.MAVLink_command_ack_message(
-            fact.command, result, 0, 0, fact.sender.system_id, fact.sender.component_id
-        )
+        self._results.append((fact, result))
+        return result
+
+    def _known_result(self, copy: CommandRequest) -> int | None:
+        """The result of the command of which this is a copy; `None` if it is not known any more.
+
+        When another role was set since, this one is not accepted now.
+        """
+        found = [result for fact, result in self._results if replace(fact, is_copy=True) == copy]
+        if not found:
+            return None
+        undone = copy.command == mavlink.MAV_CMD_DO_SET_MODE and copy.params[1] != self.role
+        accepted = found[-1] == mavlink.MAV_RESULT_ACCEPTED
+        return mavlink.MAV_RESULT_TEMPORARILY_REJECTED if accepted and undone else found[-1]
 
     def _set_mode(self, base: float | None, role: float | None) -> bool:
         """Set the role for this run; the parameter sets it for later runs too."""
@@ -140,6 +157,13 @@ class GcsRequests:
             _ALL_COMPONENTS,
             own.component_id,
         )
+
+
+def _acknowledgement(fact: CommandRequest, result: int) -> Message:
+    sender = fact.sender
+    return mavlink.MAVLink_command_ack_message(
+        fact.command, result, 0, 0, sender.system_id, sender.component_id
+    )
 
 
 def _meant(fact: ParameterRequest) -> list[GcsParam]:

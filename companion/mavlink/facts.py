@@ -314,12 +314,16 @@ class AvailableMode:
 
 @dataclass(frozen=True, slots=True)
 class CommandRequest:
-    """COMMAND_LONG or COMMAND_INT to `target` (component 0: all); `None` replaces NaN and infinities."""
+    """COMMAND_LONG or COMMAND_INT to `target` (component 0: all); `None` replaces NaN and infinities.
+
+    `is_copy`: it was received before, byte for byte.
+    """
 
     sender: Sender
     target: Sender
     command: int
     params: tuple[float | None, float | None, float | None, float | None]
+    is_copy: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,11 @@
 """From frames to the facts of the present: what arrives late, or from another vehicle, goes no further."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
+    CommandRequest,
     Fact,
     LinkAnswer,
     OtherVehicle,
@@ -80,8 +82,11 @@ class Intake:
         """A request, unless it is a copy: obeyed again, it would undo what was requested since.
 
         A station that repeats a request gives it a new sequence number. Of a station whose frames all have
-        the same number, a request counts again once another one came in between. The copy of a setting is
-        answered with the present value, as the sender may wait for an answer.
+        the same number, a request counts again once another one came in between. A script that counts from 0
+        whenever it is run sends the same bytes as a late copy: within 15 s they count as one.
+
+        A copy is answered, as its sender may wait: that of a setting with the present value, that of a
+        command as the command itself was.
         """
         key = frame.system_id, frame.component_id, frame.sequence
         if not self._requests.holds(key, frame.raw, received_s):
@@ -90,6 +95,8 @@ class Intake:
         self.repeated += 1
         if isinstance(fact, ParameterSet):
             return Received(ParameterRequest(fact.sender, fact.target, fact.name, None), received_s)
+        if isinstance(fact, CommandRequest):
+            return Received(replace(fact, is_copy=True), received_s)
         return None
 
     def _synchronize(self, fact: TimeSync, frame: Frame, received_s: float) -> Received | None:

@@ -70,6 +70,8 @@ class Aircraft:
         self.ours = False  # our setpoints are flown, or may be
         self._mission_known_s = -math.inf
         self._mission_arrives = False
+        # From the last heartbeat with the former mode to the first one with this mode.
+        self.unseen_before_mode_s = math.inf
         self.moved_s = -math.inf  # the last time that its position jumped
         self._gate = PositionGate()
         self._mode_heard = False
@@ -133,6 +135,8 @@ class Aircraft:
         if not self.identity.is_ours(fact, now_s):
             return False
         self.contact.observe(now_s)
+        if fact.custom_mode != self.custom_mode:
+            self.unseen_before_mode_s = now_s - self.contact.heartbeat_s
         self.contact.heartbeat_s = max(now_s, self.contact.heartbeat_s)
         self.flight_state.observe_heartbeat(fact, now_s)
         self.enter_mode(fact.custom_mode, now_s)

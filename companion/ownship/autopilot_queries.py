@@ -8,10 +8,10 @@ from collections.abc import Mapping
 
 from companion.airspace.fences import (
     AutopilotFence,
-    FenceInForce,
     FenceSettings,
     FenceZone,
     HeightLimits,
+    fence_in_force,
     zones_of,
 )
 from companion.autopilots import Adapter
@@ -73,7 +73,6 @@ class AutopilotQueries:
         self._uploaded_zones: tuple[FenceZone, ...] = ()
         self._fence_settings = FenceSettings()  # by the parameters alone
         self._fence_heard_s = -math.inf
-        self._fence_in_force = FenceInForce(zones)
         self._home: HomePosition | None = None
         self._next_request_s = -math.inf
         self._reread_s = -math.inf
@@ -181,8 +180,8 @@ class AutopilotQueries:
         return AutopilotFence(self._settings(now_s), self._uploaded_zones, home_deg)
 
     def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> Fence | None:
-        """The fence in force in the local frame, see `FenceInForce`."""
-        return self._fence_in_force.in_frame(frame, home_altitude_m, self.autopilot_fence(now_s))
+        """The fence in force in the local frame, see `fence_in_force`."""
+        return fence_in_force(self._configured_zones, self.autopilot_fence(now_s), frame, home_altitude_m)
 
     def _settings(self, now_s: float) -> FenceSettings:
         """The settings of the autopilot's fence; without heights and zones when it is known to be off."""

@@ -189,10 +189,6 @@ class Contact:
         """Whether a silence ended so recently that not all frequent messages have arrived since."""
         return now_s - self._silent_until_s < _CONTACT_RENEWED_S
 
-    def since_silence_s(self, now_s: float) -> float:
-        """Time since the last silence ended [s]; inf if there was none."""
-        return now_s - self._silent_until_s
-
 
 class Sticks:
     """Compares the sticks with their marked positions; with `limit_us` 0 they never count as moved."""

@@ -65,9 +65,17 @@ class MessageRates:
         elif isinstance(fact, Parameter) and fact.name == OWN_ICAO_PARAMETER:
             self._own_icao_tries = _OWN_ICAO_TRIES
 
-    def missing_heartbeat(self, adapter: Adapter, heard_s: float, now_s: float) -> list[Message]:
-        """A request for the heartbeat when it is overdue: without one, nothing may be commanded."""
-        due_s = max(heard_s + _HEARTBEAT_OVERDUE_S, self._asked_for_heartbeat_s + _HEARTBEAT_AGAIN_S)
+    def heartbeat(self, adapter: Adapter, heard_s: float, now_s: float) -> list[Message]:
+        """A request for the heartbeat, which was heard at `heard_s`, while the aircraft is ours.
+
+        It is made at the adapter's interval, or when the heartbeat is overdue: without one, nothing may be
+        commanded.
+        """
+        interval_s, overdue_s = adapter.heartbeat_interval_s, heard_s + _HEARTBEAT_OVERDUE_S
+        if interval_s is None:
+            due_s = max(overdue_s, self._asked_for_heartbeat_s + _HEARTBEAT_AGAIN_S)
+        else:
+            due_s = self._asked_for_heartbeat_s + interval_s - 1e-3
         if heard_s <= now_s < due_s:
             return []
         self._asked_for_heartbeat_s = now_s

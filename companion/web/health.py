@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from companion.links import Link
+from companion.links import Link, ReceiverLink
 
 
 class LoopTimes:
@@ -49,41 +49,70 @@ class LinkCount:
 
 
 @dataclass(frozen=True, slots=True)
+class ReceiverCount:
+    """What one receiver sent since the start, and how it is now.
+
+    `bad` counts what was not understood, by reason, `dropped` pieces that arrived faster than they were
+    processed; `aircraft` were heard in the last minute. `silent_s` is the time since the last message.
+    """
+
+    address: str
+    title: str
+    lacks: str
+    messages: int
+    reports: int
+    bad: tuple[tuple[str, int], ...]
+    dropped: int
+    aircraft: int
+    silent_s: float
+    problem: str | None
+
+    @classmethod
+    def of(cls, one: ReceiverLink, now_s: float) -> "ReceiverCount":
+        """The counts of a receiver at `now_s` by the engine's clock."""
+        receiver = one.receiver
+        counters = receiver.counters
+        return cls(
+            receiver.address,
+            receiver.title,
+            receiver.lacks,
+            counters.messages,
+            counters.reports,
+            tuple(sorted(counters.bad.items())),
+            one.link.counters.dropped,
+            receiver.aircraft(now_s),
+            one.silent_s(now_s),
+            one.problem(now_s),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Health:
     """Health of the service at one moment; counts since the start.
 
-    `unusable`, `late` and `of_others` are those of `Intake`.
+    `unusable`, `past`, `of_others` and `repeated` are those of `Intake`; `dropped_reports` of receivers came
+    faster than they were processed.
     """
 
     uptime_s: float
     tick_s: float  # duration of the last tick
     ticks_below: tuple[int, ...]  # as `LoopTimes.below`
     ticks_total_s: float
-    skipped_ticks: int
     links: tuple[LinkCount, ...]
-    unusable: int
-    late: int
-    of_others: int
-    repeated: int
-    setpoints_sent: int
-    recording_problem: str | None
+    receivers: tuple[ReceiverCount, ...] = ()
+    skipped_ticks: int = 0
+    unusable: int = 0
+    past: int = 0
+    of_others: int = 0
+    repeated: int = 0
+    unsent: int = 0  # messages that came too late to be sent
+    setpoints_sent: int = 0
+    dropped_reports: int = 0
+    recording_problem: str | None = None
 
     @classmethod
-    def of(
-        cls,
-        uptime_s: float,
-        times: LoopTimes,
-        links: Sequence[Link],
-        *,
-        skipped_ticks: int = 0,
-        unusable: int = 0,
-        late: int = 0,
-        of_others: int = 0,
-        repeated: int = 0,
-        setpoints_sent: int = 0,
-        recording_problem: str | None = None,
-    ) -> "Health":
-        """The health from the counters of the service."""
+    def of(cls, uptime_s: float, times: LoopTimes, links: Sequence[Link]) -> "Health":
+        """The health by tick times and links; all other counts are 0."""
         counts = tuple(
             LinkCount(
                 link.address,
@@ -95,17 +124,4 @@ class Health:
             )
             for link in links
         )
-        return cls(
-            uptime_s,
-            times.last_s,
-            times.below,
-            times.total_s,
-            skipped_ticks,
-            counts,
-            unusable,
-            late,
-            of_others,
-            repeated,
-            setpoints_sent,
-            recording_problem,
-        )
+        return cls(uptime_s, times.last_s, times.below, times.total_s, counts)

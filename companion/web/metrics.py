@@ -1,14 +1,14 @@
 """Metrics for Prometheus, computed from the newest snapshot on request."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.registry import Collector
 
 from companion.model import Layer
-from companion.web.health import LoopTimes
+from companion.web.health import LoopTimes, ReceiverCount
 from companion.web.source import LiveSource
 
 Family = CounterMetricFamily | GaugeMetricFamily | HistogramMetricFamily
@@ -54,12 +54,16 @@ class Metrics(Collector):
             for link in health.links:
                 family.add_metric([link.address], getattr(link, field))
             yield family
+        yield from _of_receivers(health.receivers)
         yield _counter("messages_unusable", "Messages without a usable value", health.unusable)
-        yield _counter("messages_late", "Messages that arrived too late to be used", health.late)
+        yield _counter("messages_late", "Messages that arrived too late to be used", health.past)
         yield _counter(
             "messages_of_others", "Messages of another vehicle with a known address", health.of_others
         )
         yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
+        dropped = "Reports of receivers that came faster than they were processed"
+        yield _counter("reports_dropped", dropped, health.dropped_reports)
+        yield _counter("messages_unsent", "Messages not sent, as they were late by a stall", health.unsent)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)
         yield _counter("command_rejections", "Commands refused or not answered", live.rejections)
@@ -81,6 +85,35 @@ class Metrics(Collector):
         recording = float(health.recording_problem is not None)
         yield _gauge("recording_failed", "1 when data is missing from the record", recording)
         yield _gauge("uptime_seconds", "Time since the service started", health.uptime_s)
+
+
+def _of_receivers(receivers: Iterable[ReceiverCount]) -> Iterator[Family]:
+    """The metrics of the receivers that do not speak MAVLink, by their addresses."""
+    bad = CounterMetricFamily(
+        "companion_receiver_bad", "What was not understood, by reason", labels=["receiver", "reason"]
+    )
+    failed = GaugeMetricFamily(
+        "companion_receiver_failed", "1 while it is down, silent or reports a problem", labels=["receiver"]
+    )
+    kinds: tuple[tuple[type[CounterMetricFamily | GaugeMetricFamily], str, str, str], ...] = (
+        (CounterMetricFamily, "messages", "Whole messages of the receiver", "messages"),
+        (CounterMetricFamily, "reports", "Reports of aircraft", "reports"),
+        (CounterMetricFamily, "dropped", "Pieces that arrived faster than they were processed", "dropped"),
+        (GaugeMetricFamily, "aircraft", "Aircraft heard in the last minute", "aircraft"),
+        (GaugeMetricFamily, "silent_seconds", "Time since the last message", "silent_s"),
+    )
+    families = [
+        (kind(f"companion_receiver_{name}", text, labels=["receiver"]), field)
+        for kind, name, text, field in kinds
+    ]
+    for one in receivers:
+        for family, field in families:
+            family.add_metric([one.address], float(getattr(one, field)))
+        for reason, count in one.bad:
+            bad.add_metric([one.address, reason], float(count))
+        failed.add_metric([one.address], float(one.problem is not None))
+    yield from (family for family, _ in families)
+    yield from (bad, failed)
 
 
 def _gauge(name: str, help_text: str, value: float) -> GaugeMetricFamily:

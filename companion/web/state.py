@@ -70,6 +70,7 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
         "mission": _mission(live),
         "fences": [_fence(zone) for zone in live.zones],
         "links": stats.links(),
+        "receivers": stats.receivers(),
         "service": {
             "uptime_s": round(live.health.uptime_s, 1),
             "tick_ms_p99": stats.tick_ms_p99(),

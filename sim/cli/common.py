@@ -1,21 +1,11 @@
 """Options that several commands share."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sim.scenario import scenario_names
-
-
-class Autopilot(StrEnum):
-    """The autopilot that the fake vehicle imitates."""
-
-    ARDUPILOT = "ardupilot"
-    PX4 = "px4"
-    PX4_1_18 = "px4-1.18"
-
+from sim.scenario import Autopilot, scenario_names
 
 ScenarioOption = Annotated[
     str, typer.Option(metavar="NAME|FILE", help=f"One of {', '.join(scenario_names())}, or a YAML file.")

@@ -13,7 +13,7 @@ from rich.console import Console
 from companion.cli.common import note_if_slow, writable
 from companion.errors import CompanionError
 from companion.web.settings import Settings
-from sim.cli.common import Autopilot, AutopilotOption, ReportOption, ScenarioOption, SpeedupOption
+from sim.cli.common import AutopilotOption, ReportOption, ScenarioOption, SpeedupOption
 from sim.demo import DemoOptions, DemoState, fly_demo
 from sim.demo_view import DemoView, print_result
 from sim.scenario import DEFAULT_SCENARIO, load_scenario
@@ -21,7 +21,7 @@ from sim.scenario import DEFAULT_SCENARIO, load_scenario
 
 def demo(
     scenario: ScenarioOption = DEFAULT_SCENARIO,
-    autopilot: AutopilotOption = Autopilot.ARDUPILOT,
+    autopilot: AutopilotOption = "ardupilot",
     speedup: SpeedupOption = 8.0,
     no_avoidance: Annotated[
         bool, typer.Option("--no-avoidance", help="Fly without Companion, for comparison.")
@@ -43,7 +43,7 @@ def demo(
         speedup=speedup,
         avoidance=not no_avoidance,
         record=record,
-        autopilot=autopilot.value,
+        autopilot=autopilot,
         display=None if no_web else Settings(title=f"Demonstration: {Path(scenario).stem}"),
     )
     note_if_slow()

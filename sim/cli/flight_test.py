@@ -15,15 +15,16 @@ from companion.cli.common import writable
 from companion.errors import ConfigError, LinkError, require
 from companion.geodesy import GeoPoint
 from companion.signals import handled
-from sim.cli.common import Autopilot, AutopilotOption, ReportOption
+from sim.cli.common import AutopilotOption, ReportOption
 from sim.clock import ScaledClock
 from sim.flight_test.flight import Flight, Options
 from sim.flight_test.plan import load_set, set_names
 from sim.flight_test.report import comparison_of, lines_of, load_report, report_of, table_of
 from sim.flight_test.result import Result
 from sim.flight_test.view import FlightView
-from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle
-from sim.vehicle.px4.modes import Firmware
+from sim.scenario import Autopilot
+from sim.vehicle import FakePx4, FakeVehicle
+from sim.world import kind_of
 
 _HOME = GeoPoint(-35.363262, 149.165237, 584.0)
 _PX4_PARAMETERS = {"FW_AIRSPD_TRIM": 15.0}
@@ -40,7 +41,7 @@ def flight_test(
         str,
         typer.Option("--set", metavar="NAME|FILE", help=f"One of {', '.join(set_names())}, or a YAML file."),
     ] = "basic",
-    autopilot: AutopilotOption = Autopilot.ARDUPILOT,
+    autopilot: AutopilotOption = "ardupilot",
     companion: Annotated[
         str | None,
         typer.Option(
@@ -139,10 +140,9 @@ def _vehicle(
             raise ConfigError(f"--vehicle {error}") from error
         return vehicle, None if speedup is None else ScaledClock(speedup, start_s=start_s)
     clock = ScaledClock(speedup or 1.0, start_s=start_s)
-    if autopilot is Autopilot.ARDUPILOT:
-        return FakeArduPlane(_HOME, start_s), clock
-    firmware: Firmware = "1.18" if autopilot is Autopilot.PX4_1_18 else "1.16"
-    return FakePx4(_HOME, start_s, firmware=firmware, parameters=_PX4_PARAMETERS), clock
+    kind, options = kind_of(autopilot)
+    parameters = _PX4_PARAMETERS if kind is FakePx4 else {}
+    return kind(_HOME, start_s, parameters=parameters, **options), clock
 
 
 def _folder(out: Path) -> Path:

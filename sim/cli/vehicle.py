@@ -12,7 +12,7 @@ import typer
 from companion.cli.common import note_if_slow
 from companion.errors import ConfigError, LinkError, ungrouped
 from companion.links import open_link
-from sim.cli.common import Autopilot, AutopilotOption, ScenarioOption, SpeedupOption
+from sim.cli.common import AutopilotOption, ScenarioOption, SpeedupOption
 from sim.clock import ScaledClock
 from sim.scenario import DEFAULT_SCENARIO, load_scenario
 from sim.server import VehicleServer
@@ -28,7 +28,7 @@ def vehicle(
         ),
     ],
     scenario: ScenarioOption = DEFAULT_SCENARIO,
-    autopilot: AutopilotOption = Autopilot.ARDUPILOT,
+    autopilot: AutopilotOption = "ardupilot",
     speedup: SpeedupOption = 1.0,
 ) -> None:
     """Simulate an aircraft and its traffic on MAVLink links, without Companion, until Ctrl-C."""
@@ -40,7 +40,7 @@ def vehicle(
         raise ConfigError(f"--link {error}") from error
     note_if_slow()
     start_s = float(int(time.time()))
-    world = build_world(chosen, start_s, autopilot=autopilot.value)
+    world = build_world(chosen, start_s, autopilot=autopilot)
     clock = ScaledClock(speedup, start_s=start_s)
     server = VehicleServer(world.vehicle, links, clock, receiver=world.receiver)
     logging.getLogger("sim").info(

@@ -9,10 +9,8 @@ from companion.mavlink.dialect import Message
 from sim.dynamics import Airframe
 from sim.fit.recording import Recording, Steps, Track
 from sim.fit.segments import Segment
-from sim.vehicle import FakeArduPlane, FakePx4
-from sim.vehicle.ardupilot.parameters import parameters_of
-from sim.vehicle.px4.parameters import default_parameters
-from sim.vehicle.vehicle import FakeVehicle
+from sim.vehicle import FakeVehicle
+from sim.world import kind_of
 
 _CHANNEL = 0
 
@@ -49,8 +47,8 @@ def fly(recording: Recording, segment: Segment, airframe: Airframe | None = None
 def _vehicle_at(recording: Recording, row: int, airframe: Airframe | None) -> FakeVehicle:
     """The fake in the recorded state of a row; its line to the mission item begins there."""
     track, time_s = recording.track, float(recording.track.time_s[row])
-    kind = FakeArduPlane if recording.autopilot == "ardupilot" else FakePx4
-    known = parameters_of("4.7") if kind is FakeArduPlane else default_parameters()
+    kind, options = kind_of(recording.autopilot)
+    known = kind(recording.home, time_s, **options).parameters
     sequence = recording.sequences.at(time_s)
     vehicle = kind.airborne(
         recording.home,
@@ -61,13 +59,12 @@ def _vehicle_at(recording: Recording, row: int, airframe: Airframe | None) -> Fa
         mission=recording.items[kind.first_item :],
         parameters={name: value for name, value in recording.parameters.items() if name in known},
         airframe=airframe,
+        **options,
     )
     aircraft = vehicle.flight.aircraft
     aircraft.airspeed_mps = float(track.airspeed_mps[row])
     aircraft.climb_mps = float(track.climb_mps[row])
     aircraft.bank_rad = float(track.bank_rad[row])
-    if recording.autopilot == "px4":
-        vehicle.flight.slopes_after_takeoff = (recording.version or (1, 16)) >= (1, 18)
     vehicle.flight.resume_line()
     vehicle.add_channel(_CHANNEL, stream_rate_hz=0.0)
     return vehicle
@@ -103,7 +100,6 @@ def _state(vehicle: FakeVehicle) -> tuple[float, ...]:
         north_mps,
         east_mps,
         -down_mps,
-        aircraft.heading_rad,
         aircraft.airspeed_mps,
         aircraft.bank_rad,
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.geodesy import LocalFrame
 from sim.fit.flown import Flown, fly
 from sim.fit.recording import Numbers, Recording, Steps
 from sim.fit.segments import Segment
@@ -55,8 +56,9 @@ def errors_of(recording: Recording, flown: Flown) -> Errors:
     track, fake = recording.track, flown.track
     first = track.index(float(fake.time_s[0]))
     rows = slice(first, first + len(fake.time_s))
-    north_m = (fake.lat_deg - track.lat_deg[rows]) * 111_132.0
-    east_m = (fake.lon_deg - track.lon_deg[rows]) * 111_320.0 * np.cos(np.radians(fake.lat_deg))
+    north_m_per_deg, east_m_per_deg = LocalFrame(*track.place(first)[:2]).metres_per_degree
+    north_m = (fake.lat_deg - track.lat_deg[rows]) * north_m_per_deg
+    east_m = (fake.lon_deg - track.lon_deg[rows]) * east_m_per_deg
     turned = fake.course_rad - track.course_rad[rows]
     return Errors(
         np.abs((turned + math.pi) % math.tau - math.pi),

@@ -1,58 +1,64 @@
 """A recorded flight: what the autopilot reported, and the commands that it received, on its own clock."""
 
-import math
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.autopilots import NAMES
 from companion.errors import LogError
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import (
+    AirData,
+    AutopilotVersion,
+    Fact,
+    Heartbeat,
+    HomePosition,
+    MissionProgress,
+    NavigationTarget,
+    OwnPosition,
+    Parameter,
+)
 from companion.mavlink.framing import decode
 from companion.mavlink.tlog import read_tlog
+from companion.mavlink.translate import frame_to_fact
+from sim.scenario import Autopilot
 from sim.vehicle.mission import NAV_WAYPOINT, MissionItem, takeoff_item
+from sim.vehicle.mission_protocol import MISSION, item_from
 
 Numbers = NDArray[np.float64]
-Autopilot = Literal["ardupilot", "px4"]
-AUTOPILOT_IDS: dict[int, Autopilot] = {
-    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardupilot",
-    mavlink.MAV_AUTOPILOT_PX4: "px4",
-}
-_VEHICLE = (1, 1)
+VEHICLE = (1, 1)
 # What changes the flight; requests for data do not.
 _COMMANDS = frozenset(
     {
-        "COMMAND_INT",
-        "COMMAND_LONG",
-        "MISSION_SET_CURRENT",
-        "PARAM_SET",
-        "SET_MODE",
-        "SET_POSITION_TARGET_GLOBAL_INT",
-        "SET_POSITION_TARGET_LOCAL_NED",
+        mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+        mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+        mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT,
+        mavlink.MAVLINK_MSG_ID_PARAM_SET,
+        mavlink.MAVLINK_MSG_ID_SET_MODE,
+        mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
+        mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
     }
 )
 _DATA_REQUESTS = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
-_WANTED = frozenset(
+_FACTS = frozenset(
     {
-        "ATTITUDE",
-        "AUTOPILOT_VERSION",
-        "GLOBAL_POSITION_INT",
-        "HEARTBEAT",
-        "HOME_POSITION",
-        "MISSION_CURRENT",
-        "MISSION_ITEM_INT",
-        "PARAM_VALUE",
-        "POSITION_TARGET_GLOBAL_INT",
-        "VFR_HUD",
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+        mavlink.MAVLINK_MSG_ID_VFR_HUD,
     }
 )
-_IDS = {kind.msgname: message_id for message_id, kind in mavlink.mavlink_map.items()}
-_INTEGER_TYPES = range(mavlink.MAV_PARAM_TYPE_UINT8, mavlink.MAV_PARAM_TYPE_REAL32)
+# Of these Companion needs no facts, or not all that the fake does.
+_MESSAGES = frozenset({mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT})
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +72,6 @@ class Track:
     north_mps: Numbers
     east_mps: Numbers
     climb_mps: Numbers
-    heading_rad: Numbers
     airspeed_mps: Numbers
     bank_rad: Numbers
 
@@ -100,10 +105,6 @@ class Steps:
         inside = zip(self.times_s, self.values, strict=True)
         return {self.at(begin_s), *(value for time_s, value in inside if begin_s <= time_s <= end_s)}
 
-    def since_s(self, time_s: float) -> float:
-        """The time since when the value of `time_s` holds."""
-        return self.times_s[max(int(np.searchsorted(self.times_s, time_s, side="right")) - 1, 0)]
-
     @classmethod
     def of(cls, rows: list[tuple[float, int]]) -> "Steps":
         """The changes in rows of time and value, in the order of time."""
@@ -115,12 +116,11 @@ class Steps:
 class Recording:
     """One flight of one autopilot. `items` are numbered as the autopilot numbers them.
 
-    `version`: major and minor, if reported; `modes` and `sequences`: mode and mission item as reported.
+    `modes` and `sequences`: mode and mission item as reported.
     """
 
     name: str
     autopilot: Autopilot
-    version: tuple[int, int] | None
     home: GeoPoint
     items: tuple[MissionItem, ...]
     parameters: dict[str, float]
@@ -130,138 +130,128 @@ class Recording:
     commands: tuple[tuple[float, Message], ...]
 
 
-def read_recording(path: Path) -> Recording:
-    """The flight in a telemetry log; `LogError` without an autopilot's positions and heartbeats."""
-    rows = list(_messages(path))
-    clock = _Clock(rows, path)
-    reported: dict[str, list[tuple[float, Message]]] = {kind: [] for kind in _WANTED}
-    commands = []
-    for stamp_s, address, message in rows:
-        kind = message.get_type()
-        if address == _VEHICLE and kind in _WANTED:
-            reported[kind].append((clock.time_s(stamp_s), message))
-        elif address != _VEHICLE and _commands_vehicle(message):
-            commands.append((clock.time_s(stamp_s), message))
-    beats = reported["HEARTBEAT"]
-    autopilot = AUTOPILOT_IDS.get(beats[0][1].autopilot) if beats else None
-    if autopilot is None:
-        raise LogError(f"{path}: no heartbeat of an autopilot that is simulated here")
-    sequences = Steps.of([(time_s, m.seq) for time_s, m in reported["MISSION_CURRENT"]])
-    return Recording(
-        path.stem,
-        autopilot,
-        _version(reported),
-        _home(reported, path),
-        _items(reported, sequences, autopilot),
-        {m.param_id: _parameter(m, autopilot) for _, m in reported["PARAM_VALUE"]},
-        _track(reported),
-        Steps.of([(time_s, m.custom_mode) for time_s, m in beats]),
-        sequences,
-        tuple(commands),
-    )
+_Kind = TypeVar("_Kind")
 
 
-def _messages(path: Path) -> Iterator[tuple[float, tuple[int, int], Message]]:
-    """Stamp [s], sender and content of each message that matters."""
-    for stamp_us, frame in read_tlog(path, {_IDS[kind] for kind in _WANTED | _COMMANDS}):
-        message = decode(frame)
-        if message is not None:
-            yield stamp_us / 1e6, (frame.system_id, frame.component_id), message
+class _Log:
+    """What the vehicle sent and the commands to it, on its own clock [s since boot]."""
 
-
-class _Clock:
-    """The vehicle's time since boot for each stamp of the log, by its positions."""
-
-    def __init__(self, rows: list[tuple[float, tuple[int, int], Message]], path: Path) -> None:
-        pairs = [
-            (stamp_s, message.time_boot_ms / 1e3)
-            for stamp_s, address, message in rows
-            if address == _VEHICLE and message.get_type() == "GLOBAL_POSITION_INT"
-        ]
-        if len(pairs) < 2:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        rows = list(_contents(path))
+        positions = [(s, fact.boot_time_s) for s, _, fact in rows if isinstance(fact, OwnPosition)]
+        if len(positions) < 2:
             raise LogError(f"{path}: no positions of an autopilot")
-        self._stamps_s, self._boot_s = np.array(pairs).T
+        stamps_s, boot_s = np.array(positions).T
+        times_s = np.interp([stamp_s for stamp_s, _, _ in rows], stamps_s, boot_s).tolist()
+        timed = [(time_s, ours, content) for time_s, (_, ours, content) in zip(times_s, rows, strict=True)]
+        self._sent = [(time_s, content) for time_s, ours, content in timed if ours]
+        self.commands = tuple((time_s, content) for time_s, ours, content in timed if not ours)
 
-    def time_s(self, stamp_s: float) -> float:
-        """Seconds since boot at a stamp, interpolated between two positions."""
-        return float(np.interp(stamp_s, self._stamps_s, self._boot_s))
+    def of(self, kind: type[_Kind]) -> list[tuple[float, _Kind]]:
+        """Times, and facts or messages, of one kind."""
+        return [(time_s, content) for time_s, content in self._sent if isinstance(content, kind)]
+
+    def last(self, kind: type[_Kind], what: str) -> _Kind:
+        """The last one of a kind; `LogError` if there is none."""
+        facts = self.of(kind)
+        if not facts:
+            raise LogError(f"{self.path}: no {what}")
+        return facts[-1][1]
+
+
+def _contents(path: Path) -> Iterator[tuple[float, bool, Fact | Message]]:
+    """Stamp [s], whether the vehicle sent it, and the fact or message; from others only its commands."""
+    for stamp_us, frame in read_tlog(path, set(_FACTS | _MESSAGES | _COMMANDS)):
+        ours = (frame.system_id, frame.component_id) == VEHICLE
+        if ours and frame.message_id in _FACTS:
+            fact = frame_to_fact(frame, stamp_us / 1e6)
+            if fact is not None:
+                yield stamp_us / 1e6, ours, fact
+        elif frame.message_id in (_MESSAGES if ours else _COMMANDS):
+            message = decode(frame)
+            if message is not None and (ours or _commands_vehicle(message)):
+                yield stamp_us / 1e6, ours, message
 
 
 def _commands_vehicle(message: Message) -> bool:
-    if message.get_type() not in _COMMANDS or message.target_system != _VEHICLE[0]:
-        return False
-    return getattr(message, "command", None) not in _DATA_REQUESTS
+    return message.target_system == VEHICLE[0] and getattr(message, "command", None) not in _DATA_REQUESTS
 
 
-def _version(reported: dict[str, list[tuple[float, Message]]]) -> tuple[int, int] | None:
-    versions = [message.flight_sw_version for _, message in reported["AUTOPILOT_VERSION"]]
-    return (versions[-1] >> 24, versions[-1] >> 16 & 0xFF) if versions else None
+def read_recording(path: Path) -> Recording:
+    """The flight in a telemetry log; `LogError` without an autopilot's positions and heartbeats."""
+    log = _Log(path)
+    sequences = Steps.of([(time_s, fact.sequence) for time_s, fact in log.of(MissionProgress)])
+    home = log.last(HomePosition, "home position")
+    autopilot = _autopilot(log)
+    return Recording(
+        path.stem,
+        autopilot,
+        GeoPoint(home.lat_deg, home.lon_deg, home.altitude_m),
+        _items(log, sequences, autopilot),
+        {fact.name: fact.value for _, fact in log.of(Parameter)},
+        _track(log),
+        Steps.of([(time_s, fact.custom_mode) for time_s, fact in log.of(Heartbeat)]),
+        sequences,
+        log.commands,
+    )
 
 
-def _home(reported: dict[str, list[tuple[float, Message]]], path: Path) -> GeoPoint:
-    if not reported["HOME_POSITION"]:
-        raise LogError(f"{path}: no home position")
-    home = reported["HOME_POSITION"][-1][1]
-    return GeoPoint(home.latitude / 1e7, home.longitude / 1e7, home.altitude / 1e3)
+def _autopilot(log: _Log) -> Autopilot:
+    """The autopilot that is simulated here; PX4 is 1.16 if it does not report its version."""
+    kind = log.last(Heartbeat, "heartbeat of an autopilot").autopilot
+    if kind == NAMES["ardupilot"]:
+        return "ardupilot"
+    if kind != NAMES["px4"]:
+        raise LogError(f"{log.path}: no heartbeat of an autopilot that is simulated here")
+    since_1_18 = any((fact.major, fact.minor) >= (1, 18) for _, fact in log.of(AutopilotVersion))
+    return "px4-1.18" if since_1_18 else "px4"
 
 
-def _items(
-    reported: dict[str, list[tuple[float, Message]]], sequences: Steps, autopilot: Autopilot
-) -> tuple[MissionItem, ...]:
+def _items(log: _Log, sequences: Steps, autopilot: Autopilot) -> tuple[MissionItem, ...]:
     """The mission as downloaded; otherwise a take-off, then the targets that were reported on the way."""
-    downloaded = {m.seq: _item(m) for _, m in reported["MISSION_ITEM_INT"] if m.mission_type == 0}
+    messages = log.of(mavlink.MAVLink_mission_item_int_message)
+    downloaded = {m.seq: item_from(m) for _, m in messages if m.mission_type == MISSION}
     if downloaded:
-        return tuple(downloaded[sequence] for sequence in sorted(downloaded))
-    targets = {sequences.at(time_s): m for time_s, m in reported["POSITION_TARGET_GLOBAL_INT"]}
+        items = (downloaded[sequence] for sequence in sorted(downloaded))
+        return tuple(item for item in items if item is not None)
+    targets = {sequences.at(time_s): fact for time_s, fact in log.of(NavigationTarget)}
     first = 1 if autopilot == "ardupilot" else 0
-    flown = {sequence: _waypoint_at(m) for sequence, m in targets.items() if sequence > first}
+    flown = {sequence: _waypoint_at(fact) for sequence, fact in targets.items() if sequence > first}
     return tuple(flown.get(sequence, takeoff_item(0.0)) for sequence in range(max(targets, default=-1) + 1))
 
 
-def _item(message: Message) -> MissionItem:
-    params = (message.param1, message.param2, message.param3, message.param4)
-    first, second, third, fourth = (0.0 if math.isnan(value) else value for value in params)
-    place = (message.x, message.y, message.z, message.frame)
-    return MissionItem(message.command, (first, second, third, fourth), *place, message.autocontinue)
-
-
-def _waypoint_at(message: Message) -> MissionItem:
+def _waypoint_at(target: NavigationTarget) -> MissionItem:
     return MissionItem(
         NAV_WAYPOINT,
-        lat_e7=message.lat_int,
-        lon_e7=message.lon_int,
-        altitude_m=message.alt,
+        lat_e7=round(target.lat_deg * 1e7),
+        lon_e7=round(target.lon_deg * 1e7),
+        altitude_m=target.altitude_m or 0.0,
         frame=0,
     )
 
 
-def _parameter(message: Message, autopilot: Autopilot) -> float:
-    """The value; PX4 puts the bytes of integers into the float."""
-    if autopilot == "px4" and message.param_type in _INTEGER_TYPES:
-        return float(struct.unpack("<i", struct.pack("<f", message.param_value))[0])
-    return float(message.param_value)
-
-
-def _track(reported: dict[str, list[tuple[float, Message]]]) -> Track:
-    positions = [message for _, message in reported["GLOBAL_POSITION_INT"]]
-    time_s = np.array([m.time_boot_ms for m in positions]) / 1e3
-    keep = np.concatenate(([True], np.diff(np.maximum.accumulate(time_s)) > 0.0))
-
-    def column(field: str, scale: float) -> Numbers:
-        return (np.array([getattr(m, field) for m in positions]) / scale)[keep]
-
-    time_s = time_s[keep]
-    airspeed = np.array([(t_s, m.airspeed) for t_s, m in reported["VFR_HUD"]])
-    bank = np.array([(m.time_boot_ms / 1e3, m.roll) for _, m in reported["ATTITUDE"]])
+def _track(log: _Log) -> Track:
+    positions = np.array(
+        [
+            (fact.boot_time_s, fact.lat_deg, fact.lon_deg, fact.altitude_m, *fact.velocity_mps)
+            for _, fact in log.of(OwnPosition)
+        ]
+    )
+    later = np.diff(np.maximum.accumulate(positions[:, 0])) > 0.0
+    time_s, lat_deg, lon_deg, altitude_m, north_mps, east_mps, down_mps = positions[
+        np.concatenate(([True], later))
+    ].T
+    airspeed = [(t, fact.airspeed_mps) for t, fact in log.of(AirData) if fact.airspeed_mps is not None]
+    bank = [(m.time_boot_ms / 1e3, m.roll) for _, m in log.of(mavlink.MAVLink_attitude_message)]
     return Track(
         time_s,
-        column("lat", 1e7),
-        column("lon", 1e7),
-        column("alt", 1e3),
-        column("vx", 1e2),
-        column("vy", 1e2),
-        -column("vz", 1e2),
-        np.radians(column("hdg", 1e2)),
-        np.interp(time_s, *airspeed.T),
-        np.interp(time_s, *bank.T),
+        lat_deg,
+        lon_deg,
+        altitude_m,
+        north_mps,
+        east_mps,
+        -down_mps,
+        np.interp(time_s, *np.array(airspeed).T),
+        np.interp(time_s, *np.array(bank).T),
     )

@@ -3,18 +3,16 @@
 from dataclasses import dataclass
 from itertools import pairwise
 
+from companion.autopilots import ArduPlane, Px4FixedWing
 from companion.mavlink.dialect import Message, mavlink
 from sim.fit.recording import Recording
-from sim.vehicle.ardupilot.modes import Mode
 from sim.vehicle.mission import NAV_TAKEOFF
-from sim.vehicle.px4.modes import Px4Mode
 
 # Seconds of the mission before the command that takes the aircraft from it.
 _LEAD_S = 10.0
 _SHORTEST_S = 20.0
 # The first seconds after a take-off belong to it.
 _AFTER_TAKEOFF_S = 3.0
-_MISSION_MODES: dict[str, int] = {"ardupilot": Mode.AUTO, "px4": Px4Mode.MISSION}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +38,13 @@ def segments_of(recording: Recording) -> list[Segment]:
     return [segment for segment in cut if segment.end_s - segment.begin_s >= _SHORTEST_S]
 
 
-def mission_mode(recording: Recording) -> int:
-    """The custom mode that flies the mission."""
-    return _MISSION_MODES[recording.autopilot]
-
-
 def _leaves_mission(recording: Recording, time_s: float, message: Message) -> bool:
     """Whether a command takes the aircraft out of the mission's mode, in which it was."""
     if getattr(message, "command", None) != mavlink.MAV_CMD_DO_SET_MODE:
         return False
     changes = recording.modes.during(time_s, time_s + 2.0)
-    return recording.modes.at(time_s) == mission_mode(recording) and len(changes) > 1
+    adapter = ArduPlane if recording.autopilot == "ardupilot" else Px4FixedWing
+    return adapter.mode_name(recording.modes.at(time_s)) == adapter.mission_mode and len(changes) > 1
 
 
 def _mission_begin_s(recording: Recording) -> float:

@@ -16,9 +16,9 @@ from sim.flight_test.hub import Hub
 from sim.flight_test.observer import Observer
 from sim.flight_test.station import Station
 from sim.flight_test.vehicle_time import VehicleTime
+from sim.receivers.mavlink import ADSB_RECEIVER
 from sim.relay import Relay
 from sim.server import VehicleServer
-from sim.traffic import ADSB_RECEIVER
 from sim.vehicle import FakeVehicle
 
 _POLL_S = 0.02

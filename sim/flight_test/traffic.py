@@ -8,7 +8,8 @@ from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Vec3
 from sim.flight_test.plan import EncounterPlan, IntruderPlan
-from sim.traffic import ALL_VALID, AdsbReceiver, Intruder, Maneuver, ReceiverModel
+from sim.receivers.mavlink import ALL_VALID
+from sim.traffic import AdsbReceiver, Intruder, Maneuver, ReceiverModel
 from sim.world import aside
 
 _FIRST_ICAO = 0xF00001

@@ -27,12 +27,15 @@ _ON_CIRCLE_M = 50.0
 class MissionFlight(Flight):
     """A flight that can fly its mission."""
 
-    # Whether the first leg after a take-off is sloped; otherwise its end's height is flown at once.
-    slopes_after_takeoff = True
     _leg = Leg((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0)
     _circled_s = 0.0
     _circled_rad = 0.0
     _bearing_rad: float | None = None  # from the centre of the loiter, once on its circle
+
+    @property
+    def slopes_after_takeoff(self) -> bool:
+        """Whether the first leg after a take-off is sloped; otherwise its end's height is flown at once."""
+        return True
 
     @abstractmethod
     def _mission_over(self) -> None:

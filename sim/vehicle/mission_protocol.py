@@ -123,7 +123,7 @@ class MissionProtocol:
             if message.seq > len(upload.items):
                 self._ack(mavlink.MAV_MISSION_INVALID_SEQUENCE, upload.kind, sender, channel)
             return
-        item = _item_from(message)
+        item = item_from(message)
         if item is None:
             self._refuse(upload, mavlink.MAV_MISSION_INVALID)
             return
@@ -232,7 +232,7 @@ def _item_message(
     )
 
 
-def _item_from(message: Message) -> MissionItem | None:
+def item_from(message: Message) -> MissionItem | None:
     """The item in a MISSION_ITEM_INT or MISSION_ITEM; None if its place is not finite."""
     x, y = message.x, message.y
     if message.get_type() == "MISSION_ITEM":

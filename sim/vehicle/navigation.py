@@ -13,9 +13,18 @@ _BANK_PER_COURSE_ERROR = 0.8
 
 
 def loiter_bank_rad(
-    position_m: Vec2, velocity_mps: Vec2, centre_m: Vec2, radius_m: float, *, clockwise: bool = True
+    position_m: Vec2,
+    velocity_mps: Vec2,
+    centre_m: Vec2,
+    radius_m: float,
+    *,
+    clockwise: bool = True,
+    turn_share: float = 1.0,
 ) -> float:
-    """Bank angle [rad] that joins a circle from any position and then follows it."""
+    """Bank angle [rad] that joins a circle from any position and then follows it.
+
+    `turn_share` is the airframe's: one that slips banks more on the same circle.
+    """
     side = 1.0 if clockwise else -1.0
     north_m, east_m = position_m[0] - centre_m[0], position_m[1] - centre_m[1]
     off_m = math.hypot(north_m, east_m) - radius_m
@@ -24,7 +33,7 @@ def loiter_bank_rad(
     error_rad = wrap_pi(course_rad - math.atan2(velocity_mps[1], velocity_mps[0]))
     ground_mps2 = velocity_mps[0] ** 2 + velocity_mps[1] ** 2
     on_circle = max(1.0 - abs(off_m) / radius_m, 0.0)
-    steady_rad = math.atan(ground_mps2 / (STANDARD_GRAVITY_MPS2 * radius_m)) * on_circle
+    steady_rad = math.atan(ground_mps2 / (STANDARD_GRAVITY_MPS2 * turn_share * radius_m)) * on_circle
     return side * steady_rad + _BANK_PER_COURSE_ERROR * error_rad
 
 
@@ -86,6 +95,7 @@ def circle(aircraft: FixedWing, centre_m: Vec2, radius_m: float) -> None:
         centre_m,
         max(abs(radius_m), 1.0),
         clockwise=radius_m > 0.0,
+        turn_share=aircraft.airframe.turn_share,
     )
     aircraft.hold_bank(bank_rad)
 

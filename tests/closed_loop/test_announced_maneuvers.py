@@ -9,8 +9,8 @@ from companion.model import Guidance
 from companion.output.notice import TEXT_BYTES
 from companion.units import wrap_pi
 from sim.scenario import Autopilot, load_scenario, scenario_names
+from tests.support.autopilots import BOTH
 from tests.support.monitored_loop import MonitoredLoop
-from tests.support.overrides import BOTH
 
 MANEUVERS = ("CLIMB", "DESCEND", "RIGHT", "LEFT", "FASTER", "SLOWER", "HOLD")
 # Changes of course and height that need no text, and the longest wait of a text in a row of many.

@@ -15,16 +15,19 @@ import pytest
 from sim.airframe import AIRFRAMES, Airframe
 from sim.fit.flown import fly
 from sim.fit.measures import Errors, Fit, errors_of, fit_of, measure, table
-from sim.fit.recording import Autopilot, Recording, read_recording
+from sim.fit.recording import Recording, read_recording
 from sim.fit.segments import segments_of
+from sim.scenario import Autopilot
 from tests.support.own_recording import write_recording
 from tests.support.recordings import RECORDINGS
 
 # A good fit: for this share of the time the course is within 6 degrees, the height within 8 m, the airspeed
 # within 1.5 m/s, mode and mission item are those shown within a second.
 COURSE, HEIGHT, AIRSPEED, MODE, ITEM = 0.97, 0.98, 0.95, 0.99, 0.98
-# The airspeed of PX4 1.16 after its take-off rises more slowly than that of 1.18 in flight.
-AIRSPEED_OF = {"px4_sih_fixed_wing_adsb_two_intruders": 0.8}
+# Nothing was fitted to PX4 1.16: its recording has no parameters, and it flies 13.5 m/s where the fake
+# reaches the 15 m/s of a default. So its error stays next to the limit: 86.3 % of the time within, as in
+# REFERENCE.
+AIRSPEED_OF = {"px4_sih_fixed_wing_adsb_two_intruders": 0.86}
 
 NONE_HERE = pytest.mark.skipif(not RECORDINGS, reason="no recordings of real autopilots beside the checkout")
 

@@ -9,7 +9,7 @@ from companion.engine import Engine, EngineConfig
 from companion.model import Goal, Ownship, Track
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Waypoint, load_scenario
-from tests.support.overrides import BOTH
+from tests.support.autopilots import BOTH
 
 MISSION_M = 300.0
 BOUND_M = 100.0

@@ -10,10 +10,9 @@ from companion.model import Vec3
 from sim.scenario import Autopilot
 from sim.vehicle import MissionItem
 from sim.vehicle.mission import DO_CHANGE_SPEED, NAV_LOITER_TURNS, NAV_LOITER_UNLIM
+from tests.support.autopilots import MISSION_MODE, every
 from tests.support.leg_loop import LegLoop, jump
-from tests.support.overrides import ALL, MISSION_MODE
 
-every = pytest.mark.parametrize("autopilot", ALL)
 A: Vec3 = (800.0, 0.0, 300.0)
 
 

@@ -12,8 +12,8 @@ from sim.closed_loop import Flight
 from sim.scenario import Autopilot, Scenario, Wind, load_scenario
 from sim.vehicle import FakeArduPlane
 from sim.vehicle.telemetry import AirspeedSensor
+from tests.support.autopilots import BOTH
 from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop
-from tests.support.overrides import BOTH
 
 SPEED, HEIGHT, HEADING, REPOSITION = 43000, 43001, 43002, 192
 GUIDED_COMMANDS = (SPEED, HEIGHT, HEADING)

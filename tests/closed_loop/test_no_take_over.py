@@ -9,10 +9,8 @@ from companion.engine import EngineConfig
 from sim.scenario import Autopilot, Scenario, Start, load_scenario
 from sim.vehicle import MissionItem, waypoint_item
 from sim.vehicle.mission import NAV_LAND
+from tests.support.autopilots import every
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
-from tests.support.overrides import ALL
-
-every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def on_the_runway(takeoff_height_m: float) -> Scenario:

@@ -7,12 +7,12 @@ from companion.engine import EngineConfig
 from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer, Role
 from sim.scenario import Autopilot
+from tests.support.autopilots import MISSION_MODE, PX4, every
 from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop, without_traffic
-from tests.support.overrides import ALL, HOLDS, MISSION_MODE, PX4, in_state
+from tests.support.overrides import HOLDS, in_state
 
 US = (1, 196)
 RELEASED_WITHIN_S = 3.0
-every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def by_parameter(role: Role) -> Message:

@@ -6,18 +6,13 @@ from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
 from companion.mavlink.dialect import mavlink
 from sim.scenario import Autopilot
+from tests.support.autopilots import ALL, ARDUPILOT, GUIDED_MODE, MISSION_MODE, PX4, PX4_1_18, every
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
 from tests.support.overrides import (
-    ALL,
-    ARDUPILOT,
     COMMON,
     FAILSAFE,
-    GUIDED_MODE,
     HOLDS,
-    MISSION_MODE,
     OVERRIDES,
-    PX4,
-    PX4_1_18,
     STATES,
     STICKS,
     TICK_US,
@@ -25,8 +20,6 @@ from tests.support.overrides import (
     in_state,
     mode_change,
 )
-
-every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def override(loop: MonitoredLoop, way: Override, during_s: float) -> None:

@@ -12,8 +12,8 @@ from companion.engine import EngineConfig, Transmit
 from companion.mavlink.dialect import mavlink
 from sim.closed_loop import Flight
 from sim.scenario import Autopilot, Scenario, load_scenario
+from tests.support.autopilots import BOTH, MISSION_MODE
 from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop
-from tests.support.overrides import BOTH, MISSION_MODE
 
 SPEED, HEIGHT, HEADING = 43000, 43001, 43002
 DENIED, FAILED = 2, 4

@@ -8,14 +8,14 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
+from tests.support.autopilots import ARDUPILOT, GUIDED_MODE, MISSION_MODE, every
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
-from tests.support.overrides import ALL, ARDUPILOT, GUIDED_MODE, MISSION_MODE, in_state
+from tests.support.overrides import in_state
 
 US = (1, 196)
 CONTINUE = mavlink.MAV_CMD_DO_PAUSE_CONTINUE
 SECOND = 0xBBBBBB, "SECOND"
 ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
-every = pytest.mark.parametrize("autopilot", ALL)
 
 
 def by_long(confirmation: int = 0) -> Message:

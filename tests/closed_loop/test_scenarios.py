@@ -6,10 +6,9 @@ from companion.engine import Engine
 from companion.model import Layer
 from sim.closed_loop import ClosedLoop, Flight
 from sim.scenario import Autopilot, load_scenario, scenario_names
+from tests.support.autopilots import MISSION_MODE, every
 
 CONFLICTS = [name for name in scenario_names() if name != "clear"]
-MISSION_MODE = {"ardupilot": "AUTO", "px4": "MISSION", "px4-1.18": "MISSION"}
-every = pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
 
 
 def fly(name: str, autopilot: Autopilot) -> Flight:

@@ -13,11 +13,11 @@ from companion.model import Layer, Role
 from companion.replay import replay
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
+from tests.support.autopilots import both
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
-from tests.support.overrides import BOTH, in_state
+from tests.support.overrides import in_state
 
 US = (1, 196)
-both = pytest.mark.parametrize("autopilot", BOTH)
 
 
 def put(name: str, value: float) -> Message:

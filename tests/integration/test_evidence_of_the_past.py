@@ -17,13 +17,12 @@ from companion.model import Role
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.vehicle import Mode
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every
 from tests.support.companion_process import Aircraft, aircraft
-from tests.support.faulty_flight import GUIDED, MISSION, FaultyFlight, faulty_flight
+from tests.support.faulty_flight import FaultyFlight, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
-
-every = pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
 
 
 # --- late copies
@@ -36,7 +35,7 @@ async def test_late_copies_of_every_frame_change_nothing(autopilot: Autopilot, l
     async with faulty_flight(autopilot, forth=Faults(copy_after_s=late_s)) as flight:
         await flight.engaged()
         await flight.resumed()
-        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot], MISSION[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot], MISSION_MODE[autopilot]]
         assert flight.runtime.intake.past > 1000
         assert not any("hands off" in text for text in flight.notes.texts())
         assert not flight.lowc
@@ -112,7 +111,9 @@ async def test_late_copies_of_an_operators_requests_do_not_undo_later_ones(
                 assert operator.role is Role.ADVISE
                 assert operator.settings.avoidance.well_clear_horizontal_m == 900.0
         assert flight.runtime.intake.repeated == 6
-        assert len(answers(flight)) == 3
+        accepted, rejected = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        results = [answer.result for answer in answers(flight)]
+        assert results == [*[accepted] * 3, rejected, rejected, accepted], "copies of off, fly and advise"
 
 
 @every
@@ -125,10 +126,10 @@ async def test_a_late_copy_of_resume_is_not_obeyed_and_a_repetition_is(autopilot
             await flight.until(lambda: flight.vehicle.truth.on_mission, 4.0)
             await flight.fly(8.0)
             assert flight.runtime.intake.repeated == 1
-            assert len(answers(flight)) == 1
+            assert [one.result for one in answers(flight)] == [mavlink.MAV_RESULT_ACCEPTED] * 2
             one.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1.0, confirmation=1)
             await flight.fly(1.0)
-        assert len(answers(flight)) == 2
+        assert len(answers(flight)) == 3
 
 
 # --- a second companion
@@ -158,15 +159,16 @@ def pid_of(flight: Aircraft) -> int:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "taken", "while_flying"),
+    ("autopilot", "taken"),
     [
-        ("ardupilot", Mode.MANUAL, True),
-        ("ardupilot", Mode.RTL, False),
-        ("px4", "POSCTL", True),
-        ("px4-1.18", "POSCTL", True),
+        ("ardupilot", Mode.MANUAL),
+        ("ardupilot", Mode.RTL),
+        ("px4", "POSCTL"),
+        ("px4-1.18", "POSCTL"),
     ],
-    ids=["MANUAL", "RTL", "POSCTL", "POSCTL in GUIDED_COURSE"],
+    ids=["MANUAL", "RTL", "POSCTL", "POSCTL on 1.18"],
 )
+@pytest.mark.parametrize("while_flying", [True, False], ids=["while flying", "before"])
 async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alone(
     autopilot: Autopilot, taken: Mode | str, while_flying: bool, tmp_path: Path
 ) -> None:

@@ -9,12 +9,12 @@ from companion.mavlink.dialect import mavlink
 from companion.model import Layer
 from companion.traffic import TrafficParams
 from sim.scenario import Autopilot
-from tests.support.faulty_flight import CLIMBS, GUIDED, MEET_AT_S, MISSION, FaultyFlight, faulty_flight
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both
+from tests.support.faulty_flight import CLIMBS, MEET_AT_S, FaultyFlight, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 SET_MODE, CHANGE_HEADING = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_GUIDED_CHANGE_HEADING
 
@@ -58,7 +58,7 @@ async def test_while_the_position_is_old_what_is_flown_goes_on(autopilot: Autopi
         flight.vehicle.withhold(POSITION, False)
         await flight.fly(1.5)
         assert flight.engine.decision is not stands
-        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot]]
 
 
 @both
@@ -111,7 +111,7 @@ async def test_an_autopilot_that_reboots_is_asked_everything_again(autopilot: Au
         await flight.until(lambda: flight.guided, 20.0)
         await flight.fly(0.2)
         assert flight.vehicle.boots == 2
-        assert flight.modes == [mode, GUIDED[autopilot]]
+        assert flight.modes == [mode, GUIDED_MODE[autopilot]]
         await flight.fly(12.0)
         again = asked(flight)
         for question in ("COMMAND_LONG 511", "PARAM_REQUEST_READ", "MISSION_REQUEST_LIST"):
@@ -199,7 +199,7 @@ async def test_a_mode_change_that_is_never_done_is_told_and_asked_again(autopilo
         await flight.fly(15.0)
         asked_for = [m for m in flight.notes.commands(told_s) if getattr(m, "command", 0) == SET_MODE]
         assert 3 <= len(asked_for) <= 12
-        assert flight.modes == [MISSION[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot]]
         flight.vehicle.silence(SET_MODE, does=None)
         await flight.until(lambda: flight.guided, 15.0)
 
@@ -214,4 +214,4 @@ async def test_a_step_of_the_autopilots_clock_changes_nothing(autopilot: Autopil
         await flight.fly(10.0)
         assert flight.engine.aircraft.contact.clock_offset_s == pytest.approx(error_s, abs=0.5), "it was told"
         assert flight.engine.supervisor.flying
-        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot]]

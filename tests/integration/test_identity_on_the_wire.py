@@ -14,12 +14,12 @@ from companion.mavlink.dialect import Encoder, mavlink
 from sim.scenario import Autopilot
 from sim.server import VehicleServer
 from sim.vehicle import FakeVehicle
-from tests.support.faulty_flight import GUIDED, MISSION, FaultyFlight, faulty_flight, world_of
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both
+from tests.support.faulty_flight import FaultyFlight, faulty_flight, world_of
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-BOTH = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 EACH = pytest.mark.parametrize(("autopilot", "link"), [("ardupilot", "same link"), ("px4", "another link")])
 TWO_VEHICLES = "two vehicles have its system id"
 
@@ -56,8 +56,8 @@ async def test_neither_of_two_vehicles_with_one_address_is_flown(autopilot: Auto
     async with faulty_flight(autopilot) as flight, another_vehicle(flight, link) as other:
         for _ in range(80):
             await flight.fly(1.0)
-            assert other.truth.mode == MISSION[autopilot]
-        assert flight.modes == [MISSION[autopilot]]
+            assert other.truth.mode == MISSION_MODE[autopilot]
+        assert flight.modes == [MISSION_MODE[autopilot]]
         assert flight.notes.commands() == []
         assert flight.notes.texts().count(f"Avoidance off: {TWO_VEHICLES}") >= 2, "again each half minute"
 
@@ -74,10 +74,10 @@ async def test_a_vehicle_with_the_address_of_ours_that_appears_while_it_is_flown
             left_s = flight.now_s + 0.2
             for _ in range(60):
                 await flight.fly(1.0)
-                assert other.truth.mode == MISSION[autopilot]
+                assert other.truth.mode == MISSION_MODE[autopilot]
             assert flight.notes.commands(left_s) == []
         texts = flight.notes.texts()
-        assert f"Avoidance: hands off, two vehicles, {GUIDED[autopilot]}" in texts
+        assert f"Avoidance: hands off, two vehicles, {GUIDED_MODE[autopilot]}" in texts
         assert texts.count(f"Avoidance: {TWO_VEHICLES}") >= 2, "again each half minute"
         assert len([text for text in texts if text.endswith("flown by no one, take over")]) == 2
 
@@ -92,7 +92,7 @@ LOOK_ALIKES = (
 )
 
 
-@BOTH
+@both
 @in_virtual_time
 async def test_stations_and_receivers_heard_before_the_autopilot_are_not_taken_for_one(
     autopilot: Autopilot,
@@ -100,7 +100,7 @@ async def test_stations_and_receivers_heard_before_the_autopilot_are_not_taken_f
     """Some are heard on its link and some on another one, from the start and all the time."""
     async with faulty_flight(autopilot) as flight, beating(flight):
         await flight.engaged()
-        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot]]
         assert not any("autopilot" in text for text in flight.notes.texts())
 
 

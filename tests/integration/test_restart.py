@@ -10,13 +10,12 @@ import pytest
 
 from companion.clock import SteadyClock
 from sim.scenario import Autopilot
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every
 from tests.support.companion_process import aircraft
-from tests.support.faulty_flight import GUIDED, MISSION, START_S, faulty_flight
+from tests.support.faulty_flight import START_S, faulty_flight
 from tests.support.virtual_time import VirtualTimeLoop, in_virtual_time
 
 pytestmark = pytest.mark.wire
-
-every = pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
 
 
 def longest_recovery_s(start_s: float) -> float:
@@ -35,7 +34,7 @@ async def test_a_companion_killed_while_flying_gives_the_aircraft_back_after_a_r
         await flight.end(signal.SIGKILL)
         await asyncio.sleep(2.0)
         truth = flight.vehicle.truth
-        assert truth.mode == {**GUIDED, "px4": "HOLD"}[autopilot]
+        assert truth.mode == {**GUIDED_MODE, "px4": "HOLD"}[autopilot]
         assert not truth.uncontrolled
         if autopilot != "px4":
             assert abs(truth.heading_rad - course_rad) < 0.6, "it keeps or reaches its commanded course"
@@ -47,7 +46,7 @@ async def test_a_companion_killed_while_flying_gives_the_aircraft_back_after_a_r
         await flight.until(lambda: flight.vehicle.truth.companion_flies)
         code, log = await flight.end(signal.SIGTERM)
         assert code == 0
-        assert f"found, giving back to {MISSION[autopilot]}" in log
+        assert f"found, giving back to {MISSION_MODE[autopilot]}" in log
         assert "Traceback" not in log
         assert flight.vehicle.truth.on_mission
         assert not flight.vehicle.truth.uncontrolled
@@ -111,4 +110,4 @@ async def test_a_step_of_the_system_clock_changes_nothing(
         assert len(flight.notes.commands()) - before >= (2 if autopilot == "px4-1.18" else 20)
         computer.error_s = 0.0
         await flight.fly(5.0)
-        assert flight.modes == [MISSION[autopilot], GUIDED[autopilot]]
+        assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot]]

@@ -14,7 +14,8 @@ from sim.scenario import Autopilot, load_scenario, scenario_names
 from sim.server import VehicleServer
 from sim.vehicle import Truth
 from sim.world import build_world
-from tests.support.faulty_flight import GUIDED, MISSION, START_S, Notes, free_ports
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE
+from tests.support.faulty_flight import START_S, Notes, free_ports
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -69,12 +70,12 @@ async def test_a_scenario_over_udp(name: str, autopilot: Autopilot) -> None:
 
     assert not any(encounter.nmac or encounter.lowc for encounter in score.encounters.values())
     assert uncontrolled == {False}
-    taken = [mode for mode in modes if mode in (GUIDED[autopilot], MISSION[autopilot])]
+    taken = [mode for mode in modes if mode in (GUIDED_MODE[autopilot], MISSION_MODE[autopilot])]
     conflicts = 0 if name == "clear" else len(scenario.intruders)
     if name == "two-intruders" and autopilot != "ardupilot":
         conflicts = 1  # back from the first one so late that the second one passes clear
-    assert taken == [MISSION[autopilot]] + conflicts * [GUIDED[autopilot], MISSION[autopilot]]
+    assert taken == [MISSION_MODE[autopilot]] + conflicts * [GUIDED_MODE[autopilot], MISSION_MODE[autopilot]]
     if conflicts:
-        assert notes.texts()[-1] == f"Clear of traffic, back to {MISSION[autopilot]}"
+        assert notes.texts()[-1] == f"Clear of traffic, back to {MISSION_MODE[autopilot]}"
     else:
         assert not notes.commands()

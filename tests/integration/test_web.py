@@ -15,6 +15,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from companion.output.notice import Condition
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS, STATIC
+from companion.web.health import ReceiverCount
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
 from companion.web.source import LiveSource
@@ -116,9 +117,10 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
             ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11),
             ticks_total_s=0.5,
             unusable=3,
-            late=4,
+            past=4,
             of_others=5,
             repeated=2,
+            unsent=6,
         ),
     )
     async with site(live(snapshot)) as at:
@@ -133,8 +135,27 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
     assert families["companion_messages_late"].samples[0].value == 4.0
     assert families["companion_messages_of_others"].samples[0].value == 5.0
     assert families["companion_requests_repeated"].samples[0].value == 2.0
+    assert families["companion_messages_unsent"].samples[0].value == 6.0
     assert families["companion_engagements"].samples[0].value == 1.0
     assert families["companion_up"].samples[0].value == 1.0
+
+
+async def test_metrics_of_receivers_have_their_addresses() -> None:
+    bad = (("truncated", 2), ("wrong checksum", 5))
+    one = ReceiverCount("gdl90:udpin:0.0.0.0:4000", "GDL 90", "", 70, 60, bad, 3, 4, 0.5, "no GPS fix")
+    async with site(live(replace(SNAPSHOT, health=health(receivers=(one,))))) as at:
+        text = (await at.ask("/metrics")).body.decode()
+    where = 'receiver="gdl90:udpin:0.0.0.0:4000"'
+    assert {line for line in text.splitlines() if line.startswith("companion_receiver")} == {
+        f"companion_receiver_messages_total{{{where}}} 70.0",
+        f"companion_receiver_reports_total{{{where}}} 60.0",
+        f"companion_receiver_dropped_total{{{where}}} 3.0",
+        f"companion_receiver_aircraft{{{where}}} 4.0",
+        f"companion_receiver_silent_seconds{{{where}}} 0.5",
+        f'companion_receiver_bad_total{{reason="truncated",{where}}} 2.0',
+        f'companion_receiver_bad_total{{reason="wrong checksum",{where}}} 5.0',
+        f"companion_receiver_failed{{{where}}} 1.0",
+    }
 
 
 async def test_the_example_alerts_use_existing_metrics() -> None:
@@ -142,7 +163,8 @@ async def test_the_example_alerts_use_existing_metrics() -> None:
     async with site(live(SNAPSHOT)) as at:
         text = (await at.ask("/metrics")).body.decode()
     there = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
-    there |= {"companion_frames_total", "companion_frames_lost_total"}  # per link; this snapshot has none
+    # Per link or receiver; this snapshot has none.
+    there |= {"companion_frames_total", "companion_frames_lost_total", "companion_receiver_failed"}
     for rule in rules:
         names = set(re.findall(r"companion_\w+", rule["expr"]))
         assert names, rule["alert"]

@@ -34,8 +34,6 @@ from sim.vehicle import FakeVehicle, Truth
 from sim.world import World, build_world
 
 START_S = 1_700_000_000.0
-GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD", "px4-1.18": "GUIDED_COURSE"}
-MISSION = {"ardupilot": "AUTO", "px4": "MISSION", "px4-1.18": "MISSION"}
 HOLD = 5  # COM_OBL_RC_ACT, as recommended
 # Climbs are allowed for a PX4 whose setpoint can become invalid in them, if they are the cheapest way.
 CLIMBS = EngineConfig(avoidance=AvoidanceParams(weights=CostWeights(spared_height=0.0)))

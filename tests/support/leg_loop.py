@@ -11,8 +11,9 @@ from companion.model import Vec3
 from sim.scenario import Autopilot, load_scenario
 from sim.vehicle import MissionItem, takeoff_item, waypoint_item
 from sim.vehicle.mission import DO_JUMP
+from tests.support.autopilots import PX4
 from tests.support.monitored_loop import MonitoredLoop
-from tests.support.overrides import HOLDS, PX4
+from tests.support.overrides import HOLDS
 
 ASIDE_M, HEIGHT_M = 30.0, 10.0
 _HEIGHT_M = 300.0

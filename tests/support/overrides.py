@@ -11,17 +11,10 @@ from companion.mavlink.facts import Fact, FenceStatus, Heartbeat, LandedState, R
 from sim.scenario import Autopilot
 from sim.vehicle.fence import EXCLUSION_CIRCLE
 from sim.vehicle.mission import MissionItem
+from tests.support.autopilots import ARDUPILOT, PX4, PX4_1_18
 from tests.support.monitored_loop import MonitoredLoop, is_mode_request, without_traffic
 
-ARDUPILOT: Autopilot = "ardupilot"
-PX4: Autopilot = "px4"
-PX4_1_18: Autopilot = "px4-1.18"
-BOTH: tuple[Autopilot, ...] = (ARDUPILOT, PX4)
-# Every way of flying.
-ALL: tuple[Autopilot, ...] = (*BOTH, PX4_1_18)
 TICK_US = 100_000
-MISSION_MODE = {ARDUPILOT: "AUTO", PX4: "MISSION", PX4_1_18: "MISSION"}
-GUIDED_MODE = {ARDUPILOT: "GUIDED", PX4: "OFFBOARD", PX4_1_18: "GUIDED_COURSE"}
 # The recommended setting: PX4 enters HOLD by itself when our stream ends.
 HOLDS = {"COM_OBL_RC_ACT": 5.0}
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Encoder, Message, mavlink
-from sim.fit.recording import Autopilot
-from sim.vehicle import FakeArduPlane, FakePx4, takeoff_item, waypoint_item
+from sim.scenario import Autopilot
+from sim.vehicle import FakeArduPlane, takeoff_item, waypoint_item
 from sim.vehicle.vehicle import FakeVehicle
+from sim.world import kind_of
 
 HOME = GeoPoint(46.5, 7.5, 560.0)
 _FRAME = LocalFrame(HOME.lat_deg, HOME.lon_deg)
@@ -29,7 +30,7 @@ _POSITION_VELOCITY, _VELOCITY_ONLY = 3520, 3527
 
 def write_recording(path: Path, autopilot: Autopilot) -> Path:
     """Fly 150 s of AUTO, GUIDED and AUTO, or of MISSION, OFFBOARD and MISSION; returns the log's path."""
-    kind = FakeArduPlane if autopilot == "ardupilot" else FakePx4
+    kind, options = kind_of(autopilot)
     vehicle = kind.airborne(
         HOME,
         _START_S,
@@ -37,6 +38,7 @@ def write_recording(path: Path, autopilot: Autopilot) -> Path:
         course_rad=0.0,
         sequence=kind.first_item + 1,
         mission=[takeoff_item(60.0), waypoint_item(_FRAME.to_geo(20_000.0, 0.0, -(HOME.altitude_m + 250.0)))],
+        **options,
     )
     vehicle.add_channel(0, stream_rate_hz=0.0)
     encoder = Encoder()

@@ -15,7 +15,7 @@ from typing import Any
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, Sender
 from companion.mavlink.framing import Frame
-from companion.mavlink.translate import adsb, commands, missions, parameters, telemetry, utm
+from companion.mavlink.translate import adsb, commands, missions, parameters, remote_id, telemetry, utm
 from companion.mavlink.translate.wire import Translation
 
 
@@ -57,6 +57,7 @@ _TRANSLATIONS: dict[int, Translation] = {
     **parameters.TRANSLATIONS,
     **adsb.TRANSLATIONS,
     **utm.TRANSLATIONS,
+    **remote_id.TRANSLATIONS,
 }
 
 

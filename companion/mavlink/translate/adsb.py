@@ -14,7 +14,7 @@ from companion.mavlink.translate.wire import (
 )
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, adsb_key
 
-_KINDS = {
+EMITTER_KINDS = {
     14: TrafficKind.UAV,
     17: TrafficKind.SURFACE_VEHICLE,
     18: TrafficKind.SURFACE_VEHICLE,
@@ -22,6 +22,7 @@ _KINDS = {
     20: TrafficKind.OBSTACLE,  # cluster obstacle and line obstacle: in DO-260B, not in MAVLink's enumeration
     21: TrafficKind.OBSTACLE,
 }
+"""The kinds by emitter category; any other category is an aircraft."""
 
 _UNKNOWN_AGE_S = 255
 
@@ -64,7 +65,7 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
         ),
         callsign=printable(message.callsign) if flags & mavlink.ADSB_FLAGS_VALID_CALLSIGN else None,
         squawk=_squawk(message.squawk) if flags & mavlink.ADSB_FLAGS_VALID_SQUAWK else None,
-        kind=_KINDS.get(message.emitter_type, TrafficKind.AIRCRAFT),
+        kind=EMITTER_KINDS.get(message.emitter_type, TrafficKind.AIRCRAFT),
         simulated=bool(flags & mavlink.ADSB_FLAGS_SIMULATED),
     )
     return Traffic(sender, report)

@@ -41,7 +41,6 @@ class Px4Flight(MissionFlight):
 
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
-    slopes_after_takeoff = False  # as recorded from 1.16; 1.18 does
 
     def __init__(
         self,
@@ -72,6 +71,11 @@ class Px4Flight(MissionFlight):
             heading_rad=heading_rad,
             wind_mps=wind_mps,
         )
+
+    @property
+    def slopes_after_takeoff(self) -> bool:
+        """Since 1.18, as recorded."""
+        return self.firmware == "1.18"
 
     @property
     def on_mission(self) -> bool:

@@ -66,7 +66,6 @@ class FakePx4(FakeVehicle):
             strict=strict,
             firmware=firmware,
         )
-        flight.slopes_after_takeoff = firmware == "1.18"  # recorded
         telemetry = Px4Telemetry(flight, now_s - BOOTED_BEFORE_S, geoid_height_m, firmware)
         super().__init__(flight, telemetry, Bytewise(), now_s, system_id=system_id, asks_for_int=True)
         self._flight: Px4Flight = flight

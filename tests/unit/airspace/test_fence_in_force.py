@@ -1,8 +1,6 @@
-"""The fence in force: which zones are combined, the margin, and when it is built again."""
+"""The fence in force: which zones are combined, and the margin."""
 
-from dataclasses import replace
-
-from companion.airspace.fences import AutopilotFence, FenceInForce, FenceSettings, FenceZone
+from companion.airspace.fences import AutopilotFence, FenceSettings, FenceZone, fence_in_force
 from companion.avoidance import Fence
 from companion.geodesy import LocalFrame
 
@@ -17,7 +15,7 @@ EXCLUSION = FenceZone(False, centre_deg=(47.01, 8.01), radius_m=70.0)
 
 
 def combined(autopilot: AutopilotFence, *configured: FenceZone) -> Fence:
-    fence = FenceInForce(configured).in_frame(FRAME, HOME_M, autopilot)
+    fence = fence_in_force(configured, autopilot, FRAME, HOME_M)
     assert fence is not None
     return fence
 
@@ -27,9 +25,9 @@ def radii_m(fence: Fence) -> list[float | None]:
 
 
 def test_without_zones_there_is_no_fence() -> None:
-    assert FenceInForce().in_frame(FRAME, HOME_M, AutopilotFence()) is None
+    assert fence_in_force((), AutopilotFence(), FRAME, HOME_M) is None
     not_enforced = AutopilotFence(FenceSettings(zones=False), INCLUSIONS)
-    assert FenceInForce().in_frame(FRAME, HOME_M, not_enforced) is None
+    assert fence_in_force((), not_enforced, FRAME, HOME_M) is None
 
 
 def test_configured_zones_come_first_then_the_circle_around_home_then_uploaded_zones() -> None:
@@ -56,15 +54,3 @@ def test_alternative_inclusion_zones_do_not_weaken_a_configured_one() -> None:
     fence = combined(autopilot, CONFIGURED)
     assert not fence.any_inclusion
     assert radii_m(fence) == [5000.0, 70.0]
-
-
-def test_the_fence_is_built_again_only_when_an_input_changes() -> None:
-    in_force = FenceInForce((CONFIGURED,))
-    autopilot = AutopilotFence(FenceSettings(), (EXCLUSION,))
-    fence = in_force.in_frame(FRAME, HOME_M, autopilot)
-    equal = AutopilotFence(FenceSettings(), (EXCLUSION,))
-    assert in_force.in_frame(FRAME, HOME_M + 0.3, equal) is fence
-    moved = in_force.in_frame(LocalFrame(47.1, 8.0), HOME_M, autopilot)
-    assert moved != fence
-    changed = autopilot._replace(settings=replace(autopilot.settings, margin_m=60.0))
-    assert in_force.in_frame(LocalFrame(47.1, 8.0), HOME_M, changed) != moved

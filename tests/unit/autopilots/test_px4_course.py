@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from companion.autopilots import MODES_OF, ArduPlane, Px4FixedWing
-from companion.autopilots.adapter import GuidanceCommand, RefusedValue
+from companion.autopilots.adapter import GuidanceCommand, RefusedValue, is_setpoint
 from companion.avoidance.envelope import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import AVAILABLE_MODES, Encoder, Message, mavlink
@@ -15,6 +15,7 @@ from companion.mavlink.facts import (
     AutopilotVersion,
     AvailableMode,
     CommandResult,
+    Heartbeat,
     NavigationTarget,
     Parameter,
     Sender,
@@ -157,6 +158,12 @@ def test_course_height_and_speed_are_one_command_each(adapter: Px4FixedWing) -> 
         assert Encoder().encode(message, 1, 196)
 
 
+def test_only_requests_are_setpoints_not_our_answers_with_the_same_command(adapter: Px4FixedWing) -> None:
+    speed, course, height = flown(adapter, 10.0)
+    assert [is_setpoint(message) for message in (speed, course, height)] == [False, True, True]
+    assert not is_setpoint(mavlink.MAVLink_command_ack_message(COURSE, UNSUPPORTED, 0, 0, 255, 190))
+
+
 def test_a_course_is_in_0_to_360_degrees(adapter: Px4FixedWing) -> None:
     west = replace(COMMAND, guidance=replace(GUIDANCE, course_rad=math.radians(-90.0)))
     (course,) = [m for m in flown(adapter, 10.0, west) if m.command == COURSE]
@@ -194,19 +201,6 @@ def test_without_a_sensor_no_speed_is_commanded(adapter: Px4FixedWing) -> None:
     assert SPEED not in kinds(flown(adapter, 10.0, replace(COMMAND, airspeed_mps=None)))
 
 
-def test_heartbeats_are_requested_while_it_is_entered_flown_and_left(adapter: Px4FixedWing) -> None:
-    ticks = [10.0 + tick / 10 for tick in range(20)]
-    for send in (
-        adapter.entering,
-        adapter.leaving,
-        lambda command, now_s: adapter.command(command, now_s, urgent=False),
-    ):
-        sent = [m for now_s in ticks for m in send(COMMAND, now_s) if m.command == REQUEST_MESSAGE]
-        assert {m.param1 for m in sent} == {mavlink.MAVLINK_MSG_ID_HEARTBEAT}
-        assert 6 <= len(sent) <= 10
-        ticks = [now_s + 10.0 for now_s in ticks]
-
-
 @pytest.mark.parametrize(("command", "result"), [(COURSE, DENIED), (HEIGHT, REJECTED)])
 def test_a_refusal_may_be_a_mode_change_and_silences_it_for_a_moment(
     adapter: Px4FixedWing, command: int, result: int
@@ -228,6 +222,65 @@ def test_a_course_that_is_unsupported_is_lost_and_the_next_way_is_offboard(adapt
     assert COURSE not in kinds(flown(adapter, 20.0))
     adapter.choose_way()
     assert adapter.guided_mode == OFFBOARD
+
+
+def refuse(adapter: Px4FixedWing, command: int, *, shown: int | None, times: int = 12) -> int:
+    """Refuse a command whenever it is sent, for 1.5 s each time; how often it was sent.
+
+    `shown`: the mode of the heartbeats that follow each refusal; `None`: none follows.
+    """
+    sent = 0
+    for tick in range(times * 15):
+        now_s = 12.0 + tick / 10
+        turned = replace(COMMAND, guidance=replace(GUIDANCE, course_rad=tick / 100))
+        for message in flown(adapter, now_s, turned):
+            refused = message.command == command
+            sent += refused
+            answer(adapter, now_s + 0.05, message.command, DENIED if refused else ACCEPTED)
+            adapter.refusals()
+        if shown is not None and tick % 2:
+            adapter.observe(Heartbeat(TARGET, 1, 12, True, shown, 4), now_s + 0.06)
+    return sent
+
+
+@pytest.mark.parametrize("command", [COURSE, HEIGHT, SPEED])
+def test_a_command_that_is_denied_again_and_again_in_its_mode_is_lost(
+    adapter: Px4FixedWing, command: int
+) -> None:
+    control = {COURSE: Control.HEADING, HEIGHT: Control.HEIGHT, SPEED: Control.SPEED}[command]
+    assert refuse(adapter, command, shown=COURSE_MODE) <= 8
+    assert adapter.lost_controls == {control}
+    adapter.restarted()
+    assert adapter.lost_controls == frozenset()
+
+
+def test_a_course_that_is_denied_twice_is_given_up(adapter: Px4FixedWing) -> None:
+    for now_s in (12.0, 13.0):
+        assert COURSE in kinds(flown(adapter, now_s))
+        answer(adapter, now_s + 0.1, COURSE, DENIED)
+        adapter.observe(Heartbeat(TARGET, 1, 12, True, COURSE_MODE, 4), now_s + 0.3)
+    flown(adapter, 14.0)
+    assert adapter.refused_values() == [RefusedValue(Control.HEADING, GUIDANCE.course_rad)]
+    assert adapter.lost_controls == frozenset()
+
+
+@pytest.mark.parametrize("shown", [None, HOLD])
+def test_a_refusal_counts_only_when_the_mode_is_shown_after_it(
+    adapter: Px4FixedWing, shown: int | None
+) -> None:
+    assert refuse(adapter, COURSE, shown=shown) > 8
+    assert adapter.lost_controls == frozenset()
+    assert adapter.refused_values() == []
+
+
+def test_refusals_just_after_the_entry_do_not_count(adapter: Px4FixedWing) -> None:
+    """The mode is acknowledged, and shown, before it takes commands."""
+    for tick in range(10):
+        for message in flown(adapter, 10.0 + tick / 10):
+            answer(adapter, 10.0 + tick / 10, message.command, DENIED)
+        adapter.observe(Heartbeat(TARGET, 1, 12, True, COURSE_MODE, 4), 10.05 + tick / 10)
+    assert set(kinds(flown(adapter, 11.6))) == {COURSE, HEIGHT, SPEED}
+    assert adapter.refused_values() == []
 
 
 def target(altitude_m: float) -> NavigationTarget:

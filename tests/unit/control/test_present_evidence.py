@@ -3,6 +3,7 @@
 import pytest
 
 from companion.control.state_machine import FLYING, State
+from companion.engine import Say
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     Fact,
@@ -36,6 +37,7 @@ from tests.support.pilots_seat import (
     Seat,
 )
 
+RETURN = 4 << 16 | 5 << 24  # PX4's
 BOTH = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
 IN_AIR = mavlink.MAV_LANDED_STATE_IN_AIR
 ENTERED = NavigationTarget(AUTOPILOT, -34.99, 149.0, 884.0)  # where the guided mode was entered
@@ -108,6 +110,28 @@ def test_px4_that_fell_out_of_offboard_in_the_stall_is_given_back() -> None:
         assert [m for m in sent if m.get_type().startswith("SET_POSITION")] == []
         assert seat.now_s - T0 < 60.0
     assert seat.mode == MISSION
+
+
+def test_an_alarm_names_the_mode_that_px4_fell_into_and_cannot_leave() -> None:
+    seat = flying(PX4, Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 3.0))
+    texts: list[str] = []
+
+    def refuses(message: Message) -> bool:
+        if getattr(message, "command", None) == SET_MODE:
+            seat.answer(SET_MODE, mavlink.MAV_RESULT_DENIED)
+            return False
+        return True
+
+    seat.obeys = refuses
+    announce = seat._perform
+    seat._perform = lambda effects: (  # type: ignore[method-assign]
+        texts.extend(one.text for one in effects if isinstance(one, Say)),
+        announce(effects),
+    )[1]
+    seat.status = 5
+    stall(seat, 1.2, RETURN)
+    seat.fly(40.0)
+    assert "Avoidance: cannot leave RETURN, take over" in texts
 
 
 def test_px4_that_fell_out_of_offboard_with_an_invalid_setpoint_recovers_first() -> None:

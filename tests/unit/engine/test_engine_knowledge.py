@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from companion.engine import Engine
+from companion.airspace.fences import FenceZone
+from companion.engine import Engine, EngineConfig, EngineParams
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import (
     AirData,
@@ -80,6 +81,25 @@ def test_the_floor_is_above_known_terrain() -> None:
         run(engine, [heartbeat(), here, report, traffic(T0)], T0)
         floors.append(engine.avoider.envelope.min_altitude_m)
     assert floors == [614.0, 864.0]
+
+
+def test_limits_and_fence_are_made_again_only_when_what_they_are_made_from_changes() -> None:
+    """Home's altitude varies by centimetres all the time."""
+    zone = FenceZone(False, centre_deg=(-34.5, 149.0), radius_m=100.0, max_height_m=500.0)
+    engine = Engine(EngineConfig(engine=EngineParams(autopilot_system_id=1), fences=(zone,)))
+    home_m = (584.0, 584.3, 583.8, 587.0)
+    made = []
+    for tick, altitude_m in enumerate(home_m):
+        now_s = T0 + tick / 10
+        here = replace(position(now_s), altitude_m=altitude_m + 300.0)
+        run(engine, [heartbeat(), here, traffic(now_s)], now_s)
+        made.append((engine.avoider.fence, engine.avoider.envelope))
+    (fence, envelope), *unchanged, (moved, raised) = made
+    assert all(one is fence and other is envelope for one, other in unchanged)
+    assert fence is not None
+    assert moved is not None
+    assert [one.zones[0].max_altitude_m for one in (fence, moved)] == [1084.0, 1087.0]
+    assert [one.min_altitude_m for one in (envelope, raised)] == [614.0, 617.0]
 
 
 def mission_item(sequence: int, command: int, lat_deg: float) -> MissionItem:

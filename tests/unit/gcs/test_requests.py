@@ -1,5 +1,7 @@
 """Requests of the operator: settings as parameters; the role and resuming the mission by command."""
 
+from dataclasses import replace
+
 import pytest
 
 from companion.engine import EngineConfig
@@ -38,6 +40,20 @@ def test_a_command_without_a_valid_role_is_denied(operator: GcsRequests, request
     (answer,) = operator.receive(request_)
     assert answer.result == mavlink.MAV_RESULT_DENIED
     assert operator.role is Role.FLY
+
+
+def test_a_copy_of_a_command_changes_nothing_and_is_answered_as_before(operator: GcsRequests) -> None:
+    """A script that counts its frames from 0 whenever it is run waits for an answer each time."""
+    for role in (3.0, 1.0):
+        (before,) = operator.receive(command(role))
+        (answer,) = operator.receive(replace(command(role), is_copy=True))
+        assert (answer.command, answer.result) == (SET_MODE, before.result)
+        assert (answer.target_system, answer.target_component) == (255, 190)
+    operator.receive(command(2.0))
+    (answer,) = operator.receive(replace(command(1.0), is_copy=True))
+    assert answer.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED, "it is not in force any more"
+    assert operator.role is Role.FLY
+    assert operator.receive(replace(command(0.0), is_copy=True)) == [], "never received"
 
 
 def test_other_commands_are_unsupported(operator: GcsRequests) -> None:

@@ -98,7 +98,7 @@ def test_the_higher_terrain_of_map_and_height_above_terrain_counts() -> None:
     [
         (HeightLimits(30.0), None, Envelope(), 530.0, None),
         (HeightLimits(30.0, 120.0), None, Envelope(), 530.0, 620.0),
-        (HeightLimits(30.0), 599.2, Envelope(), 630.0, None),
+        (HeightLimits(30.0), 600.0, Envelope(), 630.0, None),
         (HeightLimits(30.0), 400.0, Envelope(), 530.0, None),
         (HeightLimits(30.0, 120.0, 50.0, 100.0), None, Envelope(), 550.0, 600.0),
         (HeightLimits(30.0, 120.0, 10.0, 150.0), None, Envelope(), 530.0, 620.0),
@@ -109,6 +109,6 @@ def test_the_higher_terrain_of_map_and_height_above_terrain_counts() -> None:
 def test_the_tightest_floor_and_ceiling_count(
     limits: HeightLimits, terrain_m: float | None, envelope: Envelope, floor_m: float, ceiling_m: float | None
 ) -> None:
-    limited = limit_heights(envelope, limits, 500.2, terrain_m)
+    limited = limit_heights(envelope, limits, 500.0, terrain_m)
     assert (limited.min_altitude_m, limited.max_altitude_m) == (floor_m, ceiling_m)
     assert limited.max_bank_rad == envelope.max_bank_rad

@@ -107,7 +107,7 @@ def test_the_mission_is_flown_to_its_end_and_then_home() -> None:
     assert [m.seq for m in bench.messages("MISSION_ITEM_REACHED")] == [2, 3]
     assert "Mission complete, changing mode to RTL" in bench.texts()
     bench.fly(300.0)
-    assert math.hypot(*bench.vehicle.truth.position_m[:2]) == pytest.approx(130.0, abs=40.0)
+    assert math.hypot(*bench.vehicle.truth.position_m[:2]) == pytest.approx(120.0, abs=4.0)
     assert height_m(bench) == pytest.approx(100.0, abs=1.0)
 
 

@@ -9,6 +9,7 @@ from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, Mode, Px4Mode
 from tests.support import arduplane_bench, px4_bench
+from tests.support.autopilots import MISSION_MODE, both
 from tests.support.vehicle_bench import (
     ACCEPTED,
     DENIED,
@@ -28,9 +29,6 @@ LOITER = {"ardupilot": (Mode.LOITER,), "px4": (4, 3)}
 FENCE_ON: dict[str, dict[str, float]] = {"ardupilot": {"FENCE_ENABLE": 1}, "px4": {"GF_ACTION": 3}}
 FENCE_OFF: dict[str, dict[str, float]] = {"ardupilot": {"FENCE_ENABLE": 0}, "px4": {"GF_ACTION": 0}}
 HOMEWARD = {"ardupilot": "RTL", "px4": "RETURN"}
-ON_MISSION = {"ardupilot": "AUTO", "px4": "MISSION"}
-
-both = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 
 
 def place(bench: Bench, north_m: float, east_m: float) -> GeoPoint:
@@ -110,7 +108,7 @@ def test_a_fence_breach_returns_the_aircraft_home(autopilot: str, items: Any) ->
     assert upload(bench, items) == mavlink.MAV_MISSION_ACCEPTED
     while bench.vehicle.truth.position_m[0] < 290.0:
         bench.fly(0.5)
-        assert bench.vehicle.truth.mode == ON_MISSION[autopilot]
+        assert bench.vehicle.truth.mode == MISSION_MODE[autopilot]
     bench.fly(3.0)
     assert bench.vehicle.truth.mode == HOMEWARD[autopilot]
     assert len(bench.texts()) >= 1
@@ -121,7 +119,7 @@ def test_a_disabled_fence_has_no_effect(autopilot: str) -> None:
     bench = AIRBORNE[autopilot](parameters=FENCE_OFF[autopilot])
     upload(bench, square(INCLUSION, 100.0))
     bench.fly(20.0)
-    assert bench.vehicle.truth.mode == ON_MISSION[autopilot]
+    assert bench.vehicle.truth.mode == MISSION_MODE[autopilot]
 
 
 def test_arduplane_reports_a_breach_without_an_action() -> None:
@@ -153,7 +151,7 @@ def test_a_reboot_in_flight_resets_streams_and_boot_time_only(autopilot: str) ->
     bench.by_long(512, attitude)
     assert bench.messages("ATTITUDE")[-1].time_boot_ms == pytest.approx(5000, abs=100)
     truth = bench.vehicle.truth
-    assert (truth.armed, truth.mode) == (True, ON_MISSION[autopilot])
+    assert (truth.armed, truth.mode) == (True, MISSION_MODE[autopilot])
     assert truth.position_m[0] > before.position_m[0] + 50.0
 
 
@@ -179,7 +177,7 @@ def test_a_failsafe_is_critical_and_may_return_home(autopilot: str) -> None:
     bench.vehicle.fail_safe(True)
     bench.fly(1.0)
     assert bench.messages("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_CRITICAL
-    assert bench.vehicle.truth.mode == ON_MISSION[autopilot]
+    assert bench.vehicle.truth.mode == MISSION_MODE[autopilot]
     bench.vehicle.fail_safe(True, return_home=True)
     assert bench.vehicle.truth.mode == HOMEWARD[autopilot]
     bench.vehicle.fail_safe(False)
@@ -211,7 +209,7 @@ def test_a_command_is_refused_until_the_fault_ends(autopilot: str) -> None:
     bench = AIRBORNE[autopilot]()
     bench.vehicle.refuse(SET_MODE, DENIED)
     assert bench.by_long(SET_MODE, 1, *LOITER[autopilot]) == DENIED
-    assert bench.vehicle.truth.mode == ON_MISSION[autopilot]
+    assert bench.vehicle.truth.mode == MISSION_MODE[autopilot]
     bench.vehicle.refuse(SET_MODE, None)
     assert bench.by_long(SET_MODE, 1, *LOITER[autopilot]) == ACCEPTED
 
@@ -222,7 +220,7 @@ def test_a_silenced_command_is_not_acknowledged_but_may_be_executed(autopilot: s
     bench = AIRBORNE[autopilot]()
     bench.vehicle.silence(SET_MODE, does=does)
     assert bench.by_long(SET_MODE, 1, *LOITER[autopilot]) == -1
-    assert (bench.vehicle.truth.mode == ON_MISSION[autopilot]) is not does
+    assert (bench.vehicle.truth.mode == MISSION_MODE[autopilot]) is not does
     bench.vehicle.silence(SET_MODE, does=None)
     assert bench.by_long(SET_MODE, 1, *LOITER[autopilot]) == ACCEPTED
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message
-from sim.traffic import ADSB_RECEIVER, ALL_VALID, AdsbReceiver, Intruder, Maneuver, ReceiverModel
+from sim.receivers.mavlink import ADSB_RECEIVER, ALL_VALID
+from sim.traffic import AdsbReceiver, Intruder, Maneuver, ReceiverModel
 
 START_S = 1_800_000_000.0
 FRAME = LocalFrame(-35.0, 149.0)

@@ -16,7 +16,7 @@ from companion.recording.recorder import Recorder
 from companion.web import Observers
 from companion.web import state as state_module
 from companion.web.display import pack, unpack
-from companion.web.health import Health, LinkCount, LoopTimes
+from companion.web.health import Health, LinkCount, LoopTimes, ReceiverCount
 from companion.web.live_snapshot import live_snapshot_of
 from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
@@ -196,7 +196,9 @@ def test_state_md_explains_every_key() -> None:
     explained = set(re.findall(r"`(\w+)`", text)) | set(re.findall(r"\b(\w+_(?:m|deg))\b", text))
     snapshot = snapshot_after(40.0)
     zone = FenceZone(inclusion=True, centre_deg=(-35.0, 149.0), radius_m=100.0)
-    snapshot = replace(snapshot, zones=(zone,), health=health(links=(LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)))
+    links = (LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)
+    receivers = (ReceiverCount("sbs:tcp:a:1", "SBS", "", 0, 0, (), 0, 0, 0.0, None),)
+    snapshot = replace(snapshot, zones=(zone,), health=health(links=links, receivers=receivers))
     stats = RollingStats()
     stats.add(snapshot.health)
     assert keys_of(state_of(snapshot, 1, stats)) <= explained
@@ -208,3 +210,17 @@ def keys_of(value: object) -> set[str]:
     if isinstance(value, list):
         return {key for inside in value for key in keys_of(inside)}
     return set()
+
+
+def test_receivers_are_listed_with_their_rates() -> None:
+    stats = RollingStats(clock_s=iter(range(100)).__next__)
+    one = ReceiverCount("sbs:tcp:a:1", "SBS", "speed", 0, 0, (("truncated", 2),), 3, 4, 0.25, None)
+    for second in range(4):
+        stats.add(health(receivers=(replace(one, messages=20 * second, reports=10 * second),)))
+    assert stats.receivers() == [
+        {
+            "address": "sbs:tcp:a:1", "title": "SBS", "lacks": "speed", "problem": None,
+            "messages_per_s": 20.0, "reports_per_s": 10.0, "aircraft": 4, "bad": 2,
+            "dropped": 3, "silent_s": 0.2,
+        }
+    ]  # fmt: skip
