@@ -33,6 +33,8 @@ _AVERAGED_INTERVALS: Final = 4.0
 _POSITIONS_S: Final = 8.0
 # M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
 CONFIRMED_REPORTS: Final = 2
+# A hypothesis of one report is confirmed by a second one this near to its prediction, more by a turn.
+_TENTATIVE_M, _TENTATIVE_MPS2 = 90.0, 5.0
 # Gates by which the nearest neighbour is measured [m].
 _GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
 
@@ -215,9 +217,18 @@ class Target:
             return True
         fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, None)
         if not here.is_outlier(fix):
-            return True
+            return self.shown or self._is_near_prediction(measurement)
         # A wrong stated velocity has led the prediction astray.
         return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
+
+    def _is_near_prediction(self, measurement: Measurement) -> bool:
+        """The gate before the second report: two outliers far apart in time must not confirm each other."""
+        if self.last.velocity_mps is None:
+            return True
+        elapsed_s = measurement.time_s - self.measured_s
+        speed_mps = math.hypot(*self.velocity_mps)
+        gate_m = _TENTATIVE_M + speed_mps + 0.5 * _TENTATIVE_MPS2 * elapsed_s**2
+        return math.hypot(*self.offset_m(measurement)) <= gate_m
 
     def explains_altitude(self, measurement: Measurement) -> bool:
         """Whether one of its altitudes fits, or there is none to compare with."""
