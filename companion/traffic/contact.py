@@ -13,10 +13,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
-from companion.traffic.measurement import Measurement, RepeatFilter
+from companion.traffic.measurement import DropReason, Measurement, RepeatFilter
 from companion.traffic.observers import Observer, Observers
 from companion.traffic.params import TrafficParams
-from companion.traffic.target import CONFIRMED_REPORTS, DropReason, Target
+from companion.traffic.target import CONFIRMED_REPORTS, Target
 
 # A hypothesis that is not confirmed in this time is dropped: three scans of a slow receiver.
 _UNCONFIRMED_S: Final = 12.0
