@@ -6,6 +6,7 @@ import os
 import socket
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -242,7 +243,7 @@ class Collector:
 
 
 async def polled(where: DocumentAddress, until: Callable[[], bool], documents: Collector) -> None:
-    link = DocumentLink("readsb:test", where, documents.content, period_s=0.01)
+    link = DocumentLink("readsb:test", where, replace(documents.content, document_period_s=0.01))
     task = asyncio.create_task(link.run(lambda _frames, _link: None))
     async with asyncio.timeout(10.0):
         while not until() and not task.done():  # noqa: ASYNC110 - no event is set
