@@ -42,6 +42,7 @@ from companion.receiving import Receiving
 from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.sources.receiver import Piece, Receiver
+from companion.summary import summary
 from companion.watchdog import Watchdog
 from companion.web import Display, Observers
 from companion.web.health import Health, LoopTimes, ReceiverCount
@@ -138,7 +139,8 @@ class Runtime:
     def _close(self) -> None:
         for link in self._all_links:
             link.close()
-        self._sum_up()
+        for line in summary(self.links, self.receivers, self._health(), self.engine):
+            _log.info(line)
         if self.recorder is not None:
             self.recorder.close()
         if self._settings is not None:
@@ -402,37 +404,6 @@ class Runtime:
                 _log.warning("no autopilot heard on %s; waiting for one", where)
         adapter = self.engine.aircraft.adapter
         _log.info("%s, system %d", adapter.name, adapter.target.system_id)
-
-    def _sum_up(self) -> None:
-        """Log what the links carried, and what was dropped."""
-        for link in self.links:
-            heard = link.counters
-            _log.info(
-                "%s: %d frames in (%d bad bytes, %d lost, %d unknown), %d out (%d errors)",
-                link.address,
-                heard.frames,
-                heard.bad_bytes,
-                heard.lost,
-                heard.unknown,
-                heard.sent_frames,
-                heard.send_errors,
-            )
-        for one in self.receivers:
-            _log.info("%s", one.summary())
-        intake = self.intake
-        _log.info(
-            "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
-            "%d copies of requests ignored, %d traffic reports refused, %d dropped, "
-            "%d messages not sent after a stall",
-            intake.unusable,
-            intake.past,
-            intake.of_others,
-            self.engine.foreign,
-            intake.repeated,
-            self.engine.tracker.dropped.total(),
-            self._stepper.dropped_facts,
-            self.unsent,
-        )
 
 
 async def _optional(work: Coroutine[None, None, None]) -> None:

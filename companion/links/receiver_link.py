@@ -14,6 +14,7 @@ from companion.output.notice import Condition
 from companion.sources.receiver import Piece, Receiver
 
 SILENCE_S = 10.0
+_OPENED_AGAIN_S = 2.0  # a link that works again by then is not worth a text
 # A message of these formats takes up to 0.1 ms: ticks stay on time with so many bytes at once, and what waits
 # is not older than a few tenths of a second.
 _PIECE_BYTES, _BYTES_AT_ONCE, _MAX_WAITING = 1024, 2048, 128
@@ -50,27 +51,23 @@ class ReceiverLink:
         """Why it is of no use now, in a few words; `None` if it is."""
         if self._reconnect.problem is not None:
             return self._reconnect.problem
-        silent_s = self.silent_s(now_s)
-        if silent_s >= SILENCE_S:
-            return f"silent for {SILENCE_S:.0f} s"
-        return self.receiver.status
+        if self.silent_s(now_s) < SILENCE_S:
+            return self.receiver.status
+        taken_s = self.receiver.taken_s
+        heard = taken_s is not None and now_s - taken_s < SILENCE_S
+        return f"{'not understood' if heard else 'silent'} for {SILENCE_S:.0f} s"
 
     def condition(self, name: str, now_s: float) -> Condition | None:
         """What the operator should know of it; `name` is its name in texts."""
         problem = self.problem(now_s)
         if problem is None:
             return None
-        key, text = f"receiver {self.receiver.address}", f"Avoidance: {name}: {problem}"
-        return Condition(key, mavlink.MAV_SEVERITY_WARNING, text, f"Avoidance: {name} works again")
-
-    def summary(self) -> str:
-        """What it sent since the start, in one line."""
-        counted = self.receiver.counters
-        bad = "".join(f", {count} {why}" for why, count in sorted(counted.bad.items())) or ", none bad"
-        dropped = self.link.counters.dropped
-        return (
-            f"{self.receiver.address}: {counted.messages} messages, {counted.reports} reports{bad}, "
-            f"{dropped} pieces dropped"
+        return Condition(
+            f"receiver {self.receiver.address}",
+            mavlink.MAV_SEVERITY_WARNING,
+            f"Avoidance: {name}: {problem}",
+            f"Avoidance: {name} works again",
+            after_s=0.0 if self._reconnect.problem is None else _OPENED_AGAIN_S,
         )
 
     def _new_reader(self, _counters: StreamCounters) -> "_Pieces":
@@ -82,11 +79,11 @@ class ReceiverLink:
 
 def conditions_of(receivers: Sequence[ReceiverLink], now_s: float) -> list[Condition]:
     """What the operator should know of the receivers, each by its format if it is the only one of it."""
-    titles = Counter(one.receiver.title for one in receivers)
+    formats = Counter(one.receiver.format for one in receivers)
     found = []
     for one in receivers:
-        title = one.receiver.title
-        name = f"{title} receiver" if titles[title] == 1 else one.receiver.address
+        only = formats[one.receiver.format] == 1
+        name = f"{one.receiver.format} receiver" if only else one.receiver.address
         found.append(one.condition(name, now_s))
     return [condition for condition in found if condition is not None]
 

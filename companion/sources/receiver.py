@@ -26,13 +26,14 @@ class Piece(NamedTuple):
 class Receiver:
     """A decoder, and when it was heard. `address` names it in reports, on pages and in logs.
 
-    `pieces` counts what was taken, `heard_s` is the time of the newest whole message. `status` is a problem
-    that the receiver itself reports; `None` if there is none known.
+    `pieces` counts what was taken, `taken_s` is the time of the newest piece and `heard_s` that of the newest
+    whole message. `status` is a problem that the receiver itself reports; `None` if there is none known.
     """
 
     def __init__(self, address: str, decoder: Decoder) -> None:
         self.address = address
         self.pieces = 0
+        self.taken_s: float | None = None
         self.heard_s: float | None = None
         self.status: str | None = None
         self._decoder = decoder
@@ -42,6 +43,11 @@ class Receiver:
     def of(cls, address: str, name: str) -> "Receiver":
         """A receiver of this format; `ConfigError` if a part of the format is missing."""
         return cls(address, new_decoder(name))
+
+    @property
+    def format(self) -> str:
+        """The format, as in addresses."""
+        return self._decoder.format
 
     @property
     def title(self) -> str:
@@ -66,6 +72,7 @@ class Receiver:
     def take(self, piece: Piece, received_s: float) -> list[Heard]:
         """The facts in the next piece, each with our address."""
         self.pieces += 1
+        self.taken_s = received_s
         messages = self.counters.messages
         try:
             if piece.begins:

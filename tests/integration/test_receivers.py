@@ -14,8 +14,9 @@ from companion.address import parse_receiver_address
 from companion.config import Config
 from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
-from companion.links import ReceiverLink, memory_pair
-from companion.mavlink.framing import Frame, make_frame
+from companion.links import MemoryLink, ReceiverLink, memory_pair
+from companion.mavlink.dialect import mavlink
+from companion.mavlink.framing import Frame, decode, make_frame
 from companion.mavlink.tlog import read_tlog
 from companion.preflight import run_preflight
 from companion.recording.pieces import TUNNEL, PieceWriter
@@ -23,12 +24,15 @@ from companion.recording.recorder import Recorder
 from companion.replay import replay
 from companion.runtime import Runtime
 from companion.sources.receiver import INTERNAL_ERROR, Piece
+from companion.summary import summary
 from sim.clock import ScaledClock
 from tests.support.line_decoder import line_formats, traffic_line
 from tests.support.talking_autopilot import Autopilot
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
+
+STATUSTEXT = mavlink.MAVLINK_MSG_ID_STATUSTEXT
 
 
 @pytest.fixture(autouse=True)
@@ -46,11 +50,23 @@ def head_on(step: int, icao: int = 0xA00001) -> bytes:
     return traffic_line(icao, -34.985 - step * 12.0 / 111_195.0, 149.0)
 
 
+class Listening(Autopilot):
+    """Remembers what it hears."""
+
+    def __init__(self, link: MemoryLink) -> None:
+        super().__init__(link, sees_traffic=False)
+        self.heard: list[Frame] = []
+
+    def hear(self, frames: list[Frame], link: object) -> None:
+        self.heard += frames
+        super().hear(frames, link)
+
+
 @dataclass
 class Flight:
     runtime: Runtime
     receiver: ReceiverLink
-    autopilot: Autopilot
+    autopilot: Listening
     station: socket.socket
     stopped_us: int = 0
 
@@ -77,7 +93,7 @@ async def flight(folder: Path | None = None) -> AsyncIterator[Flight]:
     recorder = None if folder is None else Recorder(folder, 0.0)
     clock = ScaledClock(1.0, start_s=1.75e9, monotonic_s=asyncio.get_running_loop().time)
     runtime = Runtime(new_engine(), [near], receivers=[receiver], recorder=recorder, clock=clock)
-    autopilot = Autopilot(far, sees_traffic=False)
+    autopilot = Listening(far)
     flying = asyncio.create_task(autopilot.run())
     running = asyncio.create_task(runtime.run())
     try:
@@ -138,15 +154,10 @@ async def test_traffic_of_a_receiver_is_avoided_and_replayed_alike(tmp_path: Pat
 @in_virtual_time
 async def test_nothing_recorded_of_a_receiver_is_sent(tmp_path: Path) -> None:
     async with flight(tmp_path) as flown:
-        heard: list[int] = []
-        hear = flown.autopilot.hear
-        flown.autopilot.hear = lambda frames, link: (  # type: ignore[method-assign]
-            heard.extend(frame.message_id for frame in frames),
-            hear(frames, link),
-        )[1]
-        flown.autopilot.link._waiting.clear()
         await flown.meet()
-    assert TUNNEL not in heard
+    assert len(flown.autopilot.heard) > 20
+    assert TUNNEL not in {frame.message_id for frame in flown.autopilot.heard}
+    assert tunnels_in(tmp_path)
 
 
 def test_a_damaged_record_is_replayed_without_its_damaged_pieces(tmp_path: Path) -> None:
@@ -203,20 +214,18 @@ async def test_a_threat_is_answered_at_once() -> None:
 
 async def test_a_flood_leaves_ticks_on_time_and_drops_are_counted() -> None:
     async with flight() as flown:
-        ticks, skipped = flown.runtime._stepper.ticks, flown.runtime._stepper.skipped_ticks
+        ticks = flown.runtime._stepper.ticks
         loop = asyncio.get_running_loop()
         began_s = loop.time()
         datagram = b"".join(traffic_line(0xB00000 + n, -34.0 + n * 1e-3, 149.5) for n in range(1000))
-        sent = 0
         while loop.time() - began_s < 1.0:
             flown.receiver.link.arrived("station", datagram)  # type: ignore[attr-defined]
-            sent += 1000
             await asyncio.sleep(0.01)
         lasted_s = loop.time() - began_s
-        assert sent > 20_000
+        assert flown.receiver.receiver.counters.messages > 1000
         assert flown.receiver.link.counters.dropped > 0
-        assert flown.runtime._stepper.skipped_ticks == skipped
-        assert flown.runtime._stepper.ticks - ticks >= int(lasted_s * 10) - 2
+        # On a busy machine some are skipped; without a bound there would be none.
+        assert flown.runtime._stepper.ticks - ticks >= int(lasted_s * 10) // 2
 
 
 @in_virtual_time
@@ -240,9 +249,10 @@ async def test_health_and_what_the_operator_is_told() -> None:
         assert counts.bad == (("unknown line", 1),)
         assert counts.problem == "no GPS fix"
         assert counts.silent_s < 5.0
-        assert flown.receiver.summary() == (
-            "gdl90:udpin:127.0.0.1:0: 2 messages, 1 reports, 1 unknown line, 0 pieces dropped"
+        _, line, _ = summary(
+            flown.runtime.links, [flown.receiver], flown.runtime._health(), flown.runtime.engine
         )
+        assert line == "gdl90:udpin:127.0.0.1:0: 2 messages, 1 reports, 1 unknown line, 0 pieces dropped"
 
 
 @in_virtual_time
@@ -270,3 +280,15 @@ async def test_check_lists_each_receiver_and_what_it_lacks() -> None:
     assert "No such file or directory" in file.text
     assert not tcp.good
     assert not file.good
+
+
+@in_virtual_time
+async def test_silence_is_told_repeated_and_its_end_told() -> None:
+    async with flight() as flown:
+        await asyncio.sleep(50.0)
+        flown.say(b"H\n")
+        await asyncio.sleep(5.0)
+    messages = [decode(frame) for frame in flown.autopilot.heard if frame.message_id == STATUSTEXT]
+    texts = [message.text for message in messages if message is not None and "gdl90" in message.text]
+    silent = "Avoidance: gdl90 receiver: silent for 10 s"
+    assert texts == [silent, silent, "Avoidance: gdl90 receiver works again"]

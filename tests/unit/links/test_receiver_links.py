@@ -175,25 +175,32 @@ def test_a_decoder_that_raises_is_counted_and_dropped(caplog: pytest.LogCaptureF
     assert receiver.take(Piece(receiver.address, A), 2.0) != []
 
 
+def texts_of(receivers: list[ReceiverLink], now_s: float) -> list[str]:
+    return [each.text for each in conditions_of(receivers, now_s)]
+
+
 async def test_silence_problems_and_recovery_are_conditions() -> None:
     one, other = receiver_at("gdl90:udpin:127.0.0.1:0"), receiver_at("readsb:file:/x")
-    assert conditions_of([one, other], 0.0) == []
-    assert [each.text for each in conditions_of([one], 10.0)] == [
-        "Avoidance: GDL 90 receiver: silent for 10 s"
-    ]
+    assert texts_of([one, other], 0.0) == []
+    assert texts_of([one], 10.0) == ["Avoidance: gdl90 receiver: silent for 10 s"]
     one.receiver.take(Piece("", b"H\n"), 12.0)
-    assert conditions_of([one], 21.9) == []
+    assert texts_of([one], 21.9) == []
     one.receiver.take(Piece("", b"junk\n"), 21.9)
-    (silent,) = conditions_of([one], 22.0)
-    assert silent.ended == "Avoidance: GDL 90 receiver works again"
-    assert silent.matters
+    (condition,) = conditions_of([one], 22.0)
+    assert condition.text == "Avoidance: gdl90 receiver: not understood for 10 s"
+    assert condition.ended == "Avoidance: gdl90 receiver works again"
+    assert condition.matters, "it is repeated"
     one.receiver.take(Piece("", b"S,no GPS fix\n"), 23.0)
-    assert [each.text for each in conditions_of([one], 23.0)] == ["Avoidance: GDL 90 receiver: no GPS fix"]
+    assert texts_of([one], 23.0) == ["Avoidance: gdl90 receiver: no GPS fix"]
     one.receiver.take(Piece("", b"S,\n"), 24.0)
-    assert conditions_of([one], 24.0) == []
-    twin = receiver_at("gdl90:tcp:127.0.0.1:4000")
-    texts = {each.text for each in conditions_of([one, twin], 40.0) + conditions_of([one, twin], 51.0)}
-    assert "Avoidance: gdl90:tcp:127.0.0.1:4000: silent for 10 s" in texts
+    assert texts_of([one], 24.0) == []
+
+
+async def test_two_receivers_of_a_format_are_told_apart() -> None:
+    texts = ["gdl90:udpin:127.0.0.1:0", "gdl90:tcp:127.0.0.1:4000"]
+    receivers = [receiver_at(text) for text in texts]
+    assert texts_of(receivers, 0.0) == []
+    assert texts_of(receivers, 10.0) == [f"Avoidance: {text}: silent for 10 s" for text in texts]
 
 
 class WebServer:

@@ -61,6 +61,14 @@ def test_the_registry_loads_no_library_of_a_format() -> None:
     assert out.stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_is_whole(name: str) -> None:
+    kind = decoder_class(name)
+    assert kind.title
+    assert kind.lacks
+    assert new_decoder(name).counters.messages == 0
+
+
 def test_every_decoder_in_this_room_is_in_the_registry() -> None:
     registered = {form.decoder for form in FORMATS.values()}
     for module in iter_modules(sources.__path__, f"{sources.__name__}."):
