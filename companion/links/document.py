@@ -67,6 +67,7 @@ class DocumentLink(Link):
             with contextlib.suppress(TimeoutError):
                 wait_s = max(self._period_s - (time.monotonic() - read_s), 0.0)
                 await asyncio.wait_for(self._closed.wait(), wait_s)
+            if self._closed.is_set():  # perhaps at the same moment as the time was up
                 return
             document = await self._fetch()
 

@@ -259,6 +259,20 @@ async def polled(where: DocumentAddress, until: Callable[[], bool], documents: C
     await task
 
 
+async def test_a_link_that_is_closed_when_the_next_reading_is_due_ends(tmp_path: Path) -> None:
+    path = tmp_path / "aircraft.json"
+    path.write_bytes(b"{}")
+    ended = Content(lambda _counters: Closing(), document_period_s=0.0)
+    link = DocumentLink("readsb:test", DocumentAddress(None, str(path)), ended)
+
+    class Closing(Collector):
+        def feed(self, data: bytes) -> list[Frame]:
+            link.close()
+            return super().feed(data)
+
+    await asyncio.wait_for(link.run(lambda _frames, _link: None), 10.0)
+
+
 async def test_a_document_that_did_not_change_gives_nothing() -> None:
     documents = Collector()
     async with serving(ok(b"one"), ok(b"one"), ok(b"two"), ok(b"two")) as (web, url):
