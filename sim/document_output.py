@@ -71,19 +71,22 @@ class DocumentServer(_DocumentOutput):
         self._url = urlsplit(url)
         self._document: bytes | None = None
         self._server: asyncio.Server | None = None
+        self._opening = asyncio.Lock()  # `open` and `run` at the same time
         if self._url.scheme != "http":
             raise LinkError(f"{address}: only http can be served here")
 
     async def open(self) -> None:
         """Listen; `LinkError` if the port is in use or forbidden."""
-        if self._server is None and not self._closed.is_set():
-            host, port = self._url.hostname, self._url.port or 80
-            try:
-                self._server = await asyncio.start_server(
-                    self._answer, host, port, limit=_LONGEST_REQUEST_BYTES
-                )
-            except OSError as error:
-                raise LinkError(f"{self.address}: {error_text(error)}") from error
+        async with self._opening:
+            if self._server is None and not self._closed.is_set():
+                await self._listen()
+
+    async def _listen(self) -> None:
+        host, port = self._url.hostname, self._url.port or 80
+        try:
+            self._server = await asyncio.start_server(self._answer, host, port, limit=_LONGEST_REQUEST_BYTES)
+        except OSError as error:
+            raise LinkError(f"{self.address}: {error_text(error)}") from error
 
     def close(self) -> None:
         """Close for good; `run` returns. A second call does nothing."""
