@@ -6,7 +6,6 @@ slope, from an inverse-gamma prior (Gelman et al., Bayesian Data Analysis, 3rd e
 """
 
 import math
-from collections import deque
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
@@ -25,6 +24,8 @@ _SIGNIFICANT, _MORE_SIGNIFICANT = 4.3, 0.4
 # way.
 _TIMING_S: Final = 0.55
 _WRONG_SHARE, _RIGHT_SHARE = 0.25, 0.15
+# Most rates are right: then all points are compared only so often.
+_SKIPPED, _PLAINLY_SHARE = 4, 0.5
 # A line through so many places continues within so many sigmas, and as far as the aircraft can turn away.
 _LINE_POINTS, _LINE_SIGMAS, _ACCELERATION_MPS2 = 4, 3.0, 5.0
 # A rate that was wrong must agree for this long.
@@ -50,16 +51,18 @@ class StatedRate:
         "_points",
         "_right_since_s",
         "_sigma_m",
+        "_skipped",
         "trusted",
     )
 
     def __init__(self, sigma_m: float, floor_mps: float, axes: int) -> None:
         self._sigma_m, self._floor_mps, self._axes = sigma_m, floor_mps, axes
-        self._points: deque[_Point] = deque(maxlen=_MOST_POINTS)
+        self._points: list[_Point] = []
         self._integral = 0j
         self._last: tuple[float, complex] | None = None  # time and stated rate of the last report
         self._right_since_s: float | None = None
         self._learnt_m2, self._learnt_windows = 0.0, 0.0
+        self._skipped = 0
         self.trusted = True
 
     @property
@@ -101,12 +104,19 @@ class StatedRate:
         spacing_s = _SPACING_S if len(points) < _CLOSE_POINTS else 1.4 * _SPACING_S
         if points and time_s - points[-1].time_s < spacing_s - 1e-3:
             return self.trusted
-        while points and time_s - points[0].time_s > _LONGEST_S:
-            points.popleft()
+        while points and (len(points) >= _MOST_POINTS or time_s - points[0].time_s > _LONGEST_S):
+            del points[0]
         points.append(_Point(time_s, position_m - self._integral, place))
-        if len(points) >= _LEAST_POINTS:
+        if len(points) >= _LEAST_POINTS and not self._is_plainly_right():
             self._judge(time_s, stated_mps)
         return self.trusted
+
+    def _is_plainly_right(self) -> bool:
+        """Whether first and last agree, so that only every fourth time all are compared."""
+        self._skipped = (self._skipped + 1) % _SKIPPED if self.trusted else 0
+        first, last = self._points[0], self._points[-1]
+        drift_mps = abs(last.residual - first.residual) / (last.time_s - first.time_s)
+        return self._skipped != 0 and drift_mps < _PLAINLY_SHARE * self._floor_mps
 
     def _judge(self, time_s: float, stated_mps: complex) -> None:
         count = len(self._points)

@@ -29,8 +29,12 @@ _NOISE_SHARE: Final = 4.0 / 3.0
 _SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
 # The usual interval is averaged over so many reports.
 _AVERAGED_INTERVALS: Final = 4.0
+# Without a stated velocity it follows from the positions of this time.
+_POSITIONS_S: Final = 8.0
 # M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
 CONFIRMED_REPORTS: Final = 2
+# A hypothesis of one report is confirmed by a second one this near to its prediction, more by a turn.
+_TENTATIVE_M, _TENTATIVE_MPS2 = 90.0, 5.0
 # Gates by which the nearest neighbour is measured [m].
 _GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
 
@@ -38,7 +42,6 @@ _GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
 class DropReason(StrEnum):
     """Why a report, or a part of it, was not used."""
 
-    NO_ADDRESS = "no address"
     OWN = "ourselves"
     ON_GROUND = "on the ground"
     BAD_NUMBER = "bad number"
@@ -190,10 +193,20 @@ class Target:
         """Whether it was not reported for several of its usual intervals."""
         return now_s - self.measured_s > max(least_s, intervals * self.interval_s)
 
+    @property
+    def velocity_sigma_mps(self) -> float:
+        """The standard deviation of each horizontal axis of the velocity: stated, or from the positions."""
+        if self.last.velocity_mps is not None and self._velocity.trusted:
+            return self.sigma_mps
+        seen_s = min(max(self.measured_s - self.born_s, 0.0), _POSITIONS_S)
+        return max(self.sigma_mps, 2.0 * self.sigma_m / max(seen_s, self.interval_s, 0.5))
+
     def position_sigma_m(self, now_s: float) -> float:
         """The standard deviation of each horizontal axis of the extrapolated position [m]."""
         age_s = max(now_s - self.measured_s, 0.0)
-        return grown_sigma_m(self.sigma_m, self.sigma_mps, age_s, self._params.estimate.manoeuvre_mps)
+        return grown_sigma_m(
+            self.sigma_m, self.velocity_sigma_mps, age_s, self._params.estimate.manoeuvre_mps
+        )
 
     # --- gates
 
@@ -204,9 +217,18 @@ class Target:
             return True
         fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, None)
         if not here.is_outlier(fix):
-            return True
+            return self.shown or self._is_near_prediction(measurement)
         # A wrong stated velocity has led the prediction astray.
         return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
+
+    def _is_near_prediction(self, measurement: Measurement) -> bool:
+        """The gate before the second report: two outliers far apart in time must not confirm each other."""
+        if self.last.velocity_mps is None:
+            return True
+        elapsed_s = measurement.time_s - self.measured_s
+        speed_mps = math.hypot(*self.velocity_mps)
+        gate_m = _TENTATIVE_M + speed_mps + 0.5 * _TENTATIVE_MPS2 * elapsed_s**2
+        return math.hypot(*self.offset_m(measurement)) <= gate_m
 
     def explains_altitude(self, measurement: Measurement) -> bool:
         """Whether one of its altitudes fits, or there is none to compare with."""

@@ -58,6 +58,7 @@ def test_a_threat_is_kept_beyond_the_usual_time_and_its_uncertainty_grows() -> N
     sigmas_m = []
     for second in (5, 30, 60, 120):
         track = only(tracker.tracks(second, FRAME))
+        tracker.note_threats(["4B1234"], second)
         assert math.dist(track.position_m[:2], straight(START_M, VELOCITY_MPS, second)[:2]) < 1.0
         assert track.position_sigma_m is not None
         sigmas_m.append(track.position_sigma_m)
@@ -472,3 +473,12 @@ def test_a_threat_is_never_pushed_out() -> None:
 
 def test_the_surroundings_are_unknown_at_first() -> None:
     assert Tracker().surroundings == Surroundings()
+
+
+def test_a_conflict_that_ends_while_its_aircraft_is_heard_is_clear_whatever_happens_then() -> None:
+    tracker = Tracker()
+    own_at(tracker, 0.0)
+    follow(tracker, 5)
+    tracker.note_threats(["4B1234"], 5.0)
+    tracker.note_threats([], 6.0)
+    assert tracker.unheard(15.0) is None
