@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.model import Vec2, Vec3
+from companion.model import Threat, Vec2, Vec3
 from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
@@ -88,12 +88,19 @@ class FlightScore:
                 self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
         self.max_deviation_m = max(self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self._path))
 
-    def note_action(self, time_s: float, track_ids: Sequence[str]) -> None:
-        """Record that avoidance of these tracks is flown."""
-        for track_id in track_ids:
-            encounter = self.encounters.get(track_id)
+    def note_action(self, time_s: float, threats: Sequence[Threat]) -> None:
+        """Record that avoidance of these is flown."""
+        for threat in threats:
+            encounter = self.encounter_of(threat)
             if encounter is not None and encounter.first_action_s is None:
                 encounter.first_action_s = time_s - self.start_s
+
+    def encounter_of(self, threat: Threat) -> EncounterScore | None:
+        """The encounter with a threat, by its address, or by its callsign if it was heard without one."""
+        by_address = self.encounters.get(threat.track_id)
+        if by_address is not None:
+            return by_address
+        return next((each for each in self.encounters.values() if each.callsign == threat.name), None)
 
 
 def score_of(scenario: Scenario, world: World) -> FlightScore:
