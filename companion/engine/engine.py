@@ -275,9 +275,6 @@ class Engine:
             if fact.sender == self.aircraft.sender:
                 self._rates.traffic_s = now_s
             return self._receive_traffic(fact, now_s)
-        if isinstance(fact, ReceiverOwnship):
-            self._picture.observe_receiver(fact, now_s)
-            return False
         return self._receive_telemetry(fact, now_s, at_s)
 
     def _receive_telemetry(self, fact: Fact, now_s: float, at_s: float) -> bool:
