@@ -43,8 +43,11 @@ class Sides:
         """The links of this place that we send on."""
         if place == "all":
             return list(self._links)
+        leading = {link for link in self._links if self._leads(link)}
+        if not leading:
+            return []  # not known yet
         wanted = place == "autopilot"
-        return [link for link in self._links if self._leads(link) is wanted and not link.listen_only]
+        return [link for link in self._links if (link in leading) is wanted and not link.listen_only]
 
     def elsewhere(self, place: Place) -> frozenset[Address]:
         """The senders of traffic that are heard on none of the links to this place."""

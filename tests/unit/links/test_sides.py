@@ -24,7 +24,7 @@ def links(count: int) -> list[Link]:
 def test_links_are_divided_by_where_the_autopilot_is_heard() -> None:
     first, second = both = links(2)
     sides = Sides(both, lambda _frame: False)
-    assert sides.links_to("autopilot") == []
+    assert sides.links_to("autopilot") == sides.links_to("station") == []
     sides.observe([frame(BEAT, AUTOPILOT)], first)
     sides.observe([frame(BEAT, (255, 190))], second)
     assert sides.links_to("autopilot") == [first]
