@@ -13,6 +13,7 @@ from companion.links import Link, ReceiverLink
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from companion.runtime import Runtime
+from companion.traffic.params import Forward
 
 # Message rates are measured over whole windows of five seconds, which begin when they have been requested.
 DEFAULT_SECONDS = 12.0
@@ -49,7 +50,11 @@ async def run_preflight(
     `CompanionError` if a link can never be opened.
     """
     engine_config = config.for_engine()
-    advising = replace(engine_config, supervisor=replace(engine_config.supervisor, role="advise"))
+    advising = replace(
+        engine_config,
+        supervisor=replace(engine_config.supervisor, role="advise"),
+        traffic=replace(engine_config.traffic, forward="off"),
+    )
     engine = Engine(advising)
     engine.operator.at_most = Role.ADVISE
     runtime = Runtime(engine, links, receivers=receivers, clock=clock)
@@ -66,6 +71,7 @@ async def run_preflight(
                 (
                     *_findings(runtime, now_s),
                     *_receivers(runtime, now_s, now_s - started_s),
+                    *_forwarding(runtime, config.traffic.forward),
                     Finding("role", wanted.name.lower(), wanted is Role.FLY),
                 ),
                 tuple(engine.hindrances(now_s, wanted)),
@@ -133,6 +139,21 @@ def _receivers(runtime: Runtime, now_s: float, span_s: float) -> Iterator[Findin
         lacks = f"; lacks {receiver.lacks}" if receiver.lacks else ""
         text += f"{'' if problem is None else f'; {problem}'}{lacks}"
         yield Finding(f"receiver {receiver.address}", text, problem is None)
+
+
+def _forwarding(runtime: Runtime, forward: Forward) -> Iterator[Finding]:
+    """Where the traffic of receivers would be sent, and why it would be of no use there."""
+    adapter, parameters = runtime.engine.aircraft.adapter, runtime.engine.queries.parameters
+    if forward == "off" or not runtime.receivers or adapter is None:
+        return
+    ignored = adapter.ignores_traffic(parameters) if forward == "autopilot" else None
+    if not runtime.links_to(forward):
+        text, good = f"{forward}: there is no such link to send traffic on", False
+    elif ignored is not None:
+        text, good = f"{adapter.name} ignores the traffic that we send it ({ignored}): set it to 1", False
+    else:
+        text, good = f"traffic is sent on to the {forward}", True
+    yield Finding("forward", text, good)
 
 
 def _other_avoidance(adapter: Adapter, parameters: Mapping[str, float]) -> Iterator[Finding]:

@@ -8,6 +8,7 @@ from functools import partial
 from companion.clock import Clock
 from companion.control.emergency import EmergencyRelease
 from companion.engine import Stepper
+from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import OtherCompanion
 from companion.mavlink.framing import Frame
 from companion.mavlink.intake import Intake, Received
@@ -59,6 +60,12 @@ class Receiving:
                 self._stepper.receive(received.fact, now_us, received.true_s)
         self.arrived_s = None
 
+    def is_echo(self, frame: Frame) -> bool:
+        """Whether this is traffic that we sent on, come back; a receiver may have the same address."""
+        if frame.component_id != mavlink.MAV_COMP_ID_ADSB:
+            return False
+        return self.own_frames.is_echo(frame.raw, self._clock.now_us() / 1e6)
+
     def take_piece(self, receiver: Receiver, piece: Piece) -> None:
         """What a receiver sent to facts, and facts into the engine."""
         now_us = self._clock.now_us()
@@ -94,4 +101,6 @@ class Receiving:
         us = self._engine.sender
         if (frame.system_id, frame.component_id) == us and self.own_frames.is_foreign(frame.raw, now_s):
             return Received(OtherCompanion(us), now_s)
+        if self.is_echo(frame):
+            return None
         return self.intake.judge(frame, now_s)

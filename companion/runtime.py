@@ -32,11 +32,13 @@ from companion.engine import (
 from companion.errors import CompanionError, ungrouped
 from companion.links import Link, ReceiverLink, Reconnect, open_all
 from companion.links.receiver_link import conditions_of
+from companion.links.sides import Sides
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.facts import Sender
 from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.intake import Intake
 from companion.model import Role
+from companion.output.effects import Place
 from companion.output.persisted_state import PersistedState
 from companion.receiving import Receiving
 from companion.recording.recorder import Recorder
@@ -102,6 +104,7 @@ class Runtime:
         self._settings = settings
         self._encoder = Encoder()
         self._receiving = Receiving(self._stepper, self.clock, recorder, self._advance)
+        self._sides = Sides(self.links, self._receiving.is_echo)
         self._release: EmergencyRelease | None = None
         self._kept: PersistedState | None = None  # the newest state for the next run
         self._autopilot: Sender | None = None  # its address, as the links know it
@@ -113,6 +116,10 @@ class Runtime:
     def intake(self) -> Intake:
         """What became of the frames of all links."""
         return self._receiving.intake
+
+    def links_to(self, place: Place) -> list[Link]:
+        """The links of this place that we send on."""
+        return self._sides.links_to(place)
 
     def stop(self) -> None:
         """Give the aircraft back, then end."""
@@ -218,8 +225,16 @@ class Runtime:
             *(one for file in files for one in file.conditions()),
             *conditions_of(self.receivers, now_us / 1e6),
         )
+        self._note_sources(now_us / 1e6)
         self._advance(now_us)
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
+
+    def _note_sources(self, now_s: float) -> None:
+        """Note which traffic may be sent on: that of working receivers, and what is heard elsewhere."""
+        forwarding = self.engine.forwarding
+        if forwarding.to is not None:
+            forwarding.receiver_works = any(one.problem(now_s) is None for one in self.receivers)
+            forwarding.elsewhere = self._sides.elsewhere(forwarding.to)
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""
@@ -329,7 +344,8 @@ class Runtime:
         for message in release.messages(now_us / 1e6):
             self._guarded(partial(self._send, now_us, Transmit(self.engine.sender, message)))
 
-    def _on_frames(self, frames: list[Frame], _link: Link) -> None:
+    def _on_frames(self, frames: list[Frame], link: Link) -> None:
+        self._sides.observe(frames, link)
         self._hear(frames)
 
     def _hear(self, frames: list[Frame]) -> None:
@@ -372,9 +388,12 @@ class Runtime:
         if self.clock.now_us() - time_us > _LONGEST_DELAY_US:
             self.unsent += 1
             return
+        links = self._sides.links_to(effect.to)
+        if not links and effect.to != "all":
+            return
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
         self._receiving.own_frames.sent(raw, time_us / 1e6)
-        for link in self.links:
+        for link in links:
             link.send(raw)
         if self.recorder is not None:
             self.recorder.sent(time_us, raw)

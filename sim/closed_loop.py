@@ -148,7 +148,7 @@ class ClosedLoop:
         for effect in effects:
             if isinstance(effect, Record):
                 flight.decisions.append(effect.line)
-            elif isinstance(effect, Transmit):
+            elif isinstance(effect, Transmit) and effect.to != "station":
                 self._transmit(time_us, effect)
         layer = engine.decision.layer
         if (flight.layers[-1][1] if flight.layers else Layer.CLEAR) is not layer:

@@ -21,6 +21,7 @@ from companion.engine.deciding import Deciding
 from companion.engine_config import EngineConfig
 from companion.gcs.broadcasts import Broadcasts
 from companion.gcs.conditions import Conditions
+from companion.gcs.forwarding import Forwarding
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.notices import OperatorNotices
 from companion.gcs.phrases import TrafficSituation
@@ -103,6 +104,7 @@ class Engine:
         self._maneuvers = ManeuverNotices()
         self._conditions = Conditions()
         self._broadcasts = Broadcasts()
+        self.forwarding = Forwarding(config.traffic.forward)
         self._readiness = Readiness(
             self.aircraft,
             config.supervisor,
@@ -321,7 +323,10 @@ class Engine:
 
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
+        if self.forwarding.is_echo(fact, now_s):
+            return False
         track_id = self._picture.receive(fact, now_s)
+        self.forwarding.observe(fact, track_id, self.aircraft.sender, now_s)
         if track_id is None:
             return False
         prompted = any(threat.track_id == track_id for threat in self.decision.threats)
@@ -430,7 +435,16 @@ class Engine:
             outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)
         healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
-        return self._emit(outgoing, now_s) + self._keep(now_s)
+        return self._emit(outgoing, now_s) + self._forward(now_s) + self._keep(now_s)
+
+    def _forward(self, now_s: float) -> list[Effect]:
+        """Traffic that others hear, from the ADS-B component of our system."""
+        place, deciding = self.forwarding.to, self._deciding
+        if place is None or not self.aircraft.heard(now_s):
+            return []
+        sender = _address(self.sender.system_id, mavlink.MAV_COMP_ID_ADSB)
+        messages = self.forwarding.messages(deciding.tracks, deciding.own, deciding.frame, now_s)
+        return [Transmit(sender, message, place) for message in messages]
 
     def _present_conditions(self, now_s: float) -> list[Condition]:
         """The conditions that hold now, of every room that reports any."""

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
@@ -10,6 +10,7 @@ from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.track_filter import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]
+Forward = Literal["autopilot", "station", "off"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +84,9 @@ class TrafficParams:
     own_icao: frozenset[Icao] = frozenset()
     # The same for unmanned traffic management: our id in hexadecimal, as in UTM_GLOBAL_POSITION.
     own_uas_id: str | None = None
+    # Traffic that others than the autopilot hear (receivers, other links) is sent on as ADSB_VEHICLE: on the
+    # links of the autopilot, which passes it to its stations; on the others only ("station"); or not at all.
+    forward: Forward = "autopilot"
     estimate: EstimateParams = field(default_factory=EstimateParams)
     heights: HeightParams = field(default_factory=HeightParams)
     association: AssociationParams = field(default_factory=AssociationParams)
