@@ -285,10 +285,13 @@ class Handover:
 
     # --- each tick, after the decision
 
-    def step(self, decision: Decision, orders: Orders, now_s: float) -> Outgoing:
-        """Act on the decision and on the operator's orders, by the state machine."""
+    def step(self, decision: Decision, orders: Orders, now_s: float, unheard: str | None = None) -> Outgoing:
+        """Act on the decision and on the operator's orders, by the state machine.
+
+        `unheard` says that the last threat is not heard any more: then nothing is known to be clear.
+        """
         context, supervisor = self._context, self.supervisor
-        context.decision, context.role = decision, orders.role
+        context.decision, context.role, context.unheard = decision, orders.role, unheard
         if supervisor.data.suppressed_s:
             suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
@@ -381,11 +384,12 @@ class Handover:
         if rejoin is not None and not rejoin.is_done(context.aircraft, now_s):
             if not self.supervisor.handle(Event.FAR):
                 return []
-            text = f"Clear of traffic, returning to {rejoin.destination(context.aircraft)}"
+            clear = context.unheard or "Clear of traffic"
+            text = f"{clear}, returning to {rejoin.destination(context.aircraft)}"
             return [Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         self.supervisor.handle(Event.CLEAR)
         others = "" if context.decision.layer is Layer.CLEAR else "other "
-        text = f"Clear of {others}traffic, back to {context.prior_mode}"
+        text = f"{context.unheard or f'Clear of {others}traffic'}, back to {context.prior_mode}"
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
 
     def _give_back(self, now_s: float) -> Outgoing:

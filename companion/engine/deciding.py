@@ -98,6 +98,7 @@ class Deciding:
             return
         self._apply_limits(self.frame, now_s)
         self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
+        self._picture.note_threats([threat.track_id for threat in self.decision.threats], now_s)
 
     def _do_without(self, because: str) -> None:
         self.avoider.reset()

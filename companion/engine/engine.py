@@ -27,6 +27,7 @@ from companion.gcs.phrases import TrafficSituation
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
 from companion.gcs.statustext import StatusText
+from companion.gcs.traffic_conditions import traffic_conditions
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -274,6 +275,9 @@ class Engine:
             if fact.sender == self.aircraft.sender:
                 self._rates.traffic_s = now_s
             return self._receive_traffic(fact, now_s)
+        if isinstance(fact, ReceiverOwnship):
+            self._picture.observe_receiver(fact, now_s)
+            return False
         return self._receive_telemetry(fact, now_s, at_s)
 
     def _receive_telemetry(self, fact: Fact, now_s: float, at_s: float) -> bool:
@@ -354,7 +358,8 @@ class Engine:
         orders, self._resume = Orders(self.operator.role, self._resume), False
         if overridden is None:
             self._deciding.update(orders.role, now_s)
-            effects += self._emit(self._handover.step(self.decision, orders, now_s), now_s)
+            unheard = self._picture.unheard(now_s)
+            effects += self._emit(self._handover.step(self.decision, orders, now_s, unheard), now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()
@@ -435,7 +440,8 @@ class Engine:
         threatened = bool(self.decision.threats)
         alarms = self._handover.conditions(now_s)
         own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
-        return [*alarms, *own, *self.queries.conditions(), *self.shell_conditions]
+        traffic = traffic_conditions(self._picture.concerns(now_s), self._deciding.own)
+        return [*alarms, *own, *traffic, *self.queries.conditions(), *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""

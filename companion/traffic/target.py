@@ -1,13 +1,17 @@
-"""One source's view of one aircraft, vehicle or obstacle: its reports filtered to a motion."""
+"""One hypothesis of one aircraft, vehicle or obstacle: reports that fit together, as a motion."""
 
 import math
-from collections import Counter
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
-from companion.traffic.altitude_datums import ReportedAltitude
+from companion.geodesy import LocalFrame
+from companion.model import AltitudeReference, TrafficKind, TrafficSource, Vec2
+from companion.traffic.accuracy import RANK, grown_sigma_m, position_sigma_m, velocity_sigma_mps
+from companion.traffic.altitude_datums import ReportedAltitude, SeaLevelAltitude
+from companion.traffic.kind import KindEvidence, Surroundings
+from companion.traffic.measurement import Measurement
 from companion.traffic.params import TrafficParams
+from companion.traffic.stated_rate import StatedRate
 from companion.traffic.track_filter import (
     HorizontalFilter,
     HorizontalFix,
@@ -17,10 +21,18 @@ from companion.traffic.track_filter import (
     VerticalFix,
 )
 
-# With more distinct reports of one aircraft in the window (9 Hz) the oldest is forgotten.
-_MAX_REMEMBERED = 64
-
-_Content = tuple[float | None, ...]
+# Errors of stated rates below these are of no importance [m/s].
+_SPEED_ERROR_MPS, _CLIMB_ERROR_MPS = 6.0, 4.0
+# Noise of positions and altitudes of which little is known yet: the filters', and more for coarse senders.
+_NOISE_SHARE: Final = 4.0 / 3.0
+# A track is coasted after a silence of so many of its usual intervals, and of this time.
+_SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
+# The usual interval is averaged over so many reports.
+_AVERAGED_INTERVALS: Final = 4.0
+# M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
+CONFIRMED_REPORTS: Final = 2
+# Gates by which the nearest neighbour is measured [m].
+_GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
 
 
 class DropReason(StrEnum):
@@ -34,17 +46,21 @@ class DropReason(StrEnum):
     STALE = "stale"
     REPEATED = "repeated"
     REORDERED = "reordered"
+    # It begins another hypothesis of its key: of another place or of another altitude.
     JUMPED = "jumped"
-    # The report is used except for its altitude, which is missing or an outlier.
-    NO_ALTITUDE = "no altitude"
     ALTITUDE_JUMPED = "altitude jumped"
+    # The report is used except for a part of it, which is missing or contradicts the positions.
+    NO_ALTITUDE = "no altitude"
+    VELOCITY_WRONG = "wrong velocity"
+    CLIMB_WRONG = "wrong climb"
+    FULL = "too many"
 
 
 class Motion(NamedTuple):
     """Estimated motion, from which the present position follows: velocities in m/s, times in s.
 
-    `turn_radps` is positive to the right; `sigma_m` is the accuracy of the position as stated by the sender.
-    There is one altitude for each reference that the target reports.
+    `turn_radps` is positive to the right; `sigma_m` is the accuracy of the position. There is one altitude
+    for each reference that the target reports.
     """
 
     lat_deg: float
@@ -53,44 +69,8 @@ class Motion(NamedTuple):
     north_mps: float
     east_mps: float
     turn_radps: float
-    sigma_m: float | None
+    sigma_m: float
     altitudes: tuple[ReportedAltitude, ...]
-
-
-class RepeatFilter:
-    """Recognizes reports of one aircraft that were sent again.
-
-    ArduPilot re-sends a report for up to 5 s without changing its age, and a second link delivers it late,
-    after newer ones; therefore several past reports are remembered. An aircraft that stands still sends
-    identical reports: the first one after the window, counted from the first of them, is a new measurement.
-    """
-
-    __slots__ = ("_first_received_s", "_window_s")
-
-    def __init__(self, window_s: float) -> None:
-        self._window_s = window_s
-        self._first_received_s: dict[_Content, float] = {}
-
-    def is_repeat(self, content: _Content, time_s: float, *, may_stand_still: bool) -> bool:
-        """Whether this content, valid at `time_s`, was received before; new content is remembered."""
-        first_received_s = self._first_received_s.get(content)
-        if first_received_s is None:
-            self._forget_before(time_s - self._window_s)
-            self._first_received_s[content] = time_s
-            return False
-        if not may_stand_still or time_s - first_received_s <= self._window_s:
-            return True
-        self._first_received_s[content] = time_s
-        return False
-
-    def _forget_before(self, oldest_s: float) -> None:
-        if len(self._first_received_s) >= _MAX_REMEMBERED:
-            del self._first_received_s[next(iter(self._first_received_s))]
-        self._first_received_s = {
-            content: received_s
-            for content, received_s in self._first_received_s.items()
-            if received_s >= oldest_s
-        }
 
 
 class _Vertical(NamedTuple):
@@ -104,71 +84,339 @@ def stale_after_s(kind: TrafficKind, params: TrafficParams) -> float:
 
 
 class Target:
-    """The state of one key. Its times are those of the tracker's monotonic clock."""
+    """A hypothesis of the aircraft with one key, or of one without identifier.
+
+    Its times are those of the tracker's monotonic clock. `reach_s` is how soon it could be near us. It is
+    `shown` to the avoidance if it is the first of its key, confirmed, near soon, or if a receiver alarms.
+    """
 
     __slots__ = (
-        "_dropped",
+        "_climb",
+        "_frame",
         "_horizontal",
         "_params",
-        "_repeats",
         "_turn",
+        "_velocity",
         "_verticals",
+        "alarm",
+        "anonymous",
+        "born_s",
         "callsign",
+        "evidence",
         "expires_s",
+        "first",
+        "heard_before",
         "icao",
+        "interval_s",
         "key",
         "kind",
+        "last",
         "measured_s",
         "motion",
+        "number",
+        "reach_s",
+        "reports",
+        "sigma_m",
+        "sigma_mps",
         "source",
+        "threat",
+        "track_id",
+        "urgent",
     )
 
-    def __init__(self, report: TrafficReport, params: TrafficParams, dropped: Counter[DropReason]) -> None:
-        self.source = report.source
-        self.key = report.key
-        self.icao = report.icao
+    def __init__(
+        self,
+        measurement: Measurement,
+        key: str,
+        number: int,
+        params: TrafficParams,
+        *,
+        anonymous: bool = False,
+    ) -> None:
+        report = measurement.report
+        self.key, self.number = key, number
+        self.track_id = key if number == 1 else f"{key}/{number}"
+        self.anonymous = anonymous
+        self.icao = None if anonymous else report.icao
+        self.source: TrafficSource = report.source
         self.callsign: str | None = None
-        self.kind = TrafficKind.AIRCRAFT
+        self.evidence = KindEvidence(report.kind)
+        self.kind = report.kind
+        self.born_s = measurement.time_s
         self.measured_s = -math.inf
         self.expires_s = math.inf
+        self.interval_s = 1.0
+        self.reports = 0
+        self.first = False
+        self.heard_before = False  # its key was, by a target that made room
+        self.urgent = measurement.urgent
+        self.alarm = 0
+        self.threat = False  # in conflict with us, as decided last
+        self.reach_s = math.inf
+        self.sigma_m, self.sigma_mps = position_sigma_m(report), velocity_sigma_mps(report)
         self.motion: Motion | None = None
+        self.last = measurement
         self._params = params
-        self._dropped = dropped
-        self._repeats = RepeatFilter(params.repeat_window_s)
-        self._horizontal: OutlierGate[HorizontalFilter, HorizontalFix] | None = None
-        self._turn = TurnFilter(params.estimate)
+        self._frame = LocalFrame(measurement.lat_deg, measurement.lon_deg)
+        self._horizontal: HorizontalFilter | None = None
+        self._restart_rates()
         # Each reference has its own filter: the difference between two references would look like a climb.
         self._verticals: dict[AltitudeReference, _Vertical] = {}
 
-    def receive(self, report: TrafficReport, lat_deg: float, lon_deg: float, time_s: float) -> bool:
-        """Process a report of the given position, valid at `time_s`; True if it is a new measurement."""
-        self.callsign = report.callsign or self.callsign
-        if self._repeats.is_repeat(_content(report), time_s, may_stand_still=self._may_stand_still(report)):
-            self._dropped[DropReason.REPEATED] += 1
-            return False
-        if time_s < self.measured_s:
-            self._dropped[DropReason.REORDERED] += 1
-            return False
-        if report.kind is not self.kind:
-            # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
-            self.kind, self._horizontal, self._verticals = report.kind, None, {}
-        fix = HorizontalFix(time_s, lat_deg, lon_deg, self._velocity_mps(report))
-        if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
-            self._horizontal = OutlierGate(HorizontalFilter(fix, self._params.estimate))
-        elif not self._horizontal.receive(fix):
-            self._dropped[DropReason.JUMPED] += 1
-            return False
-        self._turn.receive(time_s, fix.velocity_mps)
-        self._receive_altitude(report, time_s)
-        self.measured_s = time_s
-        self.expires_s = time_s + stale_after_s(self.kind, self._params)
-        self.motion = self._motion(self._horizontal.estimate, report.position_sigma_m)
-        return True
+    def _restart_rates(self) -> None:
+        estimate = self._params.estimate
+        self._turn = TurnFilter(estimate)
+        self._velocity = StatedRate(_NOISE_SHARE * estimate.position_sigma_m, _SPEED_ERROR_MPS, 2)
+        self._climb = StatedRate(_NOISE_SHARE * estimate.altitude_sigma_m, _CLIMB_ERROR_MPS, 1)
 
-    def _motion(self, here: HorizontalFilter, sigma_m: float | None) -> Motion:
+    @property
+    def shown(self) -> bool:
+        """Whether the avoidance gets its track."""
+        return self.first or self.urgent or self.reports >= CONFIRMED_REPORTS or self.alarm > 0
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether several reports agree."""
+        return self.reports >= CONFIRMED_REPORTS
+
+    @property
+    def rank(self) -> int:
+        """The order of sources; an aircraft without identifier is after one with it."""
+        return 2 * RANK[self.source] + self.anonymous
+
+    def is_silent(
+        self, now_s: float, intervals: float = _SILENT_INTERVALS, least_s: float = _SILENT_S
+    ) -> bool:
+        """Whether it was not reported for several of its usual intervals."""
+        return now_s - self.measured_s > max(least_s, intervals * self.interval_s)
+
+    def position_sigma_m(self, now_s: float) -> float:
+        """The standard deviation of each horizontal axis of the extrapolated position [m]."""
+        age_s = max(now_s - self.measured_s, 0.0)
+        return grown_sigma_m(self.sigma_m, self.sigma_mps, age_s, self._params.estimate.manoeuvre_mps)
+
+    # --- gates
+
+    def explains_place(self, measurement: Measurement) -> bool:
+        """Whether the aircraft can be at this place by then."""
+        here = self._horizontal
+        if here is None or self.kind is TrafficKind.OBSTACLE:
+            return True
+        fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, None)
+        if not here.is_outlier(fix):
+            return True
+        # A wrong stated velocity has led the prediction astray.
+        return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
+
+    def explains_altitude(self, measurement: Measurement) -> bool:
+        """Whether one of its altitudes fits, or there is none to compare with."""
+        comparable = False
+        for reference, altitude_m, _ in measurement.altitudes:
+            known = self._verticals.get(reference)
+            if known is None or measurement.time_s > self._valid_until_s(known.gate.estimate):
+                continue
+            comparable = True
+            if not known.gate.estimate.is_outlier(VerticalFix(measurement.time_s, altitude_m, None)):
+                return True
+        return not comparable or self.kind is TrafficKind.OBSTACLE
+
+    def explains(self, measurement: Measurement) -> bool:
+        """The gate in three dimensions: whether place and altitude are those of this aircraft."""
+        return self.explains_place(measurement) and self.explains_altitude(measurement)
+
+    def explains_velocity(self, measurement: Measurement) -> bool:
+        """Whether the stated velocity fits, if there is one to trust."""
+        here, stated = self._horizontal, measurement.velocity_mps
+        if here is None or stated is None or not self._velocity.trusted:
+            return True
+        fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, stated)
+        return not here.is_outlier(fix)
+
+    def distance(self, measurement: Measurement) -> float:
+        """How far a measurement is from the prediction, in gates: for the nearest neighbour."""
+        north_m, east_m = self.offset_m(measurement)
+        up_m = 0.0
+        for reference, altitude_m, _ in measurement.altitudes:
+            known = self._verticals.get(reference)
+            if known is not None:
+                here = known.gate.estimate
+                elapsed_s = measurement.time_s - here.time_s
+                up_m = abs(altitude_m - here.altitude_m - here.climb_mps * elapsed_s)
+                break
+        return math.hypot(north_m / _GATE_M, east_m / _GATE_M, up_m / _VERTICAL_GATE_M)
+
+    def offset_m(self, measurement: Measurement) -> Vec2:
+        """A measured place relative to the predicted one: north, east."""
+        here = self._horizontal
+        if here is None:
+            return 0.0, 0.0
+        elapsed_s = measurement.time_s - here.time_s
+        frame = LocalFrame(here.lat_deg, here.lon_deg)
+        north_m, east_m = frame.to_north_east_m(measurement.lat_deg, measurement.lon_deg)
+        return north_m - here.north_mps * elapsed_s, east_m - here.east_mps * elapsed_s
+
+    @property
+    def velocity_mps(self) -> Vec2:
+        """The estimated velocity: north, east."""
+        here = self._horizontal
+        return (0.0, 0.0) if here is None else (here.north_mps, here.east_mps)
+
+    # --- update
+
+    def receive(self, measurement: Measurement) -> list[DropReason]:
+        """Process a measurement that the gate let through; returns which parts of it were not used."""
+        report, time_s = measurement.report, measurement.time_s
+        self._note(measurement)
+        dropped: list[DropReason] = []
+        before = self.evidence.stated
+        if (before is TrafficKind.OBSTACLE) is not (
+            report.kind is TrafficKind.OBSTACLE
+        ) and not self.evidence.moves:
+            # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
+            self._horizontal, self._verticals = None, {}
+            self._restart_rates()
+            self.evidence = KindEvidence(report.kind)
+        self.evidence.stated, self.evidence.stated_airborne = report.kind, report.airborne
+        self._receive_place(measurement, dropped)
+        self._receive_altitudes(measurement, dropped)
+        self.measured_s = max(time_s, self.measured_s)
+        self.motion = self._motion()
+        stated_mps = None if measurement.velocity_mps is None else math.hypot(*measurement.velocity_mps)
+        self.evidence.observe(
+            measurement.received_s,
+            (measurement.lat_deg, measurement.lon_deg),
+            stated_mps,
+            math.hypot(*self.velocity_mps),
+        )
+        return dropped
+
+    def restart(self, measurements: list[Measurement]) -> None:
+        """Start again from these, without their stated velocities: their positions contradict them."""
+        self._restart_rates()
+        self._velocity.trusted = False
+        self._horizontal = None
+        for one in measurements:
+            self._update_place(one.time_s, one.lat_deg, one.lon_deg, None)
+        newest = measurements[-1]
+        self._note(newest)
+        self._receive_altitudes(newest, [])
+        self.measured_s = newest.time_s
+        self.motion = self._motion()
+
+    def _note(self, measurement: Measurement) -> None:
+        """What the report says of itself and of its accuracy."""
+        report = measurement.report
+        self.reports += 1
+        if self.reports > 1:
+            passed_s = min(max(measurement.time_s - self.measured_s, 0.0), 30.0)
+            share = max(1.0 / _AVERAGED_INTERVALS, 1.0 / (self.reports - 1))
+            self.interval_s += share * (passed_s - self.interval_s)
+        self.last = measurement
+        self.callsign = report.callsign or self.callsign
+        self.alarm = report.alarm
+        if RANK[report.source] < RANK[self.source]:
+            self.source = report.source
+        self.sigma_m = position_sigma_m(report)
+        self.sigma_mps = velocity_sigma_mps(report)
+
+    def _receive_place(self, measurement: Measurement, dropped: list[DropReason]) -> None:
+        time_s, lat_deg, lon_deg = measurement.time_s, measurement.lat_deg, measurement.lon_deg
+        velocity_mps, here = measurement.velocity_mps, self._horizontal
+        if velocity_mps is not None:
+            trusted = self._velocity.trusted
+            position_m = complex(*self._frame.to_north_east_m(lat_deg, lon_deg))
+            stated = complex(*velocity_mps)
+            used = self._velocity.receive(time_s, position_m, stated, (lat_deg, lon_deg))
+            if not used:
+                dropped.append(DropReason.VELOCITY_WRONG)
+                velocity_mps = None
+                if trusted:
+                    self._turn = TurnFilter(self._params.estimate)
+                    self._horizontal = None
+                    for place_s, *place_deg in self._velocity.places:
+                        self._update_place(place_s, place_deg[0], place_deg[1], None)
+                    return
+            elif here is not None and here.is_outlier(HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps)):
+                dropped.append(DropReason.VELOCITY_WRONG)
+                velocity_mps = None
+        self._update_place(time_s, lat_deg, lon_deg, velocity_mps)
+        self._turn.receive(time_s, velocity_mps)
+
+    def _update_place(self, time_s: float, lat_deg: float, lon_deg: float, velocity_mps: Vec2 | None) -> None:
+        fix = HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps)
+        if self._horizontal is None:
+            self._horizontal = HorizontalFilter(fix, self._params.estimate)
+        else:
+            self._horizontal.update(fix)
+
+    def _receive_altitudes(self, measurement: Measurement, dropped: list[DropReason]) -> None:
+        time_s = measurement.time_s
+        for reference, known in list(self._verticals.items()):
+            if time_s > self._valid_until_s(known.gate.estimate):
+                del self._verticals[reference]
+        if not measurement.altitudes and not self._verticals:
+            dropped.append(DropReason.NO_ALTITUDE)
+        climb_mps = measurement.climb_mps
+        for number, (reference, altitude_m, sigma_m) in enumerate(measurement.altitudes):
+            if number == 0 and climb_mps is not None:
+                trusted = self._climb.trusted
+                if not self._climb.receive(time_s, complex(altitude_m), complex(climb_mps), (altitude_m,)):
+                    dropped.append(DropReason.CLIMB_WRONG)
+                    climb_mps = None
+                    if trusted:
+                        self._restart_altitude(reference, sigma_m)
+                        continue
+            self._receive_altitude(reference, VerticalFix(time_s, altitude_m, climb_mps), sigma_m, dropped)
+
+    def _restart_altitude(self, reference: AltitudeReference, sigma_m: float) -> None:
+        """Filter the last altitudes again, without the stated climbs that they contradict."""
+        (first_s, first_m), *others = self._climb.places
+        estimate = VerticalFilter(VerticalFix(first_s, first_m, None), self._params.estimate)
+        for time_s, altitude_m in others:
+            estimate.update(VerticalFix(time_s, altitude_m, None))
+        self._verticals = {reference: _Vertical(OutlierGate(estimate), sigma_m)}
+
+    def _receive_altitude(
+        self, reference: AltitudeReference, fix: VerticalFix, sigma_m: float, dropped: list[DropReason]
+    ) -> None:
+        known = self._verticals.get(reference)
+        if known is None or self.kind is TrafficKind.OBSTACLE:
+            gate: OutlierGate[VerticalFilter, VerticalFix]
+            gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
+            self._verticals[reference] = _Vertical(gate, sigma_m)
+            return
+        here = known.gate.estimate
+        if (
+            fix.climb_mps is not None
+            and here.is_outlier(fix)
+            and not here.is_outlier(fix._replace(climb_mps=None))
+        ):
+            dropped.append(DropReason.CLIMB_WRONG)
+            fix = fix._replace(climb_mps=None)
+        if not known.gate.receive(fix):
+            dropped.append(DropReason.ALTITUDE_JUMPED)
+            return
+        self._verticals[reference] = _Vertical(known.gate, sigma_m)
+
+    def _valid_until_s(self, here: VerticalFilter) -> float:
+        """An altitude is extrapolated for a limited time, unless it is that of an obstacle."""
+        stands = self.kind is TrafficKind.OBSTACLE
+        return math.inf if stands else here.time_s + self._params.altitude_hold_s
+
+    def _motion(self) -> Motion:
+        here = self._horizontal
+        assert here is not None
+        verticals = self._verticals.items()
         altitudes = tuple(
-            self._altitude(reference, vertical.gate.estimate, vertical.sigma_m)
-            for reference, vertical in self._verticals.items()
+            ReportedAltitude(
+                reference,
+                one.gate.estimate.altitude_m,
+                one.gate.estimate.time_s,
+                one.gate.estimate.climb_mps,
+                self._valid_until_s(one.gate.estimate),
+                one.sigma_m,
+            )
+            for reference, one in verticals
         )
         return Motion(
             here.lat_deg,
@@ -177,74 +425,17 @@ class Target:
             here.north_mps,
             here.east_mps,
             self._turn.rate_radps,
-            sigma_m,
+            self.sigma_m,
             altitudes,
         )
 
-    def _altitude(
-        self, reference: AltitudeReference, here: VerticalFilter, sigma_m: float
-    ) -> ReportedAltitude:
-        valid_until_s = (
-            math.inf if self.kind is TrafficKind.OBSTACLE else here.time_s + self._params.altitude_hold_s
-        )
-        return ReportedAltitude(
-            reference, here.altitude_m, here.time_s, here.climb_mps, valid_until_s, sigma_m
-        )
-
-    def _receive_altitude(self, report: TrafficReport, time_s: float) -> None:
-        for altitude in () if self.motion is None else self.motion.altitudes:
-            if time_s > altitude.valid_until_s:
-                self._verticals.pop(altitude.reference, None)
-        if report.altitude_m is None:
-            self._dropped[DropReason.NO_ALTITUDE] += not self._verticals
-            return
-        fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report))
-        sigma_m = report.altitude_sigma_m or 0.0
-        known = self._verticals.get(report.altitude_reference)
-        if known is None or self.kind is TrafficKind.OBSTACLE:
-            gate: OutlierGate[VerticalFilter, VerticalFix]
-            gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
-        elif known.gate.receive(fix):
-            gate = known.gate
-        else:
-            self._dropped[DropReason.ALTITUDE_JUMPED] += 1
-            return
-        self._verticals[report.altitude_reference] = _Vertical(gate, sigma_m)
-
-    def _velocity_mps(self, report: TrafficReport) -> Vec2 | None:
-        """The reported velocity (north, east), `None` if it is missing or impossible."""
-        if self.kind is TrafficKind.OBSTACLE or report.ground_speed_mps == 0.0:
-            return 0.0, 0.0
-        speed_mps, course_rad = report.ground_speed_mps, report.course_rad
-        if speed_mps is None or course_rad is None:
-            return None
-        if not 0.0 <= speed_mps <= self._params.estimate.max_speed_mps:
-            return None
-        return speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
-
-    def _climb_mps(self, report: TrafficReport) -> float | None:
-        """The reported climb, `None` if it is missing or impossible."""
-        if self.kind is TrafficKind.OBSTACLE:
-            return 0.0
-        if report.climb_mps is None or abs(report.climb_mps) > self._params.estimate.max_climb_mps:
-            return None
-        return report.climb_mps
-
-    def _may_stand_still(self, report: TrafficReport) -> bool:
-        return (
-            report.kind is TrafficKind.OBSTACLE
-            or report.ground_speed_mps is None
-            or report.ground_speed_mps <= self._params.hovering_mps
-        )
-
-
-def _content(report: TrafficReport) -> _Content:
-    """The measured values of a report: position, altitude and motion, without the time."""
-    return (
-        report.lat_deg,
-        report.lon_deg,
-        report.altitude_m,
-        report.course_rad,
-        report.ground_speed_mps,
-        report.climb_mps,
-    )
+    def judge_kind(self, now_s: float, altitude: SeaLevelAltitude | None, around: Surroundings) -> None:
+        """Decide what it is, from all that was reported; an obstacle stands where it was reported last."""
+        self.kind = self.evidence.judge(now_s, altitude, around)
+        self.expires_s = self.measured_s + stale_after_s(self.kind, self._params)
+        if self.kind is TrafficKind.OBSTACLE and self.motion is not None:
+            still = [one._replace(climb_mps=0.0, valid_until_s=math.inf) for one in self.motion.altitudes]
+            newest = self.last
+            self.motion = Motion(
+                newest.lat_deg, newest.lon_deg, self.measured_s, 0.0, 0.0, 0.0, self.sigma_m, tuple(still)
+            )

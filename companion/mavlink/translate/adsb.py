@@ -24,6 +24,8 @@ EMITTER_KINDS = {
 }
 """The kinds by emitter category; any other category is an aircraft."""
 
+_UNKNOWN_AGE_S = 255
+
 
 def _own_transponder(message: Message, sender: Sender, _received_s: float) -> Fact | None:
     """An address has 24 bits; 0 means none."""
@@ -46,7 +48,8 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
         source=TrafficSource.ADSB,
         key=adsb_key(message.ICAO_address),
         icao=message.ICAO_address,
-        time_s=received_s - message.tslc,
+        # The largest age means an unknown one: what changes is new.
+        time_s=received_s - (0 if message.tslc == _UNKNOWN_AGE_S else message.tslc),
         lat_deg=None if position is None else position[0],
         lon_deg=None if position is None else position[1],
         altitude_m=altitude_m(message.altitude) if flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE else None,
