@@ -81,7 +81,7 @@ def _volume_m(size_m: float | None) -> float | None:
 
 
 def credible_ownship(own: Ownship, now_s: float) -> Ownship:
-    """Ownship without numbers that cannot be real; instead: airspeed from the motion, no wind, the time now."""
+    """Ownship without numbers that cannot be real: instead, speed over ground, no wind, the time now."""
     airspeed_mps, wind_mps, time_s = own.airspeed_mps, own.wind_mps, own.time_s
     if (
         0.0 <= airspeed_mps <= _FASTEST_OWN_MPS

@@ -73,4 +73,5 @@ def grown_sigma_m(sigma_m: float, sigma_mps: float, age_s: float, manoeuvre_mps:
 
     White acceleration of `manoeuvre_mps` in one second (Bar-Shalom et al. 2001, 6.2.2).
     """
-    return math.sqrt(sigma_m**2 + (sigma_mps * age_s) ** 2 + manoeuvre_mps**2 * age_s**3 / 3.0)
+    moved2 = (sigma_mps * sigma_mps + manoeuvre_mps * manoeuvre_mps * age_s / 3.0) * age_s * age_s
+    return math.sqrt(sigma_m * sigma_m + moved2)

@@ -33,6 +33,14 @@ class Lost(NamedTuple):
     lon_deg: float
 
 
+class _Threat(NamedTuple):
+    """A track in conflict: when it was the last time, and whether it was heard then."""
+
+    noted_s: float
+    measured_s: float
+    was_silent: bool
+
+
 class Coasting:
     """Which silent tracks are kept, and which of those that mattered were lost."""
 
@@ -40,15 +48,18 @@ class Coasting:
         self._params = params
         self._trail = trail
         self._lost: dict[str, Lost] = {}
-        self._threats_s: dict[str, float] = {}  # when each was a threat the last time
+        self._threats: dict[str, _Threat] = {}
 
-    def note_threats(self, track_ids: list[str], now_s: float) -> None:
+    def note_threats(self, track_ids: list[str], targets: dict[str, Target], now_s: float) -> None:
         """Note which tracks are in conflict with us, as decided now."""
-        recent = {key: at_s for key, at_s in self._threats_s.items() if now_s - at_s <= _RECENT_S}
+        recent = {key: one for key, one in self._threats.items() if now_s - one.noted_s <= _RECENT_S}
         # The last threats of a conflict stay, however long the aircraft then waits before it returns.
-        if recent or track_ids:
-            self._threats_s = recent
-        self._threats_s.update(dict.fromkeys(track_ids, now_s))
+        if track_ids:
+            self._threats = recent
+        for track_id in track_ids:
+            target = targets.get(track_id)
+            if target is not None:
+                self._threats[track_id] = _Threat(now_s, target.measured_s, target.is_silent(now_s))
 
     def keeps(self, target: Target, altitude: SeaLevelAltitude | None, now_s: float) -> bool:
         """Whether a target that is not heard for the usual time is extrapolated on."""
@@ -78,7 +89,7 @@ class Coasting:
     def note_lost(self, target: Target, now_s: float) -> None:
         """Note a track that is given up, if it was in conflict or may have been near."""
         motion = target.motion
-        if motion is None or not target.shown or not (target.threat or target.track_id in self._threats_s):
+        if motion is None or not target.shown or not (target.threat or target.track_id in self._threats):
             return
         name = target.callsign or target.track_id
         if len(self._lost) >= _MOST_LOST:
@@ -94,13 +105,12 @@ class Coasting:
     def unheard(self, targets: dict[str, Target], now_s: float) -> tuple[str, float] | None:
         """Name and silence [s] of the threat that ended the conflict because it is not heard any more."""
         silent: list[tuple[float, str]] = []
-        for track_id in self._threats_s:
+        for track_id, threat in self._threats.items():
             target, lost = targets.get(track_id), self._lost.get(track_id)
-            if target is not None:
-                if target.is_silent(now_s):
-                    silent.append((now_s - target.measured_s, target.callsign or track_id))
-            elif lost is not None:
-                silent.append((now_s - lost.measured_s, lost.name))
+            heard_since = target is not None and target.measured_s > threat.measured_s
+            if threat.was_silent and not heard_since:
+                name = track_id if target is None else target.callsign or track_id
+                silent.append((now_s - threat.measured_s, name if lost is None else lost.name))
         if not silent:
             return None
         silent_s, name = max(silent)

@@ -5,6 +5,7 @@ stands still at the height of our home for some time is on the ground. Where the
 flies.
 """
 
+import math
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
@@ -26,8 +27,8 @@ _PARKED_REPORTS, _PARKED_S = 3, 4.0
 _STOPPED_S = 20.0
 _PARKED_M, _PARKED_WITHIN_M = 15.0, 3_000.0
 _PARKED_MPS = 1.5
-# A parked aircraft is no threat to an aircraft this far above it.
-_OVERFLOWN_M = 30.0
+# A parked aircraft is no threat to one this far above it; if it only says that it stands, this far.
+_OVERFLOWN_M, _FAR_BELOW_M = 30.0, 45.0
 
 
 class Surroundings(NamedTuple):
@@ -129,16 +130,19 @@ class KindEvidence:
         self, now_s: float, off_m: float, altitude: SeaLevelAltitude, around: Surroundings
     ) -> bool:
         """Whether it has stood at home's height for some time, at most `off_m` from it, and we are above."""
-        quickly = self._stated_mps is not None and not self.moves
-        least_s = _PARKED_S if quickly else _STOPPED_S
-        if self._reports < _PARKED_REPORTS or now_s - self._since_s < least_s or off_m > _PARKED_M:
+        if off_m > _PARKED_M:
             return False
+        below_m = math.inf if around.own_altitude_m is None else around.own_altitude_m - altitude.altitude_m
+        stands = self._stated_mps is not None and not self.moves
+        if not (stands and below_m > _FAR_BELOW_M):
+            least_s = _PARKED_S if stands else _STOPPED_S
+            if self._reports < _PARKED_REPORTS or now_s - self._since_s < least_s:
+                return False
         if (self._stated_mps or 0.0) > _PARKED_MPS or self._speed_mps > _MOVING_MPS or self._at_deg is None:
             return False
         if around.home is not None and _distance_m(around.home, self._at_deg) > _PARKED_WITHIN_M:
             return False
-        own_m = around.own_altitude_m
-        return own_m is None or own_m - altitude.altitude_m > _OVERFLOWN_M
+        return below_m > _OVERFLOWN_M
 
 
 def _distance_m(one: LatLon, other: LatLon) -> float:

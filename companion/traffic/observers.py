@@ -117,6 +117,8 @@ class Observers:
 
     def names(self, now_s: float) -> tuple[str, ...]:
         """The names of those that were heard in the last seconds, in alphabetical order."""
+        if len(self._by_name) == 1:
+            return tuple(self._by_name)
         return tuple(
             sorted(name for name, other in self._by_name.items() if now_s - other.received_s <= 10.0)
         )

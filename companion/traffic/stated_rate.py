@@ -6,23 +6,26 @@ slope, from an inverse-gamma prior (Gelman et al., Bayesian Data Analysis, 3rd e
 """
 
 import math
-from collections import deque
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
 
 _MOST_POINTS, _LEAST_POINTS = 8, 3
-_SPACING_S: Final = 0.5
+# The first points are near each other, so that an error is found soon; the others reach further back.
+_SPACING_S, _CLOSE_POINTS = 0.5, 4
 _LONGEST_GAP_S: Final = 12.0
 _LONGEST_S: Final = 30.0
 # Weight of the prior, in degrees of freedom: of the usual noise, and of what was learnt of the sender's.
 _PRIOR_FREEDOM, _LEARNT_FREEDOM = 4.0, 24.0
 # One in ten thousand windows of a correct rate has a larger slope, in standard deviations (two axes).
-_SIGNIFICANT: Final = 4.3
+# Later ones, of which there are many, must be clearer by the second number for each point.
+_SIGNIFICANT, _MORE_SIGNIFICANT = 4.3, 0.4
 # Time stamps are off by one or two seconds, evenly: the position along the path by this much of a second's
 # way.
-_TIMING_S: Final = 0.5
+_TIMING_S: Final = 0.55
 _WRONG_SHARE, _RIGHT_SHARE = 0.25, 0.15
+# Most rates are right: then all points are compared only so often.
+_SKIPPED, _PLAINLY_SHARE = 4, 0.5
 # A line through so many places continues within so many sigmas, and as far as the aircraft can turn away.
 _LINE_POINTS, _LINE_SIGMAS, _ACCELERATION_MPS2 = 4, 3.0, 5.0
 # A rate that was wrong must agree for this long.
@@ -48,16 +51,18 @@ class StatedRate:
         "_points",
         "_right_since_s",
         "_sigma_m",
+        "_skipped",
         "trusted",
     )
 
     def __init__(self, sigma_m: float, floor_mps: float, axes: int) -> None:
         self._sigma_m, self._floor_mps, self._axes = sigma_m, floor_mps, axes
-        self._points: deque[_Point] = deque(maxlen=_MOST_POINTS)
+        self._points: list[_Point] = []
         self._integral = 0j
         self._last: tuple[float, complex] | None = None  # time and stated rate of the last report
         self._right_since_s: float | None = None
         self._learnt_m2, self._learnt_windows = 0.0, 0.0
+        self._skipped = 0
         self.trusted = True
 
     @property
@@ -96,29 +101,38 @@ class StatedRate:
         else:
             self._integral += 0.5 * (last[1] + stated_mps) * (time_s - last[0])
         points = self._points
-        if points and time_s - points[-1].time_s < _SPACING_S:
+        spacing_s = _SPACING_S if len(points) < _CLOSE_POINTS else 1.4 * _SPACING_S
+        if points and time_s - points[-1].time_s < spacing_s - 1e-3:
             return self.trusted
-        while points and time_s - points[0].time_s > _LONGEST_S:
-            points.popleft()
+        while points and (len(points) >= _MOST_POINTS or time_s - points[0].time_s > _LONGEST_S):
+            del points[0]
         points.append(_Point(time_s, position_m - self._integral, place))
-        if len(points) >= _LEAST_POINTS:
-            self._judge(time_s, abs(stated_mps))
+        if len(points) >= _LEAST_POINTS and not self._is_plainly_right():
+            self._judge(time_s, stated_mps)
         return self.trusted
 
-    def _judge(self, time_s: float, stated_mps: float) -> None:
+    def _is_plainly_right(self) -> bool:
+        """Whether first and last agree, so that only every fourth time all are compared."""
+        self._skipped = (self._skipped + 1) % _SKIPPED if self.trusted else 0
+        first, last = self._points[0], self._points[-1]
+        drift_mps = abs(last.residual - first.residual) / (last.time_s - first.time_s)
+        return self._skipped != 0 and drift_mps < _PLAINLY_SHARE * self._floor_mps
+
+    def _judge(self, time_s: float, stated_mps: complex) -> None:
         count = len(self._points)
         middle_s = sum(point.time_s for point in self._points) / count
         mean = sum(point.residual for point in self._points) / count
         spread = sum((point.time_s - middle_s) ** 2 for point in self._points)
         slope = sum((point.time_s - middle_s) * point.residual for point in self._points) / spread
         error_mps, freedom = abs(slope), self._axes * (count - 2)
-        faster_mps = stated_mps + error_mps
+        faster_mps = max(abs(stated_mps), abs(stated_mps + slope))
         floor_mps = max(self._floor_mps, _WRONG_SHARE * faster_mps)
         scatter = sum(
             abs(point.residual - mean - slope * (point.time_s - middle_s)) ** 2 for point in self._points
         )
         sigma_mps = math.sqrt(self._variance_m2(scatter, freedom, faster_mps) / spread)
-        if error_mps > floor_mps and error_mps > _SIGNIFICANT * sigma_mps:
+        significant = _SIGNIFICANT + _MORE_SIGNIFICANT * max(count - _CLOSE_POINTS - 1, 0)
+        if error_mps > floor_mps and error_mps > significant * sigma_mps:
             self.trusted, self._right_since_s = False, None
         elif error_mps > max(self._floor_mps, _RIGHT_SHARE * faster_mps):
             self._right_since_s = None

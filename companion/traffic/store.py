@@ -25,6 +25,11 @@ class TargetStore:
         self._count = 0
         self._heard_s: dict[str, float] = {}
 
+    @property
+    def is_full(self) -> bool:
+        """Whether the next new target needs room."""
+        return len(self.targets) >= self._most
+
     def __iter__(self) -> Iterator[Target]:
         """The targets in the order of their ids."""
         if not self._ordered:

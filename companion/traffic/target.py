@@ -29,6 +29,8 @@ _NOISE_SHARE: Final = 4.0 / 3.0
 _SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
 # The usual interval is averaged over so many reports.
 _AVERAGED_INTERVALS: Final = 4.0
+# Without a stated velocity it follows from the positions of this time.
+_POSITIONS_S: Final = 8.0
 # M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
 CONFIRMED_REPORTS: Final = 2
 # Gates by which the nearest neighbour is measured [m].
@@ -38,7 +40,6 @@ _GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
 class DropReason(StrEnum):
     """Why a report, or a part of it, was not used."""
 
-    NO_ADDRESS = "no address"
     OWN = "ourselves"
     ON_GROUND = "on the ground"
     BAD_NUMBER = "bad number"
@@ -190,10 +191,20 @@ class Target:
         """Whether it was not reported for several of its usual intervals."""
         return now_s - self.measured_s > max(least_s, intervals * self.interval_s)
 
+    @property
+    def velocity_sigma_mps(self) -> float:
+        """The standard deviation of each horizontal axis of the velocity: stated, or from the positions."""
+        if self.last.velocity_mps is not None and self._velocity.trusted:
+            return self.sigma_mps
+        seen_s = min(max(self.measured_s - self.born_s, 0.0), _POSITIONS_S)
+        return max(self.sigma_mps, 2.0 * self.sigma_m / max(seen_s, self.interval_s, 0.5))
+
     def position_sigma_m(self, now_s: float) -> float:
         """The standard deviation of each horizontal axis of the extrapolated position [m]."""
         age_s = max(now_s - self.measured_s, 0.0)
-        return grown_sigma_m(self.sigma_m, self.sigma_mps, age_s, self._params.estimate.manoeuvre_mps)
+        return grown_sigma_m(
+            self.sigma_m, self.velocity_sigma_mps, age_s, self._params.estimate.manoeuvre_mps
+        )
 
     # --- gates
 
@@ -213,7 +224,7 @@ class Target:
         comparable = False
         for reference, altitude_m, _ in measurement.altitudes:
             known = self._verticals.get(reference)
-            if known is None or measurement.time_s > self._valid_until_s(known.gate.estimate):
+            if known is None or self._is_outdated(known, measurement.time_s):
                 continue
             comparable = True
             if not known.gate.estimate.is_outlier(VerticalFix(measurement.time_s, altitude_m, None)):
@@ -351,10 +362,8 @@ class Target:
 
     def _receive_altitudes(self, measurement: Measurement, dropped: list[DropReason]) -> None:
         time_s = measurement.time_s
-        for reference, known in list(self._verticals.items()):
-            if time_s > self._valid_until_s(known.gate.estimate):
-                del self._verticals[reference]
-        if not measurement.altitudes and not self._verticals:
+        valid = [known for known in self._verticals.values() if not self._is_outdated(known, time_s)]
+        if not measurement.altitudes and not valid:
             dropped.append(DropReason.NO_ALTITUDE)
         climb_mps = measurement.climb_mps
         for number, (reference, altitude_m, sigma_m) in enumerate(measurement.altitudes):
@@ -380,7 +389,7 @@ class Target:
         self, reference: AltitudeReference, fix: VerticalFix, sigma_m: float, dropped: list[DropReason]
     ) -> None:
         known = self._verticals.get(reference)
-        if known is None or self.kind is TrafficKind.OBSTACLE:
+        if known is None or self.kind is TrafficKind.OBSTACLE or self._is_outdated(known, fix.time_s):
             gate: OutlierGate[VerticalFilter, VerticalFix]
             gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
             self._verticals[reference] = _Vertical(gate, sigma_m)
@@ -397,6 +406,9 @@ class Target:
             dropped.append(DropReason.ALTITUDE_JUMPED)
             return
         self._verticals[reference] = _Vertical(known.gate, sigma_m)
+
+    def _is_outdated(self, known: _Vertical, time_s: float) -> bool:
+        return time_s > self._valid_until_s(known.gate.estimate)
 
     def _valid_until_s(self, here: VerticalFilter) -> float:
         """An altitude is extrapolated for a limited time, unless it is that of an obstacle."""

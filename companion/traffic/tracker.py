@@ -104,7 +104,7 @@ class Tracker:
     def note_threats(self, track_ids: list[str], now_s: float) -> None:
         """Note which tracks are in conflict with us: they are kept, and coasted when they fall silent."""
         monotonic_s = self._clock.advance(now_s)
-        self._coasting.note_threats(track_ids, monotonic_s)
+        self._coasting.note_threats(track_ids, self._store.targets, monotonic_s)
         threats = {key for track_id in track_ids for key in self._association.group_of(track_id)}
         for key in self._threats - threats:
             if key in self._store.targets:
@@ -231,7 +231,7 @@ class Tracker:
 
     def _keep(self, target: Target, monotonic_s: float) -> bool:
         """Store a target, if there is room for it; it may be another that makes room."""
-        if target.track_id not in self._store.targets:
+        if self._store.is_full and target.track_id not in self._store.targets:
             target.reach_s = self._reach_s(target.last)
         for other in self._store.put(target):
             self.evicted += 1
@@ -348,12 +348,9 @@ class Tracker:
         found += self._shadows(monotonic_s)
         for key in self._own.refuted:
             contact = self._contacts.get(key)
-            there = (
-                place_of(contact.hypotheses[0], monotonic_s)
-                if contact is not None and contact.hypotheses
-                else None
-            )
-            found.append(view.seen(ConcernKind.OWN_ADDRESS, key, there))
+            if contact is not None and contact.hypotheses:
+                there = place_of(contact.hypotheses[0], monotonic_s)
+                found.append(view.seen(ConcernKind.OWN_ADDRESS, key, there))
         if monotonic_s - self._evicted_s <= _FLOOD_S:
             found.append(Concern(ConcernKind.LEFT_OUT, str(self.evicted)))
         return nearest_of_each(found)
@@ -431,21 +428,21 @@ class Tracker:
 
 def _is_possible(report: TrafficReport) -> bool:
     """Whether all numbers are finite, and the position is on the globe."""
-    numbers = (
-        report.time_s,
-        report.lat_deg,
-        report.lon_deg,
-        report.altitude_m,
-        report.course_rad,
-        report.ground_speed_mps,
-        report.climb_mps,
-        report.position_sigma_m,
-        report.altitude_sigma_m,
-        report.velocity_sigma_mps,
-        report.containment_m,
-        report.geometric_altitude_m,
-        *(report.relative_m or ()),
+    total = (
+        report.time_s
+        + (report.lat_deg or 0.0)
+        + (report.lon_deg or 0.0)
+        + (report.altitude_m or 0.0)
+        + (report.course_rad or 0.0)
+        + (report.ground_speed_mps or 0.0)
+        + (report.climb_mps or 0.0)
+        + (report.position_sigma_m or 0.0)
+        + (report.altitude_sigma_m or 0.0)
+        + (report.velocity_sigma_mps or 0.0)
+        + (report.containment_m or 0.0)
+        + (report.geometric_altitude_m or 0.0)
+        + sum(report.relative_m or ())
     )
-    if not all(number is None or math.isfinite(number) for number in numbers):
+    if not math.isfinite(total):
         return False
     return abs(report.lat_deg or 0.0) <= 90.0 and abs(report.lon_deg or 0.0) <= 180.0

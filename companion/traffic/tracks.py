@@ -74,7 +74,7 @@ class TrackMaker:
             motion.turn_radps if age_s <= _TURN_S else 0.0,
             self._state(target, leading),
             leading.position_sigma_m(self._monotonic_s),
-            leading.sigma_mps,
+            leading.velocity_sigma_mps,
             sources,
             target.alarm,
         )
