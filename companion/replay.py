@@ -16,6 +16,7 @@ from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED
 from companion.model import Layer
 from companion.recording.pieces import TUNNEL, PieceReader, is_piece
+from companion.sightings import Sightings
 from companion.sources.decoder import Heard
 from companion.sources.receiver import Receiver
 
@@ -56,6 +57,7 @@ class Replay:
     unknown: int = 0
     unusable: int = 0
     receivers: list[Receiver] = field(default_factory=list)
+    sightings: Sightings = field(default_factory=Sightings)
     lost_pieces: int = 0
     duration_s: float = 0.0
     elapsed_s: float = 0.0
@@ -76,6 +78,8 @@ class Replay:
             "unusable": self.unusable,
             "receivers": [_counts(receiver) for receiver in self.receivers],
             "lost_pieces": self.lost_pieces,
+            "aircraft": self.sightings.values(),
+            "aircraft_left_out": self.sightings.left_out,
             "duration_s": round(self.duration_s, 3),
             "elapsed_s": round(self.elapsed_s, 3),
             "messages_per_s": round(self.messages_per_s),
@@ -158,6 +162,7 @@ def replay(
                 on_told(time_us, effect)
             if not isinstance(effect, Record):
                 continue
+            result.sightings.take(since_s, effect)
             if on_decision is not None:
                 on_decision(effect.line)
             decision = engine.decision

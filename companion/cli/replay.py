@@ -101,6 +101,8 @@ def _ignore(_since_s: float, _now_s: float) -> None:
 def _print_result(console: Console, log: Path, result: Replay) -> None:
     for since_s, layer, words in result.events:
         console.print(f"{since_s:8.1f} s  {layer:<5}  {words}", markup=False, soft_wrap=True)
+    for line in result.sightings.lines():
+        console.print(line, markup=False, soft_wrap=True)
     for receiver in result.receivers:
         counted = receiver.counters
         console.print(
