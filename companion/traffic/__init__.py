@@ -2,9 +2,9 @@
 
 from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.concerns import Concern, ConcernKind
+from companion.traffic.measurement import DropReason
 from companion.traffic.params import TrafficParams
 from companion.traffic.picture import TrafficPicture
-from companion.traffic.target import DropReason
 from companion.traffic.tracker import Tracker
 
 __all__ = [

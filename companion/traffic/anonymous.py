@@ -10,9 +10,9 @@ from typing import Final
 
 from companion.traffic.contact import URGENT_S, Assignment
 from companion.traffic.grid import Grid
-from companion.traffic.measurement import Measurement, RepeatFilter
+from companion.traffic.measurement import DropReason, Measurement, RepeatFilter
 from companion.traffic.params import TrafficParams
-from companion.traffic.target import DropReason, Target
+from companion.traffic.target import Target
 
 _MOST_REPEATS: Final = 4096
 # Reports of one receiver at one moment are of different aircraft.

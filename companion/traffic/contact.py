@@ -13,10 +13,10 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
-from companion.traffic.measurement import Measurement, RepeatFilter
+from companion.traffic.measurement import DropReason, Measurement, RepeatFilter
 from companion.traffic.observers import Observer, Observers
 from companion.traffic.params import TrafficParams
-from companion.traffic.target import CONFIRMED_REPORTS, DropReason, Target
+from companion.traffic.target import CONFIRMED_REPORTS, Target
 
 # A hypothesis that is not confirmed in this time is dropped: three scans of a slow receiver.
 _UNCONFIRMED_S: Final = 12.0
@@ -190,7 +190,7 @@ class Contact:
     def _restart_on_line(self, measurement: Measurement) -> Assignment | None:
         """The hypothesis of the last three positions, if they are on a line that no velocity explains."""
         measurements = [recent for recent, _ in self._recent] + [measurement]
-        if len(measurements) < 3 or not _on_line(measurements):
+        if len(measurements) < 3 or not _on_line(measurements, self._params.estimate.max_speed_mps):
             return None
         involved = [one for one in self.hypotheses if any(one is target for _, target in self._recent)]
         if not involved:
@@ -202,7 +202,7 @@ class Contact:
         return Assignment(keeper, [DropReason.VELOCITY_WRONG], removed)
 
 
-def _on_line(measurements: list[Measurement]) -> bool:
+def _on_line(measurements: list[Measurement], max_speed_mps: float) -> bool:
     """Whether three positions are those of one straight flight at one speed."""
     first, second, third = measurements
     before_s, after_s = second.time_s - first.time_s, third.time_s - second.time_s
@@ -214,4 +214,6 @@ def _on_line(measurements: list[Measurement]) -> bool:
     share = after_s / before_s
     way_m = math.hypot(further_north_m - north_m, further_east_m - east_m)
     off_m = math.hypot(further_north_m + north_m * share, further_east_m + east_m * share)
-    return way_m > _LEAST_WAY_M and off_m < _LINE_M + _LINE_SHARE * way_m
+    if not _LEAST_WAY_M < way_m < max_speed_mps * (before_s + after_s):
+        return False
+    return off_m < _LINE_M + _LINE_SHARE * way_m

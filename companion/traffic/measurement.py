@@ -1,6 +1,7 @@
 """Reports with place and time as the filters take them, and reports that were received before."""
 
 import math
+from enum import StrEnum
 from typing import Final, NamedTuple
 
 from companion.model import AltitudeReference, TrafficReport, Vec2
@@ -12,6 +13,26 @@ _WORST_ALTITUDE_M: Final = 10_000.0
 Content = tuple[float | None, ...]
 # With more distinct reports of one aircraft in the window (9 Hz) the oldest is forgotten.
 MOST_OF_ONE: Final = 64
+
+
+class DropReason(StrEnum):
+    """Why a report, or a part of it, was not used."""
+
+    OWN = "ourselves"
+    ON_GROUND = "on the ground"
+    BAD_NUMBER = "bad number"
+    NO_POSITION = "no position"
+    STALE = "stale"
+    REPEATED = "repeated"
+    REORDERED = "reordered"
+    # It begins another hypothesis of its key: of another place or of another altitude.
+    JUMPED = "jumped"
+    ALTITUDE_JUMPED = "altitude jumped"
+    # The report is used except for a part of it, which is missing or contradicts the positions.
+    NO_ALTITUDE = "no altitude"
+    VELOCITY_WRONG = "wrong velocity"
+    CLIMB_WRONG = "wrong climb"
+    FULL = "too many"
 
 
 class Measurement(NamedTuple):
@@ -126,3 +147,25 @@ def content_of(report: TrafficReport) -> Content:
         report.climb_mps,
         *(report.relative_m or ()),
     )
+
+
+def is_possible(report: TrafficReport) -> bool:
+    """Whether all numbers are finite, and the position is on the globe."""
+    total = (
+        report.time_s
+        + (report.lat_deg or 0.0)
+        + (report.lon_deg or 0.0)
+        + (report.altitude_m or 0.0)
+        + (report.course_rad or 0.0)
+        + (report.ground_speed_mps or 0.0)
+        + (report.climb_mps or 0.0)
+        + (report.position_sigma_m or 0.0)
+        + (report.altitude_sigma_m or 0.0)
+        + (report.velocity_sigma_mps or 0.0)
+        + (report.containment_m or 0.0)
+        + (report.geometric_altitude_m or 0.0)
+        + sum(report.relative_m or ())
+    )
+    if not math.isfinite(total):
+        return False
+    return abs(report.lat_deg or 0.0) <= 90.0 and abs(report.lon_deg or 0.0) <= 180.0

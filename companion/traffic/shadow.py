@@ -23,9 +23,9 @@ _MOST_SAMPLES, _COMPARED_SAMPLES = 12, 8
 _DELAY_STEP_S: Final = 1.0
 # How far a position may be from the mean offset, across the path; along it, by the jitter of delays in
 # addition.
-_RESIDUAL_M, _JITTER_S = 20.0, 0.7
-# In the first reports, while little is known of it, the offset must hardly change.
-_NEW_RESIDUAL_M: Final = 8.0
+_RESIDUAL_M, _JITTER_S = 25.0, 0.7
+# The offset drifts by no more than this in the time of the samples, or than so many times its noise.
+_DRIFT_M, _DRIFT_SIGMAS = 15.0, 4.0
 # A manoeuvre of ours that only a shadow repeats.
 _TURNED_RAD, _CLIMBED_M = math.radians(20.0), 30.0
 _STRAIGHT_RAD: Final = math.radians(6.0)
@@ -117,9 +117,7 @@ class Shadows:
         new = evidence.reports <= self._params.reports
         evidence.comes_nearer |= comes_nearer
         known_other |= evidence.comes_nearer
-        match = (
-            None if comes_nearer else self._match(evidence.samples, _NEW_RESIDUAL_M if new else _RESIDUAL_M)
-        )
+        match = None if comes_nearer else self._match(evidence.samples)
         was = evidence.is_shadow
         if match is not None:
             evidence.misses = 0
@@ -171,7 +169,7 @@ class Shadows:
             return False
         return shrunk_m > (_NEARER_M if stated_mps else 2.0 * _NEARER_M)
 
-    def _match(self, samples: Sequence[Sample], across_gate_m: float) -> Match | None:
+    def _match(self, samples: Sequence[Sample]) -> Match | None:
         """The delay and the mean offset that explain all of the last samples; `None` if there are none."""
         newest = samples[-1]
         compared = list(samples)[-_COMPARED_SAMPLES:]
@@ -182,11 +180,7 @@ class Shadows:
         ]
         if not delays_s or not self._may_compare(newest.time_s):
             return None
-        found = [
-            match
-            for delay_s in delays_s
-            if (match := self._match_with(compared, delay_s, across_gate_m)) is not None
-        ]
+        found = [match for delay_s in delays_s if (match := self._match_with(compared, delay_s)) is not None]
         return min(found, key=lambda match: match.offset_m, default=None)
 
     def _may_compare(self, now_s: float) -> bool:
@@ -196,7 +190,7 @@ class Shadows:
         self._comparisons_left = max(left - 1.0, 0.0)
         return left >= 1.0
 
-    def _match_with(self, samples: Sequence[Sample], delay_s: float, across_gate_m: float) -> Match | None:
+    def _match_with(self, samples: Sequence[Sample], delay_s: float) -> Match | None:
         offsets: list[Vec2] = []
         owns: list[OwnshipFix] = []
         for sample in samples:
@@ -209,7 +203,7 @@ class Shadows:
         north_m = sum(offset[0] for offset in offsets) / len(offsets)
         east_m = sum(offset[1] for offset in offsets) / len(offsets)
         mean_m = math.hypot(north_m, east_m)
-        if mean_m > self._params.shadow_radius_m:
+        if mean_m > self._params.shadow_radius_m or _drifts(samples, offsets):
             return None
         for own, (one_m, other_m) in zip(owns, offsets, strict=True):
             off_north_m, off_east_m = one_m - north_m, other_m - east_m
@@ -218,7 +212,7 @@ class Shadows:
             length = math.hypot(north, east)
             along_m = (off_north_m * north + off_east_m * east) / length
             across_m = (off_east_m * north - off_north_m * east) / length
-            if math.hypot(along_m / (across_gate_m + _JITTER_S * speed_mps), across_m / across_gate_m) > 1.0:
+            if math.hypot(along_m / (_RESIDUAL_M + _JITTER_S * speed_mps), across_m / _RESIDUAL_M) > 1.0:
                 return None
         return Match(delay_s, mean_m, self._manoeuvred(owns))
 
@@ -231,6 +225,13 @@ class Shadows:
         heights_m = [own.altitude_m for own in owns]
         return turned_rad > _TURNED_RAD or max(heights_m) - min(heights_m) > _CLIMBED_M
 
+    def _change_mps(self, time_s: float) -> float:
+        """How much our velocity changed around a time, within a step of the delays."""
+        before, after = self._trail.at(time_s - _DELAY_STEP_S), self._trail.at(time_s + _DELAY_STEP_S)
+        if before is None or after is None:
+            return 0.0
+        return 0.5 * math.hypot(after.north_mps - before.north_mps, after.east_mps - before.east_mps)
+
     def _fits(self, sample: Sample, delay_s: float) -> tuple[OwnshipFix, Vec2] | None:
         """Our position this long before and the offset from it, if velocity and altitude are as ours were."""
         params, own = self._params, self._trail.at(sample.time_s - delay_s)
@@ -240,13 +241,33 @@ class Shadows:
             off_mps = math.hypot(
                 sample.velocity_mps[0] - own.north_mps, sample.velocity_mps[1] - own.east_mps
             )
-            if off_mps > params.velocity_mps:
+            # In a turn of ours, a moment makes a difference.
+            if off_mps > params.velocity_mps + self._change_mps(own.time_s):
                 return None
         height_gate_m = params.vertical_m + sample.uncertainty_m
         if sample.altitude_m is not None and abs(sample.altitude_m - own.altitude_m) > height_gate_m:
             return None
         offset_m = _offset_m(own, sample)
         return (own, offset_m) if math.hypot(*offset_m) <= 2.0 * params.shadow_radius_m else None
+
+
+def _drifts(samples: Sequence[Sample], offsets: Sequence[Vec2]) -> bool:
+    """Whether the offset changes steadily: by more than its noise, from a line through the offsets."""
+    count = len(samples)
+    if count < 3:
+        return False
+    middle_s = sum(sample.time_s for sample in samples) / count
+    points = [complex(*offset) for offset in offsets]
+    mean = sum(points) / count
+    times_s = [sample.time_s - middle_s for sample in samples]
+    spread = sum(time_s**2 for time_s in times_s)
+    slope = sum(time_s * point for time_s, point in zip(times_s, points, strict=True)) / max(spread, 1e-6)
+    scatter2 = sum(
+        abs(point - mean - slope * time_s) ** 2 for time_s, point in zip(times_s, points, strict=True)
+    )
+    noise_m = math.sqrt(scatter2 / max(count - 2, 1))
+    drift_m = abs(slope) * (times_s[-1] - times_s[0])
+    return drift_m > max(_DRIFT_M, _DRIFT_SIGMAS * noise_m)
 
 
 def _sample(target: Target, altitude: SeaLevelAltitude | None) -> Sample:

@@ -10,6 +10,8 @@ from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
 
+# Noise of positions and altitudes of which little is known yet: the filters', and more for coarse senders.
+NOISE_SHARE: Final = 4.0 / 3.0
 _MOST_POINTS, _LEAST_POINTS = 8, 3
 # The first points are near each other, so that an error is found soon; the others reach further back.
 _SPACING_S, _CLOSE_POINTS = 0.5, 4

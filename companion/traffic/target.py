@@ -1,30 +1,25 @@
 """One hypothesis of one aircraft, vehicle or obstacle: reports that fit together, as a motion."""
 
 import math
-from enum import StrEnum
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
-from companion.model import AltitudeReference, TrafficKind, TrafficSource, Vec2
+from companion.model import TrafficKind, TrafficSource, Vec2
 from companion.traffic.accuracy import RANK, grown_sigma_m, position_sigma_m, velocity_sigma_mps
 from companion.traffic.altitude_datums import ReportedAltitude, SeaLevelAltitude
 from companion.traffic.kind import KindEvidence, Surroundings
-from companion.traffic.measurement import Measurement
+from companion.traffic.measurement import DropReason, Measurement
 from companion.traffic.params import TrafficParams
-from companion.traffic.stated_rate import StatedRate
+from companion.traffic.stated_rate import NOISE_SHARE, StatedRate
+from companion.traffic.target_altitudes import TargetAltitudes
 from companion.traffic.track_filter import (
     HorizontalFilter,
     HorizontalFix,
-    OutlierGate,
     TurnFilter,
-    VerticalFilter,
-    VerticalFix,
 )
 
-# Errors of stated rates below these are of no importance [m/s].
-_SPEED_ERROR_MPS, _CLIMB_ERROR_MPS = 6.0, 4.0
-# Noise of positions and altitudes of which little is known yet: the filters', and more for coarse senders.
-_NOISE_SHARE: Final = 4.0 / 3.0
+# Errors of stated velocities below this are of no importance.
+_SPEED_ERROR_MPS: Final = 6.0
 # A track is coasted after a silence of so many of its usual intervals, and of this time.
 _SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
 # The usual interval is averaged over so many reports.
@@ -33,28 +28,10 @@ _AVERAGED_INTERVALS: Final = 4.0
 _POSITIONS_S: Final = 8.0
 # M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
 CONFIRMED_REPORTS: Final = 2
+# A hypothesis of one report is confirmed by a second one this near to its prediction, more by a turn.
+_TENTATIVE_M, _TENTATIVE_MPS2 = 90.0, 5.0
 # Gates by which the nearest neighbour is measured [m].
 _GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
-
-
-class DropReason(StrEnum):
-    """Why a report, or a part of it, was not used."""
-
-    OWN = "ourselves"
-    ON_GROUND = "on the ground"
-    BAD_NUMBER = "bad number"
-    NO_POSITION = "no position"
-    STALE = "stale"
-    REPEATED = "repeated"
-    REORDERED = "reordered"
-    # It begins another hypothesis of its key: of another place or of another altitude.
-    JUMPED = "jumped"
-    ALTITUDE_JUMPED = "altitude jumped"
-    # The report is used except for a part of it, which is missing or contradicts the positions.
-    NO_ALTITUDE = "no altitude"
-    VELOCITY_WRONG = "wrong velocity"
-    CLIMB_WRONG = "wrong climb"
-    FULL = "too many"
 
 
 class Motion(NamedTuple):
@@ -74,11 +51,6 @@ class Motion(NamedTuple):
     altitudes: tuple[ReportedAltitude, ...]
 
 
-class _Vertical(NamedTuple):
-    gate: OutlierGate[VerticalFilter, VerticalFix]
-    sigma_m: float
-
-
 def stale_after_s(kind: TrafficKind, params: TrafficParams) -> float:
     """Time without a new measurement after which a track of this kind is dropped [s]."""
     return params.obstacle_stale_s if kind is TrafficKind.OBSTACLE else params.stale_s
@@ -92,13 +64,12 @@ class Target:
     """
 
     __slots__ = (
-        "_climb",
+        "_altitudes",
         "_frame",
         "_horizontal",
         "_params",
         "_turn",
         "_velocity",
-        "_verticals",
         "alarm",
         "anonymous",
         "born_s",
@@ -161,14 +132,12 @@ class Target:
         self._frame = LocalFrame(measurement.lat_deg, measurement.lon_deg)
         self._horizontal: HorizontalFilter | None = None
         self._restart_rates()
-        # Each reference has its own filter: the difference between two references would look like a climb.
-        self._verticals: dict[AltitudeReference, _Vertical] = {}
+        self._altitudes = TargetAltitudes(params)
 
     def _restart_rates(self) -> None:
         estimate = self._params.estimate
         self._turn = TurnFilter(estimate)
-        self._velocity = StatedRate(_NOISE_SHARE * estimate.position_sigma_m, _SPEED_ERROR_MPS, 2)
-        self._climb = StatedRate(_NOISE_SHARE * estimate.altitude_sigma_m, _CLIMB_ERROR_MPS, 1)
+        self._velocity = StatedRate(NOISE_SHARE * estimate.position_sigma_m, _SPEED_ERROR_MPS, 2)
 
     @property
     def shown(self) -> bool:
@@ -215,21 +184,22 @@ class Target:
             return True
         fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, None)
         if not here.is_outlier(fix):
-            return True
+            return self.shown or self._is_near_prediction(measurement)
         # A wrong stated velocity has led the prediction astray.
         return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
 
+    def _is_near_prediction(self, measurement: Measurement) -> bool:
+        """The gate before the second report: two outliers far apart in time must not confirm each other."""
+        if self.last.velocity_mps is None:
+            return True
+        elapsed_s = measurement.time_s - self.measured_s
+        speed_mps = math.hypot(*self.velocity_mps)
+        gate_m = _TENTATIVE_M + speed_mps + 0.5 * _TENTATIVE_MPS2 * elapsed_s**2
+        return math.hypot(*self.offset_m(measurement)) <= gate_m
+
     def explains_altitude(self, measurement: Measurement) -> bool:
         """Whether one of its altitudes fits, or there is none to compare with."""
-        comparable = False
-        for reference, altitude_m, _ in measurement.altitudes:
-            known = self._verticals.get(reference)
-            if known is None or self._is_outdated(known, measurement.time_s):
-                continue
-            comparable = True
-            if not known.gate.estimate.is_outlier(VerticalFix(measurement.time_s, altitude_m, None)):
-                return True
-        return not comparable or self.kind is TrafficKind.OBSTACLE
+        return self.kind is TrafficKind.OBSTACLE or self._altitudes.explain(measurement)
 
     def explains(self, measurement: Measurement) -> bool:
         """The gate in three dimensions: whether place and altitude are those of this aircraft."""
@@ -246,14 +216,7 @@ class Target:
     def distance(self, measurement: Measurement) -> float:
         """How far a measurement is from the prediction, in gates: for the nearest neighbour."""
         north_m, east_m = self.offset_m(measurement)
-        up_m = 0.0
-        for reference, altitude_m, _ in measurement.altitudes:
-            known = self._verticals.get(reference)
-            if known is not None:
-                here = known.gate.estimate
-                elapsed_s = measurement.time_s - here.time_s
-                up_m = abs(altitude_m - here.altitude_m - here.climb_mps * elapsed_s)
-                break
+        up_m = self._altitudes.offset_m(measurement)
         return math.hypot(north_m / _GATE_M, east_m / _GATE_M, up_m / _VERTICAL_GATE_M)
 
     def offset_m(self, measurement: Measurement) -> Vec2:
@@ -284,12 +247,13 @@ class Target:
             report.kind is TrafficKind.OBSTACLE
         ) and not self.evidence.moves:
             # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
-            self._horizontal, self._verticals = None, {}
+            self._horizontal = None
             self._restart_rates()
+            self._altitudes = TargetAltitudes(self._params)
             self.evidence = KindEvidence(report.kind)
         self.evidence.stated, self.evidence.stated_airborne = report.kind, report.airborne
         self._receive_place(measurement, dropped)
-        self._receive_altitudes(measurement, dropped)
+        self._altitudes.receive(measurement, dropped, stands=self.kind is TrafficKind.OBSTACLE)
         self.measured_s = max(time_s, self.measured_s)
         self.motion = self._motion()
         stated_mps = None if measurement.velocity_mps is None else math.hypot(*measurement.velocity_mps)
@@ -310,7 +274,7 @@ class Target:
             self._update_place(one.time_s, one.lat_deg, one.lon_deg, None)
         newest = measurements[-1]
         self._note(newest)
-        self._receive_altitudes(newest, [])
+        self._altitudes.receive(newest, [], stands=False)
         self.measured_s = newest.time_s
         self.motion = self._motion()
 
@@ -360,76 +324,9 @@ class Target:
         else:
             self._horizontal.update(fix)
 
-    def _receive_altitudes(self, measurement: Measurement, dropped: list[DropReason]) -> None:
-        time_s = measurement.time_s
-        valid = [known for known in self._verticals.values() if not self._is_outdated(known, time_s)]
-        if not measurement.altitudes and not valid:
-            dropped.append(DropReason.NO_ALTITUDE)
-        climb_mps = measurement.climb_mps
-        for number, (reference, altitude_m, sigma_m) in enumerate(measurement.altitudes):
-            if number == 0 and climb_mps is not None:
-                trusted = self._climb.trusted
-                if not self._climb.receive(time_s, complex(altitude_m), complex(climb_mps), (altitude_m,)):
-                    dropped.append(DropReason.CLIMB_WRONG)
-                    climb_mps = None
-                    if trusted:
-                        self._restart_altitude(reference, sigma_m)
-                        continue
-            self._receive_altitude(reference, VerticalFix(time_s, altitude_m, climb_mps), sigma_m, dropped)
-
-    def _restart_altitude(self, reference: AltitudeReference, sigma_m: float) -> None:
-        """Filter the last altitudes again, without the stated climbs that they contradict."""
-        (first_s, first_m), *others = self._climb.places
-        estimate = VerticalFilter(VerticalFix(first_s, first_m, None), self._params.estimate)
-        for time_s, altitude_m in others:
-            estimate.update(VerticalFix(time_s, altitude_m, None))
-        self._verticals = {reference: _Vertical(OutlierGate(estimate), sigma_m)}
-
-    def _receive_altitude(
-        self, reference: AltitudeReference, fix: VerticalFix, sigma_m: float, dropped: list[DropReason]
-    ) -> None:
-        known = self._verticals.get(reference)
-        if known is None or self.kind is TrafficKind.OBSTACLE or self._is_outdated(known, fix.time_s):
-            gate: OutlierGate[VerticalFilter, VerticalFix]
-            gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
-            self._verticals[reference] = _Vertical(gate, sigma_m)
-            return
-        here = known.gate.estimate
-        if (
-            fix.climb_mps is not None
-            and here.is_outlier(fix)
-            and not here.is_outlier(fix._replace(climb_mps=None))
-        ):
-            dropped.append(DropReason.CLIMB_WRONG)
-            fix = fix._replace(climb_mps=None)
-        if not known.gate.receive(fix):
-            dropped.append(DropReason.ALTITUDE_JUMPED)
-            return
-        self._verticals[reference] = _Vertical(known.gate, sigma_m)
-
-    def _is_outdated(self, known: _Vertical, time_s: float) -> bool:
-        return time_s > self._valid_until_s(known.gate.estimate)
-
-    def _valid_until_s(self, here: VerticalFilter) -> float:
-        """An altitude is extrapolated for a limited time, unless it is that of an obstacle."""
-        stands = self.kind is TrafficKind.OBSTACLE
-        return math.inf if stands else here.time_s + self._params.altitude_hold_s
-
     def _motion(self) -> Motion:
         here = self._horizontal
         assert here is not None
-        verticals = self._verticals.items()
-        altitudes = tuple(
-            ReportedAltitude(
-                reference,
-                one.gate.estimate.altitude_m,
-                one.gate.estimate.time_s,
-                one.gate.estimate.climb_mps,
-                self._valid_until_s(one.gate.estimate),
-                one.sigma_m,
-            )
-            for reference, one in verticals
-        )
         return Motion(
             here.lat_deg,
             here.lon_deg,
@@ -438,7 +335,7 @@ class Target:
             here.east_mps,
             self._turn.rate_radps,
             self.sigma_m,
-            altitudes,
+            self._altitudes.estimates(),
         )
 
     def judge_kind(self, now_s: float, altitude: SeaLevelAltitude | None, around: Surroundings) -> None:

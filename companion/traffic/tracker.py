@@ -9,33 +9,31 @@ from companion.traffic.altitude_datums import AS_REPORTED, DatumOffsets, SeaLeve
 from companion.traffic.anonymous import AnonymousContacts
 from companion.traffic.association import Association
 from companion.traffic.coasting import Coasting
-from companion.traffic.concerns import (
-    Concern,
-    ConcernedView,
-    ConcernKind,
-    OldReport,
-    name_of,
-    nearest_of_each,
-    place_of,
-)
+from companion.traffic.concern_finder import ConcernFinder, Known
+from companion.traffic.concerns import Concern, ConcernedView, OldReport
 from companion.traffic.contact import Assignment, Contact
 from companion.traffic.kind import UNKNOWN, Surroundings
-from companion.traffic.measurement import Measurement, RepeatFilter, content_of, measure
+from companion.traffic.measurement import (
+    DropReason,
+    Measurement,
+    RepeatFilter,
+    content_of,
+    is_possible,
+    measure,
+)
 from companion.traffic.monotonic_clock import MonotonicClock
 from companion.traffic.own_identity import OwnIdentity
 from companion.traffic.own_trail import OwnshipFix, OwnTrail
 from companion.traffic.ownship_echo import OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import TargetStore
-from companion.traffic.target import DropReason, Target, stale_after_s
+from companion.traffic.target import Target, stale_after_s
 from companion.traffic.tracks import TrackMaker
 
 # Our own positions are kept for the last reports of a slow shadow and its delay.
 _TRAIL_S = 60.0
 # Keys that are remembered though all their reports were too old: their ages may turn out to be wrong.
 _MOST_IDLE = 256
-# Evictions in this time are a flood.
-_FLOOD_S = 10.0
 
 
 class Tracker:
@@ -63,10 +61,11 @@ class Tracker:
         self._idle: dict[str, None] = {}  # the keys of contacts that never had a target, the oldest first
         self._anonymous = AnonymousContacts(params, self._store.grid)
         self._coasting = Coasting(params, self._trail)
-        self._view = ConcernedView(params, self._trail)
         self._unplaced_received_s: dict[str, float] = {}  # the longest silence first
-        self._without_altitude: dict[str, None] = {}
-        self._contested: dict[str, None] = {}
+        self._concerns = ConcernFinder(
+            Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
+            ConcernedView(params, self._trail),
+        )
         self._evicted_s = -math.inf
         self._threats: set[str] = set()
         self._offsets = AS_REPORTED
@@ -95,11 +94,9 @@ class Tracker:
         if not math.isfinite(time_s) or not all(map(math.isfinite, place_deg)):
             return None
         own = self._trail.at(self._clock.convert(time_s))
-        return (
-            None
-            if own is None
-            else math.hypot(*LocalFrame(own.lat_deg, own.lon_deg).to_north_east_m(*place_deg))
-        )
+        if own is None:
+            return None
+        return math.hypot(*LocalFrame(own.lat_deg, own.lon_deg).to_north_east_m(*place_deg))
 
     def note_threats(self, track_ids: list[str], now_s: float) -> None:
         """Note which tracks are in conflict with us: they are kept, and coasted when they fall silent."""
@@ -120,7 +117,7 @@ class Tracker:
         """Process a report; returns the id of the track that it updates, `None` if there is none."""
         monotonic_s = self._clock.advance(now_s)
         self._offsets = offsets
-        if not _is_possible(report):
+        if not is_possible(report):
             self.dropped[DropReason.BAD_NUMBER] += 1
             return None
         time_s = self._clock.convert(report.time_s)
@@ -184,13 +181,13 @@ class Tracker:
         time_s = observer.time_of(stated_s, monotonic_s)
         if monotonic_s - time_s > stale_after_s(report.kind, self.params):
             return self._too_old(report.callsign or report.key, place_deg, time_s, monotonic_s)
-        self._view.forget_old(report.callsign or report.key)
+        self._concerns.note_fresh(report.callsign or report.key)
         measurement = measure(report, time_s, monotonic_s, *place_deg, self.params)
         if self._idle:
             self._idle.pop(contact.key, None)
         assignment = contact.assign(measurement, observer, self._reach_s)
         if len(contact.hypotheses) > 1:
-            self._contested[contact.key] = None
+            self._concerns.note_contested(contact.key)
         return assignment
 
     def _is_repeat(
@@ -208,7 +205,7 @@ class Tracker:
         target.judge_kind(monotonic_s, self._altitude_of(target), self.surroundings)
 
     def _too_old(self, name: str, place_deg: LatLon, time_s: float, monotonic_s: float) -> Assignment:
-        self._view.note_old(name, OldReport(monotonic_s, monotonic_s - time_s, place_deg))
+        self._concerns.note_old(name, OldReport(monotonic_s, monotonic_s - time_s, place_deg))
         return Assignment(None, [DropReason.STALE], [])
 
     def _new_contact(self, key: str) -> Contact:
@@ -255,10 +252,7 @@ class Tracker:
             height_m = None if altitude is None else altitude.altitude_m
             velocity_mps = target.motion.north_mps, target.motion.east_mps
             target.reach_s = self._trail.reach_s(target.measured_s, place_deg, velocity_mps, height_m)
-        if altitude is None:
-            self._without_altitude[target.track_id] = None
-        elif self._without_altitude:
-            self._without_altitude.pop(target.track_id, None)
+        self._concerns.note_altitude(target.track_id, known=altitude is not None)
         if not target.evidence.stated_airborne and target.evidence.on_ground:
             self.dropped[DropReason.ON_GROUND] += new
             self._association.remove(target.track_id)
@@ -326,61 +320,7 @@ class Tracker:
 
     def concerns(self, now_s: float) -> tuple[Concern, ...]:
         """What the operator should know of traffic, the nearest of each kind."""
-        monotonic_s, view = self._clock.advance(now_s), self._view
-        found = [*self._heightless(monotonic_s), *view.old(monotonic_s)]
-        for key in sorted(self._threats & self._store.targets.keys()):
-            target = self._store.targets[key]
-            if target.is_silent(monotonic_s):
-                silent_s = monotonic_s - target.measured_s
-                found.append(
-                    view.seen(ConcernKind.NOT_HEARD, name_of(target), place_of(target, monotonic_s), silent_s)
-                )
-        for lost in self._coasting.lost(monotonic_s):
-            if lost.track_id not in self._store.targets:
-                place_deg = lost.lat_deg, lost.lon_deg
-                found.append(view.seen(ConcernKind.LOST, lost.name, place_deg, monotonic_s - lost.measured_s))
-        for key in list(self._contested):
-            contact = self._contacts.get(key)
-            if contact is None or len(contact.hypotheses) < 2:
-                del self._contested[key]
-            else:
-                found += view.contradictions(contact, monotonic_s)
-        found += self._shadows(monotonic_s)
-        for key in self._own.refuted:
-            contact = self._contacts.get(key)
-            if contact is not None and contact.hypotheses:
-                there = place_of(contact.hypotheses[0], monotonic_s)
-                found.append(view.seen(ConcernKind.OWN_ADDRESS, key, there))
-        if monotonic_s - self._evicted_s <= _FLOOD_S:
-            found.append(Concern(ConcernKind.LEFT_OUT, str(self.evicted)))
-        return nearest_of_each(found)
-
-    def _heightless(self, monotonic_s: float) -> list[Concern]:
-        found = []
-        for track_id in list(self._without_altitude):
-            target = self._store.targets.get(track_id)
-            if target is None or not self._identifies_track(target):
-                continue
-            age_s = monotonic_s - target.measured_s
-            seen = self._view.seen(
-                ConcernKind.HEIGHT_UNKNOWN, name_of(target), place_of(target, monotonic_s), age_s
-            )
-            if self._view.is_near(seen, target.reach_s):
-                found.append(seen)
-        return found
-
-    def _shadows(self, monotonic_s: float) -> list[Concern]:
-        """The echoes of us that are late or beside us, under another's identity."""
-        found = []
-        for track_id in sorted(self._echo.keys & self._store.targets.keys()):
-            match, target = self._echo.shadows.match_of(track_id), self._store.targets[track_id]
-            if match is not None and self._echo.is_odd(target, match):
-                found.append(
-                    self._view.seen(
-                        ConcernKind.OWN_SHADOW, name_of(target), place_of(target, monotonic_s), match.delay_s
-                    )
-                )
-        return found
+        return self._concerns.find(self._threats, self._evicted_s, self.evicted, self._clock.advance(now_s))
 
     # --- forgetting
 
@@ -423,26 +363,4 @@ class Tracker:
         if self._store.remove(target):
             self._association.remove(target.track_id)
             self._echo.remove(target.track_id)
-            self._without_altitude.pop(target.track_id, None)
-
-
-def _is_possible(report: TrafficReport) -> bool:
-    """Whether all numbers are finite, and the position is on the globe."""
-    total = (
-        report.time_s
-        + (report.lat_deg or 0.0)
-        + (report.lon_deg or 0.0)
-        + (report.altitude_m or 0.0)
-        + (report.course_rad or 0.0)
-        + (report.ground_speed_mps or 0.0)
-        + (report.climb_mps or 0.0)
-        + (report.position_sigma_m or 0.0)
-        + (report.altitude_sigma_m or 0.0)
-        + (report.velocity_sigma_mps or 0.0)
-        + (report.containment_m or 0.0)
-        + (report.geometric_altitude_m or 0.0)
-        + sum(report.relative_m or ())
-    )
-    if not math.isfinite(total):
-        return False
-    return abs(report.lat_deg or 0.0) <= 90.0 and abs(report.lon_deg or 0.0) <= 180.0
+            self._concerns.note_altitude(target.track_id, known=True)

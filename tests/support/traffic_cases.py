@@ -1,6 +1,5 @@
 """Scenarios in which traffic is reported wrongly: reports are changed or added on their way to the engine."""
 
-import math
 from collections.abc import Callable, Sequence
 
 from companion.engine import Engine
@@ -8,8 +7,8 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Track, Vec3
 from sim.closed_loop import ClosedLoop
 from sim.metrics import EncounterScore
+from sim.receivers.mavlink import ADSB_RECEIVER, ALL_VALID, adsb_vehicle
 from sim.scenario import Autopilot, Scenario, load_scenario
-from sim.traffic import ADSB_RECEIVER, ALL_VALID
 
 Reports = Sequence[Message]
 Changed = Callable[["ReportedWrongly", Message], Reports]
@@ -79,24 +78,9 @@ class ReportedWrongly(ClosedLoop):
         self, icao: int, position_m: Vec3, velocity_mps: tuple[float, float], **fields: object
     ) -> Message:
         """An ADSB_VEHICLE of an aircraft here in the scenario's frame."""
-        place = self.scenario.frame.to_geo(*position_m)
-        north_mps, east_mps = velocity_mps
-        usual = {
-            "ICAO_address": icao,
-            "lat": round(place.lat_deg * 1e7),
-            "lon": round(place.lon_deg * 1e7),
-            "altitude_type": 1,
-            "altitude": round(place.altitude_m * 1000.0),
-            "heading": round(math.degrees(math.atan2(east_mps, north_mps)) * 100.0) % 36_000,
-            "hor_velocity": round(math.hypot(north_mps, east_mps) * 100.0),
-            "ver_velocity": 0,
-            "callsign": b"",
-            "emitter_type": 1,
-            "tslc": 0,
-            "flags": ALL_VALID & ~mavlink.ADSB_FLAGS_VALID_CALLSIGN,
-            "squawk": 1200,
-        }
-        return _sent(usual | fields)
+        place, velocity = self.scenario.frame.to_geo(*position_m), (*velocity_mps, 0.0)
+        flags = ALL_VALID & ~mavlink.ADSB_FLAGS_VALID_CALLSIGN
+        return altered(adsb_vehicle(icao, "", place, velocity, flags=flags), **fields)
 
 
 def altered(message: Message, **fields: object) -> Message:
