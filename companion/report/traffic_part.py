@@ -51,7 +51,7 @@ def _row(one: TrackHistory, end_s: float) -> list[str]:
     sighting = one.sighting
     sigma_m, coasted_s = sighting.least_sigma_m, sighting.coasted_s()
     return [
-        html.escape(one.name), html.escape(", ".join(sighting.sources)) or "–",
+        f"<b>{html.escape(one.name)}</b>", html.escape(", ".join(sighting.sources)) or "–",
         clock(sighting.first_heard_s), clock(sighting.last_heard_s),
         f"{sighting.reports:,}" if sighting.reports else "–",
         "–" if sigma_m is None else f"±{_WITHIN_95 * sigma_m:.0f} m",

@@ -190,7 +190,7 @@ def test_the_sources_and_the_end_of_each_aircraft_are_known() -> None:
 
 def test_the_page_lists_aircraft_by_source_and_what_was_not_avoided() -> None:
     text = page_of(Log(flight_of(of_sources())))
-    row = re.search(r"<tr><td>N1</td><td>gdl90:udpin:0.0.0.0:4000, sbs:tcp:a:1</td>.*?</tr>", text)
+    row = re.search(r"<tr><td><b>N1</b></td><td>gdl90:udpin:0.0.0.0:4000, sbs:tcp:a:1</td>.*?</tr>", text)
     assert row is not None
     assert "<td>119</td><td>±73 m</td><td>0 m</td><td>1:00</td><td>29 s</td><td>lost</td>" in row[0]
     assert "ADS-B&lt;b&gt;" in text
