@@ -85,7 +85,7 @@ class ClosedLoop:
     def _step(self) -> None:
         now_s = self._now_us / 1e6
         world, flight = self.world, self.flight
-        for message in world.receiver.reports(now_s, world.vehicle.truth.position_m):
+        for message in world.receiver.reports(now_s, world.vehicle.flight.aircraft.position_m):
             world.vehicle.receive(message, now_s, RECEIVER_CHANNEL)
         for outgoing in world.vehicle.step(now_s):
             if outgoing.channel == COMPANION_CHANNEL and self._stepper is not None:
