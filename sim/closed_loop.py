@@ -98,7 +98,7 @@ class ClosedLoop:
         if self.receivers:
             self._hear_receivers(now_s)
         else:
-            for message in world.receiver.reports(now_s, world.vehicle.truth.position_m):
+            for message in world.receiver.reports(now_s, world.vehicle.flight.aircraft.position_m):
                 world.vehicle.receive(message, now_s, RECEIVER_CHANNEL)
         for outgoing in world.vehicle.step(now_s):
             if outgoing.channel == COMPANION_CHANNEL and self._stepper is not None:

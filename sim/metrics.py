@@ -13,10 +13,12 @@ from companion.units import (
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
-from sim.path import distance_to_path_m, thinned_path
+from sim.path import Polyline, thinned_path
 from sim.scenario import Scenario
 from sim.traffic import Intruder
 from sim.world import World, undisturbed
+
+_ROUNDING_M = 1e-6
 
 
 @dataclass
@@ -78,7 +80,9 @@ class FlightScore:
 
     def __post_init__(self) -> None:
         self.encounters = {f"{i.icao:06X}": EncounterScore(i.icao, i.callsign) for i in self.intruders}
-        self._path = np.asarray(self.planned, dtype=float)
+        self._path = Polyline(self.planned)
+        self._measured_at_m: Vec2 = (math.inf, math.inf)
+        self._measured_m = 0.0
 
     def update(self, time_s: float, own_m: Vec3) -> None:
         """Update with our present position, north-east-down [m]."""
@@ -86,7 +90,14 @@ class FlightScore:
             if intruder.appears_s <= time_s <= intruder.disappears_s:
                 position_m, _ = intruder.state_at(time_s)
                 self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
-        self.max_deviation_m = max(self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self._path))
+        self._measure_deviation(own_m[:2])
+
+    def _measure_deviation(self, own_m: Vec2) -> None:
+        """Update the largest deviation, if it can have grown on the way since the last measurement."""
+        if self._measured_m + math.dist(own_m, self._measured_at_m) < self.max_deviation_m - _ROUNDING_M:
+            return
+        self._measured_at_m, self._measured_m = own_m, self._path.distance_m(own_m)
+        self.max_deviation_m = max(self.max_deviation_m, self._measured_m)
 
     def note_action(self, time_s: float, threats: Sequence[Threat]) -> None:
         """Record that avoidance of these is flown."""
