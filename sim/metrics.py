@@ -4,8 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from companion.model import Threat, Vec2, Vec3
 from companion.units import (
     NMAC_HORIZONTAL_M,
