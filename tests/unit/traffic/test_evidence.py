@@ -19,7 +19,7 @@ from companion.model import (
 )
 from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams, TrafficPicture
 from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
-from companion.traffic.kind import Surroundings
+from companion.traffic.evidence import Surroundings
 from companion.traffic.own_trail import OwnshipFix
 from tests.unit.traffic.straight_flight import FRAME, START_M, VELOCITY_MPS, follow, only, report_at, straight
 
