@@ -16,6 +16,7 @@ from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED
 from companion.model import Layer
 from companion.recording.pieces import TUNNEL, PieceReader, is_piece
+from companion.sightings import Sightings
 from companion.sources.decoder import Heard
 from companion.sources.receiver import Receiver
 
@@ -56,6 +57,7 @@ class Replay:
     unknown: int = 0
     unusable: int = 0
     receivers: list[Receiver] = field(default_factory=list)
+    sightings: Sightings = field(default_factory=Sightings)
     lost_pieces: int = 0
     duration_s: float = 0.0
     elapsed_s: float = 0.0
@@ -76,6 +78,8 @@ class Replay:
             "unusable": self.unusable,
             "receivers": [_counts(receiver) for receiver in self.receivers],
             "lost_pieces": self.lost_pieces,
+            "aircraft": self.sightings.values(),
+            "aircraft_left_out": self.sightings.left_out,
             "duration_s": round(self.duration_s, 3),
             "elapsed_s": round(self.elapsed_s, 3),
             "messages_per_s": round(self.messages_per_s),
@@ -94,7 +98,7 @@ def _counts(receiver: Receiver) -> dict[str, object]:
     }
 
 
-class _RecordedReceivers:
+class RecordedReceivers:
     """The receivers of a log: what they sent, through the decoders of their formats."""
 
     def __init__(self) -> None:
@@ -137,13 +141,15 @@ def replay(
     on_moment: Callable[[float, float], object] = lambda _since_s, _now_s: None,
     on_told: Callable[[int, Say], object] = lambda _time_us, _said: None,
     on_progress: Callable[[int], object] = lambda _bytes: None,
+    receivers: RecordedReceivers | None = None,
 ) -> Replay:
     """Drive the engine by a log; LogError when it cannot be read.
 
     Messages that the companion itself sent while it recorded the log only move the clock: the engine ignores
     its own address. `later_parts` are logs that continue the first one. `on_progress` receives the number of
     bytes read of all logs, `on_told` each text for the operator with its time, and `on_moment`, after every
-    tick with a position, the time since the start and the engine's time [s].
+    tick with a position, the time since the start and the engine's time [s]. `receivers` decodes what the log
+    has of receivers, for a caller that shows them.
     """
     result = Replay()
     started_s = time.perf_counter()
@@ -158,6 +164,7 @@ def replay(
                 on_told(time_us, effect)
             if not isinstance(effect, Record):
                 continue
+            result.sightings.take(since_s, effect)
             if on_decision is not None:
                 on_decision(effect.line)
             decision = engine.decision
@@ -172,7 +179,7 @@ def replay(
     clock = LogClock()
     stepper = Stepper(engine, perform, longest_stall_us=LONGEST_GAP_IN_LOG_US)
     intake = Intake(engine.sender.component_id)
-    receivers = _RecordedReceivers()
+    receivers = receivers or RecordedReceivers()
     now_us = 0
     for count, (stamp_us, frame) in enumerate(chain.from_iterable(logs)):
         now_us = clock.at(stamp_us)

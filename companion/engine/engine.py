@@ -20,6 +20,7 @@ from companion.control.state_machine import State, Supervisor
 from companion.engine.deciding import Deciding
 from companion.engine_config import EngineConfig
 from companion.gcs.broadcasts import Broadcasts
+from companion.gcs.concern_values import concern_values
 from companion.gcs.conditions import Conditions
 from companion.gcs.forwarding import Forwarding
 from companion.gcs.maneuvers import ManeuverNotices
@@ -58,12 +59,13 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Tracker, TrafficPicture
+from companion.traffic import Concern, Tracker, TrafficPicture
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
 _NOTICES = (Notice, ConflictNotice, ResumeNotice)
 _KEEP_INTERVAL_S = 1.0
+_MOST_COUNTED = 4096  # tracks
 
 
 class Engine:
@@ -129,6 +131,8 @@ class Engine:
         self._left: PersistedState | None = None  # state of a former run, until its parameters are restored
         self._kept_s: float | None = None
         self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
+        self.concerns: tuple[Concern, ...] = ()  # of the last tick: traffic that is not avoided or is odd
+        self._reports: dict[str, int] = {}  # how many updated each track
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -329,6 +333,7 @@ class Engine:
         self.forwarding.observe(fact, track_id, self.aircraft.sender, now_s)
         if track_id is None:
             return False
+        self._reports[track_id] = self._reports.get(track_id, 0) + 1
         prompted = any(threat.track_id == track_id for threat in self.decision.threats)
         self._prompted |= prompted
         return prompted
@@ -451,7 +456,8 @@ class Engine:
         threatened = bool(self.decision.threats)
         alarms = self._handover.conditions(now_s)
         own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
-        traffic = traffic_conditions(self._picture.concerns(now_s), self._deciding.own)
+        self.concerns = self._picture.concerns(now_s)
+        traffic = traffic_conditions(self.concerns, self._deciding.own)
         return [*alarms, *own, *traffic, *self.queries.conditions(), *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
@@ -470,8 +476,23 @@ class Engine:
         if deciding.own is None:
             return []
         aircraft, home_m = self.aircraft, self.aircraft.home_altitude_m()
-        around = Circumstances(supervisor.state, supervisor.flying, aircraft.mode, deciding.frame, home_m)
+        around = Circumstances(
+            supervisor.state,
+            supervisor.flying,
+            aircraft.mode,
+            deciding.frame,
+            home_m,
+            [concern_values(concern) for concern in self.concerns],
+            self._counted_reports(),
+        )
         return [Record(now_s, deciding.decision, deciding.own, deciding.tracks, around)]
+
+    def _counted_reports(self) -> dict[str, int]:
+        """The number of reports by track; of a flood, only of the present tracks."""
+        if len(self._reports) > _MOST_COUNTED:
+            tracks = {track.track_id for track in self._deciding.tracks}
+            self._reports = {name: count for name, count in self._reports.items() if name in tracks}
+        return self._reports.copy()
 
     def _emit(self, outgoing: Iterable[Message | AnyNotice], now_s: float) -> list[Effect]:
         """Messages and notices as effects, in their order."""

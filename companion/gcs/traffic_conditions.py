@@ -11,6 +11,8 @@ from companion.units import wrap_two_pi
 
 # A missing altitude, a contradiction or a silence of less than this is usual.
 _LASTING_S = 2.0
+# The keys of conditions about traffic begin with this.
+TRAFFIC_KEY = "traffic "
 _ODD = {
     ConcernKind.TWO_PLACES: "is reported in two places",
     ConcernKind.TWO_HEIGHTS: "is reported at two heights",
@@ -22,7 +24,7 @@ def traffic_conditions(concerns: Iterable[Concern], own: Ownship | None) -> Iter
     for concern in concerns:
         text, matters = _words(concern, own)
         yield Condition(
-            f"traffic {concern.kind}: {'' if concern.kind is ConcernKind.LEFT_OUT else concern.name}",
+            f"{TRAFFIC_KEY}{concern.kind}: {'' if concern.kind is ConcernKind.LEFT_OUT else concern.name}",
             mavlink.MAV_SEVERITY_WARNING if matters else mavlink.MAV_SEVERITY_NOTICE,
             text,
             matters=matters,

@@ -24,7 +24,8 @@ class Content:
     """`new_reader` makes the reader of a new peer, connection or device, from the counters of the link.
 
     At most `max_waiting` datagrams or pieces of a stream wait to be read; of a larger one each `piece_bytes`
-    count as one. After `bytes_at_once` other tasks get a turn, so that ticks stay on time.
+    count as one. After `bytes_at_once` other tasks get a turn, so that ticks stay on time. Documents are read
+    every `document_period_s`.
     """
 
     new_reader: Callable[[StreamCounters], Reader] = FrameSplitter
@@ -32,6 +33,7 @@ class Content:
     max_waiting: int = 512  # about a second of a busy link
     piece_bytes: int = 1 << 16
     bytes_at_once: int = 32_768  # junk costs a microsecond a byte
+    document_period_s: float = 1.0
 
 
 MAVLINK = Content()

@@ -20,7 +20,6 @@ from companion.links.content import Content
 from companion.links.link import Link, OnFrames
 from companion.links.sockets import error_text
 
-_PERIOD_S = 1.0
 _MAX_BYTES = 8 << 20
 _PART_BYTES = 1 << 16
 # For a connection, and for the next bytes; the whole document has twice as long.
@@ -36,12 +35,10 @@ class DocumentLink(Link):
     A thread reads it, so that neither a server nor a disk keeps the flight waiting.
     """
 
-    def __init__(
-        self, address: str, document: DocumentAddress, content: Content, *, period_s: float = _PERIOD_S
-    ) -> None:
+    def __init__(self, address: str, document: DocumentAddress, content: Content) -> None:
         super().__init__(address, listen_only=True, content=content)
         self._read = _reader_of(document)
-        self._period_s = period_s
+        self._period_s = content.document_period_s
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="document")
         self._waiting: bytes | None = None  # read by `open`, for `run`
         self._last = b""
@@ -70,6 +67,7 @@ class DocumentLink(Link):
             with contextlib.suppress(TimeoutError):
                 wait_s = max(self._period_s - (time.monotonic() - read_s), 0.0)
                 await asyncio.wait_for(self._closed.wait(), wait_s)
+            if self._closed.is_set():  # perhaps at the same moment as the time was up
                 return
             document = await self._fetch()
 

@@ -26,10 +26,10 @@ OnPiece = Callable[[Receiver, Piece], None]
 class ReceiverLink:
     """One link and one receiver. `link` carries no MAVLink: its bytes go to `on_piece` of `run`."""
 
-    def __init__(self, text: str, address: ReceiverAddress) -> None:
+    def __init__(self, text: str, address: ReceiverAddress, *, document_period_s: float = 1.0) -> None:
         """`ConfigError` if a part of the format is missing."""
         self.receiver = Receiver.of(text, address.format)
-        content = Content(self._new_reader, 1, _MAX_WAITING, _PIECE_BYTES, _BYTES_AT_ONCE)
+        content = Content(self._new_reader, 1, _MAX_WAITING, _PIECE_BYTES, _BYTES_AT_ONCE, document_period_s)
         self.link: Link = make_link(text, address.at, content)
         self._reconnect = Reconnect(self.link)
         self._on_piece: OnPiece = _ignore

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from companion.links import Link, ReceiverLink
+from companion.links.receiver_link import SILENCE_S
+from companion.sources.receiver import Receiver
 
 
 class LoopTimes:
@@ -70,7 +72,22 @@ class ReceiverCount:
     @classmethod
     def of(cls, one: ReceiverLink, now_s: float) -> "ReceiverCount":
         """The counts of a receiver at `now_s` by the engine's clock."""
-        receiver = one.receiver
+        dropped = one.link.counters.dropped
+        return cls._of(one.receiver, dropped, one.silent_s(now_s), one.problem(now_s), now_s)
+
+    @classmethod
+    def of_recorded(cls, receiver: Receiver, now_s: float) -> "ReceiverCount":
+        """The counts of a receiver in a replay: its link is not known, only what came over it."""
+        heard_s = receiver.taken_s if receiver.heard_s is None else receiver.heard_s
+        silent_s = 0.0 if heard_s is None else now_s - heard_s
+        silent = silent_s >= SILENCE_S
+        problem = f"silent for {SILENCE_S:.0f} s" if silent else receiver.status
+        return cls._of(receiver, 0, silent_s, problem, now_s)
+
+    @classmethod
+    def _of(
+        cls, receiver: Receiver, dropped: int, silent_s: float, problem: str | None, now_s: float
+    ) -> "ReceiverCount":
         counters = receiver.counters
         return cls(
             receiver.address,
@@ -79,10 +96,10 @@ class ReceiverCount:
             counters.messages,
             counters.reports,
             tuple(sorted(counters.bad.items())),
-            one.link.counters.dropped,
+            dropped,
             receiver.aircraft(now_s),
-            one.silent_s(now_s),
-            one.problem(now_s),
+            silent_s,
+            problem,
         )
 
 

@@ -7,8 +7,10 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.registry import Collector
 
-from companion.model import Layer
+from companion.model import Layer, TrackState, TrafficKind
+from companion.traffic import ConcernKind
 from companion.web.health import LoopTimes, ReceiverCount
+from companion.web.live_snapshot import LiveSnapshot
 from companion.web.source import LiveSource
 
 Family = CounterMetricFamily | GaugeMetricFamily | HistogramMetricFamily
@@ -68,6 +70,7 @@ class Metrics(Collector):
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)
         yield _counter("command_rejections", "Commands refused or not answered", live.rejections)
         yield _gauge("tracks", "Aircraft and obstacles that are tracked", float(len(snapshot.tracks)))
+        yield from _of_traffic(live)
         yield _gauge("threats", "Tracks in conflict", float(len(snapshot.decision.threats)))
         layers = GaugeMetricFamily("companion_layer", "1 for the layer that decides", labels=["layer"])
         for layer in Layer:
@@ -85,6 +88,28 @@ class Metrics(Collector):
         recording = float(health.recording_problem is not None)
         yield _gauge("recording_failed", "1 when data is missing from the record", recording)
         yield _gauge("uptime_seconds", "Time since the service started", health.uptime_s)
+
+
+def _of_traffic(live: LiveSnapshot) -> Iterator[Family]:
+    """How the aircraft are known: by state and by source, and what is not avoided or is odd."""
+    aircraft = [track for track in live.snapshot.tracks if track.kind is not TrafficKind.OBSTACLE]
+    states = Counter(track.state for track in aircraft)
+    by_state = GaugeMetricFamily("companion_aircraft", "Aircraft tracked, by state", labels=["state"])
+    for state in (TrackState.TENTATIVE, TrackState.CONFIRMED, TrackState.COASTED):
+        by_state.add_metric([str(state)], float(states[state]))
+    sources = Counter(source for track in aircraft for source in track.sources)
+    by_source = GaugeMetricFamily(
+        "companion_aircraft_by_source", "Aircraft that a source reports", labels=["source"]
+    )
+    for source in sorted(sources):
+        by_source.add_metric([source], float(sources[source]))
+    kinds = Counter(concern.kind for concern in live.concerns)
+    concerns = GaugeMetricFamily(
+        "companion_traffic_concerns", "Aircraft not avoided or odd, at most three of a kind", labels=["kind"]
+    )
+    for kind in ConcernKind:
+        concerns.add_metric([str(kind)], float(kinds[kind]))
+    yield from (by_state, by_source, concerns)
 
 
 def _of_receivers(receivers: Iterable[ReceiverCount]) -> Iterator[Family]:

@@ -7,6 +7,7 @@ import socket
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,10 +22,12 @@ from companion.mavlink.tlog import read_tlog
 from companion.preflight import run_preflight
 from companion.recording.pieces import TUNNEL, PieceWriter
 from companion.recording.recorder import Recorder
-from companion.replay import replay
+from companion.replay import RecordedReceivers, replay
 from companion.runtime import Runtime
 from companion.sources.receiver import INTERNAL_ERROR, Piece
 from companion.summary import summary
+from companion.web.replay_server import ReplayServer
+from companion.web.settings import Settings
 from sim.clock import ScaledClock
 from tests.support.line_decoder import line_formats, traffic_line
 from tests.support.talking_autopilot import Autopilot
@@ -149,6 +152,24 @@ async def test_traffic_of_a_receiver_is_avoided_and_replayed_alike(tmp_path: Pat
          "reports": receiver.counters.reports, "bad": {}}
     ]  # fmt: skip
     assert len(tunnels_in(tmp_path)) == flown.receiver.receiver.pieces
+    (aircraft,) = report["aircraft"]  # type: ignore[misc]
+    assert (aircraft["track"], aircraft["sources"]) == ("A00001", ["gdl90:udpin:127.0.0.1:0"])
+    assert 1 <= aircraft["reports"] <= receiver.counters.reports
+    state = shown_in_a_replay(log_in(tmp_path))
+    (seen,) = state["receivers"]
+    assert (seen["address"], seen["aircraft"]) == ("gdl90:udpin:127.0.0.1:0", 1)
+    assert seen["title"]
+    assert state["tracks"][0]["sources"] == ["gdl90:udpin:127.0.0.1:0"]
+
+
+def shown_in_a_replay(log: Path) -> dict[str, Any]:
+    """The last state of the page of a replay."""
+    engine, receivers = new_engine(), RecordedReceivers()
+    server = ReplayServer(engine, Settings(port=0), lambda: receivers.by_address.values())
+    replay(log, engine, on_moment=server.take, receivers=receivers)
+    server.close()
+    state: dict[str, Any] = json.loads(server.source.newest() or "")
+    return state
 
 
 @in_virtual_time

@@ -12,7 +12,9 @@ import websockets
 import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
+from companion.model import TrackState, TrafficKind
 from companion.output.notice import Condition
+from companion.traffic import Concern, ConcernKind
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS, STATIC
 from companion.web.health import ReceiverCount
@@ -156,6 +158,26 @@ async def test_metrics_of_receivers_have_their_addresses() -> None:
         f'companion_receiver_bad_total{{reason="wrong checksum",{where}}} 5.0',
         f"companion_receiver_failed{{{where}}} 1.0",
     }
+
+
+async def test_metrics_count_aircraft_by_state_and_source() -> None:
+    (known,) = SNAPSHOT.snapshot.tracks
+    coasted = replace(known, state=TrackState.COASTED, sources=())
+    both = replace(known, sources=("ADS-B", "sbs:tcp:a:1"))
+    mast = replace(known, kind=TrafficKind.OBSTACLE)
+    shown = replace(SNAPSHOT.snapshot, tracks=(known, coasted, both, mast))
+    concern = Concern(ConcernKind.HEIGHT_UNKNOWN, "N2", 1840.0, 0.5, 0.4)
+    async with site(live(replace(SNAPSHOT, snapshot=shown, concerns=(concern,)))) as at:
+        lines = (await at.ask("/metrics")).body.decode().splitlines()
+    assert {
+        'companion_aircraft{state="tentative"} 0.0',
+        'companion_aircraft{state="confirmed"} 2.0',
+        'companion_aircraft{state="coasted"} 1.0',
+        'companion_aircraft_by_source{source="ADS-B"} 2.0',
+        'companion_aircraft_by_source{source="sbs:tcp:a:1"} 1.0',
+        'companion_traffic_concerns{kind="height unknown"} 1.0',
+        'companion_traffic_concerns{kind="lost"} 0.0',
+    } <= set(lines)
 
 
 async def test_the_example_alerts_use_existing_metrics() -> None:

@@ -6,6 +6,7 @@ import os
 import socket
 import tty
 from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -249,13 +250,27 @@ class Collector:
 
 
 async def polled(where: DocumentAddress, until: Callable[[], bool], documents: Collector) -> None:
-    link = DocumentLink("readsb:test", where, documents.content, period_s=0.01)
+    link = DocumentLink("readsb:test", where, replace(documents.content, document_period_s=0.01))
     task = asyncio.create_task(link.run(lambda _frames, _link: None))
     async with asyncio.timeout(10.0):
         while not until() and not task.done():  # noqa: ASYNC110 - no event is set
             await asyncio.sleep(0.005)
     link.close()
     await task
+
+
+async def test_a_link_that_is_closed_when_the_next_reading_is_due_ends(tmp_path: Path) -> None:
+    path = tmp_path / "aircraft.json"
+    path.write_bytes(b"{}")
+    ended = Content(lambda _counters: Closing(), document_period_s=0.0)
+    link = DocumentLink("readsb:test", DocumentAddress(None, str(path)), ended)
+
+    class Closing(Collector):
+        def feed(self, data: bytes) -> list[Frame]:
+            link.close()
+            return super().feed(data)
+
+    await asyncio.wait_for(link.run(lambda _frames, _link: None), 10.0)
 
 
 async def test_a_document_that_did_not_change_gives_nothing() -> None:
