@@ -87,9 +87,10 @@ class Coasting:
         return miss_m <= _MEETING_M and above_m - altitude.uncertainty_m <= _MEETING_HEIGHT_M
 
     def note_lost(self, target: Target, now_s: float) -> None:
-        """Note a track that is given up, if it was in conflict or may have been near."""
-        motion = target.motion
-        if motion is None or not target.shown or not (target.threat or target.track_id in self._threats):
+        """Note a track that is given up, if it is in conflict, or was silent when it was the last time."""
+        motion, threat = target.motion, self._threats.get(target.track_id)
+        silent_threat = threat is not None and threat.was_silent and target.measured_s <= threat.measured_s
+        if motion is None or not (target.threat or silent_threat):
             return
         name = target.callsign or target.track_id
         if len(self._lost) >= _MOST_LOST:

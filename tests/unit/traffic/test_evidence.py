@@ -482,3 +482,7 @@ def test_a_conflict_that_ends_while_its_aircraft_is_heard_is_clear_whatever_happ
     tracker.note_threats(["4B1234"], 5.0)
     tracker.note_threats([], 6.0)
     assert tracker.unheard(15.0) is None
+    for second in (10, 20, 26):
+        tracker.tracks(second, FRAME)
+        assert concerns(tracker, second) == []
+    assert tracker.tracks(26.0, FRAME) == ()
