@@ -250,7 +250,9 @@ class Handover:
         sent = request.tries > 0 or request.wanted != self._context.adapter.guided_mode
         contact = aircraft.contact
         interrupted = contact.just_regained(now_s) or contact.uplink_interrupted(now_s)
-        return sent and interrupted and aircraft.unseen_before_mode_s >= _LEFT_UNSEEN_S
+        # The newest heartbeat may be from before the silence: then the mode of now is not known yet.
+        unseen_s = max(aircraft.unseen_before_mode_s, now_s - aircraft.heartbeat_s)
+        return sent and interrupted and unseen_s >= _LEFT_UNSEEN_S
 
     def _left_guided_by_itself(self, now_s: float) -> bool:
         """Whether the link was lost just now, and the mode is the one that the autopilot enters then."""

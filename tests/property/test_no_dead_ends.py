@@ -23,6 +23,17 @@ def test_a_target_of_someone_else_is_left_alone_after_a_silence(autopilot: int) 
 
 
 @ALL
+def test_the_mode_is_alarmed_that_followed_an_unseen_request(autopilot: int) -> None:
+    """The pilot moves the sticks in the moment in which the aircraft is heard again."""
+    walk(autopilot, ("stall", "sticks", "reception lost"))
+
+
+@ALL
+def test_a_target_right_after_the_take_over_is_someone_elses(autopilot: int) -> None:
+    walk(autopilot, ("conflict ends", "conflict begins", "fly here"))
+
+
+@ALL
 @given(
     events=st.lists(st.sampled_from(EVENTS), min_size=3, max_size=9),
     before_conflict=st.booleans(),
