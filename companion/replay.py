@@ -10,8 +10,11 @@ from pathlib import Path
 from companion.address import parse_receiver_address
 from companion.engine import LONGEST_GAP_IN_LOG_US, Effect, Engine, Record, Say, Stepper
 from companion.errors import ConfigError, LinkError
+from companion.mavlink.dialect import is_vehicle
+from companion.mavlink.facts import Heartbeat
 from companion.mavlink.framing import Frame
 from companion.mavlink.intake import Intake
+from companion.mavlink.log_clock import LogClock
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED
 from companion.model import Layer
@@ -20,37 +23,16 @@ from companion.sightings import Sightings
 from companion.sources.decoder import Heard
 from companion.sources.receiver import Receiver
 
-# A larger step of the time stamps, either way, means a damaged log or another flight: the clock goes on from
-# where it was.
-_LONGEST_GAP_US = 60_000_000
 _MAX_RECEIVERS = 64
-
-
-class LogClock:
-    """Converts time stamps to a time that never runs backwards; without jumps the two are equal."""
-
-    def __init__(self, longest_gap_us: int = _LONGEST_GAP_US) -> None:
-        self._longest_gap_us = longest_gap_us
-        self._now_us: int | None = None
-        self._offset_us = 0
-        self.jumps = 0
-
-    def at(self, stamp_us: int) -> int:
-        """Time [us] of the record with this stamp."""
-        if self._now_us is None:
-            self._now_us = stamp_us
-        now_us = stamp_us + self._offset_us
-        if not -self._longest_gap_us <= now_us - self._now_us <= self._longest_gap_us:
-            self.jumps += 1
-            self._offset_us = self._now_us - stamp_us
-            now_us = self._now_us
-        self._now_us = max(now_us, self._now_us)
-        return self._now_us
 
 
 @dataclass
 class Replay:
-    """The result. `layers` counts decisions; `events` are (time since start [s], layer, words)."""
+    """The result. `layers` counts decisions; `events` are (time since start [s], layer, words).
+
+    `vehicles` are the system ids of the autopilots heard. `by_boot_time`: the time stamps made no clock, and
+    the time is the autopilot's; `jumps` counts the steps of the stamps that were not followed.
+    """
 
     messages: int = 0
     bad_bytes: int = 0
@@ -59,6 +41,9 @@ class Replay:
     receivers: list[Receiver] = field(default_factory=list)
     sightings: Sightings = field(default_factory=Sightings)
     lost_pieces: int = 0
+    vehicles: set[int] = field(default_factory=set)
+    jumps: int = 0
+    by_boot_time: bool = False
     duration_s: float = 0.0
     elapsed_s: float = 0.0
     layers: Counter[Layer] = field(default_factory=Counter)
@@ -78,6 +63,9 @@ class Replay:
             "unusable": self.unusable,
             "receivers": [_counts(receiver) for receiver in self.receivers],
             "lost_pieces": self.lost_pieces,
+            "vehicles": sorted(self.vehicles),
+            "clock": "time_boot_ms" if self.by_boot_time else "time stamps",
+            "jumps": self.jumps,
             "aircraft": self.sightings.values(),
             "aircraft_left_out": self.sightings.left_out,
             "duration_s": round(self.duration_s, 3),
@@ -158,7 +146,7 @@ def replay(
 
     def perform(time_us: int, effects: Sequence[Effect]) -> None:
         nonlocal last
-        since_s = (time_us - (first_us or time_us)) / 1e6
+        since_s = 0.0 if first_us is None else (time_us - first_us) / 1e6
         for effect in effects:
             if isinstance(effect, Say):
                 on_told(time_us, effect)
@@ -182,7 +170,7 @@ def replay(
     receivers = receivers or RecordedReceivers()
     now_us = 0
     for count, (stamp_us, frame) in enumerate(chain.from_iterable(logs)):
-        now_us = clock.at(stamp_us)
+        now_us = clock.at(stamp_us, frame)
         if first_us is None:
             first_us = now_us
         if count % 256 == 0:
@@ -194,7 +182,11 @@ def replay(
             continue
         received = intake.judge(frame, now_us / 1e6)
         if received is not None:
-            stepper.receive(received.fact, now_us, received.true_s)
+            fact = received.fact
+            if isinstance(fact, Heartbeat) and is_vehicle(fact.vehicle_type, fact.autopilot):
+                result.vehicles.add(fact.sender.system_id)
+            stepper.receive(fact, now_us, received.true_s)
+    result.jumps, result.by_boot_time = clock.jumps, clock.by_boot_time
     result.unusable = intake.unusable
     result.receivers = list(receivers.by_address.values())
     result.lost_pieces = receivers.lost

@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -13,8 +14,8 @@ from rich.console import Console
 from companion.cli.common import ProgressBar, note_if_slow, writable
 from companion.cli.display import replay_display_settings
 from companion.config import Config, load_config, load_obstacles, load_saved
-from companion.engine import Engine
-from companion.errors import ConfigError
+from companion.engine import Engine, EngineConfig
+from companion.errors import ConfigError, LogError
 from companion.model import Layer
 from companion.replay import RecordedReceivers, Replay
 from companion.replay import replay as replay_log
@@ -40,6 +41,12 @@ def replay(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE.json", help="Write the figures as JSON.")
     ] = None,
+    system: Annotated[
+        int | None,
+        typer.Option(
+            "--system", metavar="ID", min=1, max=255, help="The vehicle to decide for, if there are several."
+        ),
+    ] = None,
     web: Annotated[
         bool, typer.Option("--web", help="Afterwards show the flight in the browser, until Ctrl-C.")
     ] = False,
@@ -50,7 +57,11 @@ def replay(
     """Run the engine on a recorded flight and list what it decides. Nothing is sent."""
     config = None if config_file is None else load_config(config_file)
     saved = None if settings is None else _saved_values(settings, config or Config(links=()))
-    engine = Engine(None if config is None else config.for_engine(load_obstacles(config)), saved=saved)
+    engine_config = EngineConfig() if config is None else config.for_engine(load_obstacles(config))
+    if system is not None:
+        params = replace(engine_config.engine, autopilot_system_id=system)
+        engine_config = replace(engine_config, engine=params)
+    engine = Engine(engine_config, saved=saved)
     receivers = RecordedReceivers()
     server = None
     if web:
@@ -73,6 +84,8 @@ def replay(
     _print_result(console, log, result)
     if report is not None:
         report.write_text(json.dumps(result.report(), indent=2) + "\n", encoding="utf-8")
+    if not result.layers:
+        raise LogError(f"{log}: nothing was decided: {_why_undecided(result, system)}")
     if server is not None:
         console.print(f"{server.settings.url}  (Ctrl-C ends)", markup=False)
         with suppress(KeyboardInterrupt):
@@ -102,6 +115,18 @@ def _ignore(_since_s: float, _now_s: float) -> None:
     return None
 
 
+def _why_undecided(result: Replay, system: int | None) -> str:
+    """What the log lacks, or how to choose from it."""
+    vehicles = ", ".join(str(one) for one in sorted(result.vehicles))
+    if not vehicles:
+        return "it has no heartbeat of an autopilot"
+    if system is not None and system not in result.vehicles:
+        return f"system {system} is not in it, but {vehicles}"
+    if system is None and len(result.vehicles) > 1:
+        return f"systems {vehicles} are vehicles, choose one with --system"
+    return "the autopilot sends no position (GLOBAL_POSITION_INT)"
+
+
 def _print_result(console: Console, log: Path, result: Replay) -> None:
     for since_s, layer, words in result.events:
         console.print(f"{since_s:8.1f} s  {layer:<5}  {words}", markup=False, soft_wrap=True)
@@ -117,6 +142,12 @@ def _print_result(console: Console, log: Path, result: Replay) -> None:
         )
     if result.lost_pieces:
         console.print(f"{result.lost_pieces} pieces of what receivers sent are lost", markup=False)
+    if result.by_boot_time:
+        console.print(
+            "The time stamps make no clock: times are the autopilot's (time_boot_ms).", markup=False
+        )
+    elif result.jumps:
+        console.print(f"{result.jumps} steps of the time stamps are not followed", markup=False)
     layers = ", ".join(f"{layer} {result.layers[layer]}" for layer in Layer)
     console.print(
         f"{log.name}: {result.messages} messages ({result.bad_bytes} bad bytes), "

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from companion.control.state_machine import State
 from companion.geodesy import LocalFrame
+from companion.mavlink.log_clock import LogClock
 from companion.model import Layer
 from companion.output.sighting import Evidence, Sighting
-from companion.replay import LogClock
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -8,9 +8,10 @@ from typing import Any
 
 from companion.engine import Engine, Say
 from companion.errors import LogError
+from companion.mavlink.log_clock import LogClock
 from companion.mavlink.tlog import read_tlog
 from companion.recording import DECISION, STATE, TEXT, Entry, is_mcap, later_parts, read_mcap
-from companion.replay import LogClock, replay
+from companion.replay import replay
 from companion.report.flight import Flight, OperatorText
 from companion.report.link import LinkLog
 
@@ -134,7 +135,7 @@ def _link_of(tlogs: list[Path], flight: Flight) -> LinkLog:
         for stamp_us, frame in log:
             if flight.start_us is None:
                 flight.start_us = stamp_us
-            link.add((clock.at(stamp_us) - flight.start_us) / 1e6, frame)
+            link.add((clock.at(stamp_us, frame) - flight.start_us) / 1e6, frame)
         if log.unknown:
             flight.notes.append(f"{log.unknown:,} messages are of unknown types, and count as lost")
     if not flight.mission:

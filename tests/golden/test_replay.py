@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from companion.engine import Engine
+from companion.mavlink.log_clock import LogClock
 from companion.model import Layer
-from companion.replay import LogClock, Replay, replay
+from companion.replay import Replay, replay
 from tests.support.paths import TLOGS
 
 # Closest approaches in the logs by intruder, seconds since the start, measured on the logged positions.
