@@ -45,6 +45,7 @@ class GcsRequests:
         self._may_resume = may_resume
         self._resumes = False
         self._listing: deque[GcsParam] = deque()
+        self._list_again = False  # the list was requested while it was sent
         self._results: deque[tuple[CommandRequest, int]] = deque(maxlen=_RESULTS_KNOWN)
         self._listed_s = -math.inf
 
@@ -64,7 +65,9 @@ class GcsRequests:
                 self._put(parameter, fact.value)
                 return [self._value(parameter)]
             case ParameterRequest(name=None, index=None) if self._is_ours(fact.target):
-                self._listing = deque(GCS_PARAMETERS)
+                # A list is finished before it begins again: stations that ask often would never get its end.
+                self._list_again = bool(self._listing)
+                self._listing = self._listing or deque(GCS_PARAMETERS)
             case ParameterRequest() if fact.target == self._address():
                 # A read that is addressed to all components is for the autopilot.
                 return [self._value(parameter) for parameter in _meant(fact)]
@@ -78,7 +81,10 @@ class GcsRequests:
             return []
         self._listed_s = now_s
         due = min(_LISTED_AT_ONCE, len(self._listing))
-        return [self._value(self._listing.popleft()) for _ in range(due)]
+        values = [self._value(self._listing.popleft()) for _ in range(due)]
+        if not self._listing and self._list_again:
+            self._listing, self._list_again = deque(GCS_PARAMETERS), False
+        return values
 
     def take_resume(self) -> bool:
         """Whether the mission is to be resumed now; true once for each request."""

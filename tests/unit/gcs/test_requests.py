@@ -122,13 +122,25 @@ def test_the_list_is_complete_in_order_and_spread_over_ticks(operator: GcsReques
     assert {message.param_type for message in listed} == {mavlink.MAV_PARAM_TYPE_REAL32}
 
 
-def test_a_second_request_starts_the_list_again(operator: GcsRequests) -> None:
+def test_a_list_is_finished_before_it_begins_again(operator: GcsRequests) -> None:
     everything = ParameterRequest(GCS, OURS, None, None)
     operator.receive(everything)
-    operator.listed(0.0)
+    listed = [m.param_index for m in operator.listed(0.0)]
     operator.receive(everything)
-    listed = [m.param_index for tick in range(1, 9) for m in operator.listed(tick / 10)]
-    assert listed == list(range(len(GCS_PARAMETERS)))
+    listed += [m.param_index for tick in range(1, 30) for m in operator.listed(tick / 10)]
+    assert listed == 2 * list(range(len(GCS_PARAMETERS)))
+
+
+def test_stations_that_ask_for_the_list_all_the_time_get_its_end(operator: GcsRequests) -> None:
+    listed = []
+    for tick in range(30):
+        if tick % 3 == 0:
+            operator.receive(ParameterRequest(GCS, OURS, None, None))
+            operator.receive(ParameterRequest(Sender(254, 190), ALL, None, None))
+        listed += [m.param_index for m in operator.listed(tick / 10)]
+    count = len(GCS_PARAMETERS)
+    assert listed == [at % count for at in range(len(listed))]
+    assert len(listed) > 2 * count
 
 
 @pytest.mark.parametrize("target", [AUTOPILOT, Sender(2, 0), Sender(1, 197)])
