@@ -12,7 +12,6 @@ from companion.traffic.track_filter import (
     HorizontalFilter,
     HorizontalFix,
     OutlierGate,
-    TurnFilter,
     VerticalFilter,
     VerticalFix,
 )
@@ -111,7 +110,6 @@ class Target:
         "_horizontal",
         "_params",
         "_repeats",
-        "_turn",
         "_verticals",
         "callsign",
         "expires_s",
@@ -136,7 +134,6 @@ class Target:
         self._dropped = dropped
         self._repeats = RepeatFilter(params.repeat_window_s)
         self._horizontal: OutlierGate[HorizontalFilter, HorizontalFix] | None = None
-        self._turn = TurnFilter(params.estimate)
         # Each reference has its own filter: the difference between two references would look like a climb.
         self._verticals: dict[AltitudeReference, _Vertical] = {}
 
@@ -152,13 +149,19 @@ class Target:
         if report.kind is not self.kind:
             # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
             self.kind, self._horizontal, self._verticals = report.kind, None, {}
-        fix = HorizontalFix(time_s, lat_deg, lon_deg, self._velocity_mps(report))
+        fix = HorizontalFix(
+            time_s,
+            lat_deg,
+            lon_deg,
+            self._velocity_mps(report),
+            report.position_sigma_m,
+            report.velocity_sigma_mps,
+        )
         if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
             self._horizontal = OutlierGate(HorizontalFilter(fix, self._params.estimate))
         elif not self._horizontal.receive(fix):
             self._dropped[DropReason.JUMPED] += 1
             return False
-        self._turn.receive(time_s, fix.velocity_mps)
         self._receive_altitude(report, time_s)
         self.measured_s = time_s
         self.expires_s = time_s + stale_after_s(self.kind, self._params)
@@ -176,7 +179,7 @@ class Target:
             here.time_s,
             here.north_mps,
             here.east_mps,
-            self._turn.rate_radps,
+            here.turn_radps,
             sigma_m,
             altitudes,
         )
@@ -198,7 +201,7 @@ class Target:
         if report.altitude_m is None:
             self._dropped[DropReason.NO_ALTITUDE] += not self._verticals
             return
-        fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report))
+        fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report), report.altitude_sigma_m)
         sigma_m = report.altitude_sigma_m or 0.0
         known = self._verticals.get(report.altitude_reference)
         if known is None or self.kind is TrafficKind.OBSTACLE:
