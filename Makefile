@@ -1,5 +1,5 @@
 # make run: fly the demo.  make test: all checks and tests.  Both need Python 3.11 or newer, make and git; what else
-# they need goes into .venv, from the lock files.
+# they need goes into .venv, from the lock files.  make thorough: the tests with every row in every way of flying.
 PYTHON ?= $(shell for each in python3.11 python3.12 python3.13 python3; do \
 	$$each -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && command -v $$each && break; done)
 VENV := .venv
@@ -13,13 +13,16 @@ NEEDED := $(VENV)/.requirements
 BUILT = $(VENV)/.$(shell $(CAN_COMPILE) && echo compiled || echo plain)
 TOOLS := $(VENV)/.dev
 
-.PHONY: run test check setup compiler browser receiver-tools orca lock clean pictures
+.PHONY: run test thorough check setup compiler browser receiver-tools orca lock clean pictures
 
 run: setup
 	$(BIN)/companion-sim demo
 
 test: check
 	$(BIN)/pytest --numprocesses 3
+
+thorough: check
+	THOROUGH=1 $(BIN)/pytest --numprocesses 3
 
 check: setup $(TOOLS)
 	$(BIN)/ruff check .

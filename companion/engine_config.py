@@ -10,6 +10,7 @@ from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.avoidance import AvoidanceParams
 from companion.control.rejoin import ControlParams
 from companion.control.state_machine import SupervisorParams
+from companion.mavlink.dialect import mavlink
 from companion.model import TextUnits
 from companion.ownship.performance_limits import AircraftLimits
 from companion.traffic import TrafficParams
@@ -58,3 +59,5 @@ class EngineConfig:
         ceiling_m = self.engine.max_height_m
         if ceiling_m is not None and ceiling_m <= self.supervisor.min_height_m:
             raise ValueError("engine.max_height_m must be above supervisor.min_height_m")
+        if self.engine.component_id == mavlink.MAV_COMP_ID_ADSB and self.traffic.forward != "off":
+            raise ValueError("engine.component_id 156 is that of traffic.forward: choose another one")

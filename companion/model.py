@@ -68,6 +68,15 @@ class TrafficSource(StrEnum):
     SYSTEM = "MAVLink system"
 
 
+class TrackState(StrEnum):
+    """How well a track is known at present."""
+
+    TENTATIVE = "tentative"  # reported once
+    CONFIRMED = "confirmed"
+    COASTED = "coasted"  # not reported for several of its usual intervals, and extrapolated
+    LOST = "lost"  # not reported for so long that it is no track any more
+
+
 def adsb_key(icao: int) -> str:
     """The key of an ICAO address: its six hexadecimal digits."""
     return f"{icao:06X}"
@@ -147,6 +156,8 @@ class Track:
     stands on the ground: its position is its top, and the space below it is blocked. `turn_radps` is its rate
     of turn, positive to the right. `vertical_uncertainty_m` is the possible error of its altitude relative to
     ours that the avoidance's own margin does not cover (unknown altimeter setting, different references).
+    The two sigmas are standard deviations of each horizontal axis at `time_s`, `None` if unknown. `sources`
+    names the receivers or kinds of surveillance that report it, `alarm` is the highest alarm of a receiver.
     """
 
     track_id: str
@@ -162,6 +173,11 @@ class Track:
     member: "Member | None" = None
     vertical_uncertainty_m: float = 0.0
     turn_radps: float = 0.0
+    state: TrackState = TrackState.CONFIRMED
+    position_sigma_m: float | None = None
+    velocity_sigma_mps: float | None = None
+    sources: tuple[str, ...] = ()
+    alarm: int = 0
 
     @property
     def name(self) -> str:

@@ -9,10 +9,11 @@ from companion.clock import Clock
 from companion.config import Config
 from companion.engine import Engine
 from companion.errors import ungrouped
-from companion.links import Link
+from companion.links import Link, ReceiverLink
 from companion.mavlink.dialect import mavlink
 from companion.model import Role
 from companion.runtime import Runtime
+from companion.traffic.params import Forward
 
 # Message rates are measured over whole windows of five seconds, which begin when they have been requested.
 DEFAULT_SECONDS = 12.0
@@ -37,17 +38,27 @@ class Preflight:
 
 
 async def run_preflight(
-    config: Config, links: Sequence[Link], seconds: float = DEFAULT_SECONDS, clock: Clock | None = None
+    config: Config,
+    links: Sequence[Link],
+    seconds: float = DEFAULT_SECONDS,
+    clock: Clock | None = None,
+    *,
+    receivers: Sequence[ReceiverLink] = (),
 ) -> Preflight:
     """Listen and send requests for `seconds`. Nothing is commanded meanwhile, whatever the configured role.
 
     `CompanionError` if a link can never be opened.
     """
     engine_config = config.for_engine()
-    advising = replace(engine_config, supervisor=replace(engine_config.supervisor, role="advise"))
+    advising = replace(
+        engine_config,
+        supervisor=replace(engine_config.supervisor, role="advise"),
+        traffic=replace(engine_config.traffic, forward="off"),
+    )
     engine = Engine(advising)
     engine.operator.at_most = Role.ADVISE
-    runtime = Runtime(engine, links, clock=clock)
+    runtime = Runtime(engine, links, receivers=receivers, clock=clock)
+    started_s = runtime.clock.now_us() / 1e6
     with ungrouped():
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(runtime.run(), name="preflight")
@@ -57,7 +68,12 @@ async def run_preflight(
             wanted = Role[config.supervisor.role.upper()]
             result = Preflight(
                 engine.aircraft.adapter is not None,
-                (*_findings(runtime, now_s), Finding("role", wanted.name.lower(), wanted is Role.FLY)),
+                (
+                    *_findings(runtime, now_s),
+                    *_receivers(runtime, now_s, now_s - started_s),
+                    *_forwarding(runtime, config.traffic.forward),
+                    Finding("role", wanted.name.lower(), wanted is Role.FLY),
+                ),
                 tuple(engine.hindrances(now_s, wanted)),
             )
             runtime.stop()
@@ -103,6 +119,41 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
     yield Finding("autopilot clock", text, offset_s is not None and abs(offset_s) < 5.0)
     tracks = engine.snapshot(now_s).tracks
     yield Finding("traffic", ", ".join(track.track_id for track in tracks) or "none heard")
+
+
+def _receivers(runtime: Runtime, now_s: float, span_s: float) -> Iterator[Finding]:
+    """What each receiver sent, why it is of no use, and what its format lacks."""
+    for one in runtime.receivers:
+        receiver, problem = one.receiver, one.problem(now_s)
+        counted = receiver.counters
+        if problem is None and not counted.messages:
+            problem = (
+                "no message" if not receiver.pieces else "nothing understood: another format or baud rate?"
+            )
+        text = (
+            f"{receiver.title}, {counted.messages / span_s:.1f} messages/s, {counted.reports / span_s:.1f} "
+            f"reports/s, {receiver.aircraft(now_s)} aircraft"
+        )
+        if counted.bad:
+            text += f", {counted.bad.total()} bad ({', '.join(sorted(counted.bad))})"
+        lacks = f"; lacks {receiver.lacks}" if receiver.lacks else ""
+        text += f"{'' if problem is None else f'; {problem}'}{lacks}"
+        yield Finding(f"receiver {receiver.address}", text, problem is None)
+
+
+def _forwarding(runtime: Runtime, forward: Forward) -> Iterator[Finding]:
+    """Where the traffic of receivers would be sent, and why it would be of no use there."""
+    adapter, parameters = runtime.engine.aircraft.adapter, runtime.engine.queries.parameters
+    if forward == "off" or not runtime.receivers or adapter is None:
+        return
+    ignored = adapter.ignores_traffic(parameters) if forward == "autopilot" else None
+    if not runtime.links_to(forward):
+        text, good = f"{forward}: there is no such link to send traffic on", False
+    elif ignored is not None:
+        text, good = f"{adapter.name} ignores the traffic that we send it ({ignored}): set it to 1", False
+    else:
+        text, good = f"traffic is sent on to the {forward}", True
+    yield Finding("forward", text, good)
 
 
 def _other_avoidance(adapter: Adapter, parameters: Mapping[str, float]) -> Iterator[Finding]:

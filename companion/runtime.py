@@ -30,19 +30,24 @@ from companion.engine import (
     Transmit,
 )
 from companion.errors import CompanionError, ungrouped
-from companion.links import Link, Reconnect, open_all
+from companion.links import Link, ReceiverLink, Reconnect, open_all
+from companion.links.receiver_link import conditions_of
+from companion.links.sides import Sides
 from companion.mavlink.dialect import Encoder, mavlink
-from companion.mavlink.facts import OtherCompanion, Sender
+from companion.mavlink.facts import Sender
 from companion.mavlink.framing import Frame, FrameSplitter
-from companion.mavlink.intake import Intake, Received
-from companion.mavlink.own_frames import OwnFrames
+from companion.mavlink.intake import Intake
 from companion.model import Role
+from companion.output.effects import Place
 from companion.output.persisted_state import PersistedState
+from companion.receiving import Receiving
 from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
+from companion.sources.receiver import Piece, Receiver
+from companion.summary import summary
 from companion.watchdog import Watchdog
 from companion.web import Display, Observers
-from companion.web.health import Health, LoopTimes
+from companion.web.health import Health, LoopTimes, ReceiverCount
 
 _log = logging.getLogger("companion")
 
@@ -69,6 +74,7 @@ class Runtime:
         engine: Engine,
         links: Sequence[Link],
         *,
+        receivers: Sequence[ReceiverLink] = (),
         recorder: Recorder | None = None,
         clock: Clock | None = None,
         watchdog: Watchdog | None = None,
@@ -79,6 +85,7 @@ class Runtime:
     ) -> None:
         self.engine = engine
         self.links = list(links)
+        self.receivers = list(receivers)
         self.recorder = recorder
         self.clock = clock or SteadyClock()
         self.setpoints_sent = 0
@@ -96,17 +103,23 @@ class Runtime:
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
-        self.intake = Intake(engine.sender.component_id)
-        self._own_frames = OwnFrames()
-        # Frames that the engine has not processed yet. When it fails, the emergency release processes them.
-        self._unheard: deque[Frame] = deque()
+        self._receiving = Receiving(self._stepper, self.clock, recorder, self._advance)
+        self._sides = Sides(self.links, self._receiving.is_echo)
         self._release: EmergencyRelease | None = None
         self._kept: PersistedState | None = None  # the newest state for the next run
-        self._arrived_s: float | None = None
         self._autopilot: Sender | None = None  # its address, as the links know it
         self._stop = asyncio.Event()
         self._failure: Exception | None = None
         self._reported_problem: str | None = None
+
+    @property
+    def intake(self) -> Intake:
+        """What became of the frames of all links."""
+        return self._receiving.intake
+
+    def links_to(self, place: Place) -> list[Link]:
+        """The links of this place that we send on."""
+        return self._sides.links_to(place)
 
     def stop(self) -> None:
         """Give the aircraft back, then end."""
@@ -116,7 +129,7 @@ class Runtime:
         """Run until `stop`, with `on_signals` also as `signals` says; `CompanionError` if it cannot go on."""
         with signals.handled(self.stop) if on_signals else contextlib.nullcontext():
             try:
-                await open_all(self.links)
+                await open_all(self._all_links)
                 await self._run_tasks()
             finally:
                 self._close()
@@ -126,10 +139,15 @@ class Runtime:
             what = "its own speed" if self.engine.supervisor.state is State.STOPPED else "the aircraft"
             raise CompanionError(f"the autopilot did not confirm that it took {what} back")
 
+    @property
+    def _all_links(self) -> list[Link]:
+        return [*self.links, *(one.link for one in self.receivers)]
+
     def _close(self) -> None:
-        for link in self.links:
+        for link in self._all_links:
             link.close()
-        self._sum_up()
+        for line in summary(self.links, self.receivers, self._health(), self.engine):
+            _log.info(line)
         if self.recorder is not None:
             self.recorder.close()
         if self._settings is not None:
@@ -143,6 +161,12 @@ class Runtime:
                         self._owned(Reconnect(link).run(self._on_frames)), name=f"link {link.address}"
                     )
                     for link in self.links
+                ]
+                owned += [
+                    tasks.create_task(
+                        self._owned(one.run(self._on_piece)), name=f"receiver {one.link.address}"
+                    )
+                    for one in self.receivers
                 ]
                 if self.recorder is not None:
                     owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
@@ -196,9 +220,21 @@ class Runtime:
     def _tick(self) -> None:
         """Make the ticks that are due, and report to the watchdog."""
         files = (file for file in (self._state_file, self._settings) if file is not None)
-        self.engine.shell_conditions = tuple(one for file in files for one in file.conditions())
-        self._advance(self.clock.now_us())
+        now_us = self.clock.now_us()
+        self.engine.shell_conditions = (
+            *(one for file in files for one in file.conditions()),
+            *conditions_of(self.receivers, now_us / 1e6),
+        )
+        self._note_sources(now_us / 1e6)
+        self._advance(now_us)
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
+
+    def _note_sources(self, now_s: float) -> None:
+        """Note which traffic may be sent on: that of working receivers, and what is heard elsewhere."""
+        forwarding = self.engine.forwarding
+        if forwarding.to is not None:
+            forwarding.receiver_works = any(one.problem(now_s) is None for one in self.receivers)
+            forwarding.elsewhere = self._sides.elsewhere(forwarding.to)
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""
@@ -219,8 +255,10 @@ class Runtime:
 
     def _health(self) -> Health:
         health = Health.of(time.monotonic() - self._started_s, self._times, self.links)
+        now_s = self.clock.now_us() / 1e6
         return replace(
             health,
+            receivers=tuple(ReceiverCount.of(one, now_s) for one in self.receivers),
             skipped_ticks=self._stepper.skipped_ticks,
             unusable=self.intake.unusable,
             past=self.intake.past,
@@ -228,6 +266,7 @@ class Runtime:
             repeated=self.intake.repeated,
             unsent=self.unsent,
             setpoints_sent=self.setpoints_sent,
+            dropped_reports=self._stepper.dropped_facts,
             recording_problem=self._recording_problem,
         )
 
@@ -284,7 +323,7 @@ class Runtime:
             self._watchdog.alive(self._stepper.ticks + tick + 1, time.monotonic())
             # What waits in the sockets is heard first: the pilot may have taken the aircraft meanwhile.
             await asyncio.sleep(self.clock.wall_seconds_until(self.clock.now_us() + TICK_US))
-            self._listen(release)
+            self._receiving.pass_on(release, self._guarded)
             self._guarded(partial(self._send_release, release))
             if release.finished:
                 self._guarded(self._keep_role_only)
@@ -305,51 +344,20 @@ class Runtime:
         for message in release.messages(now_us / 1e6):
             self._guarded(partial(self._send, now_us, Transmit(self.engine.sender, message)))
 
-    def _listen(self, release: EmergencyRelease) -> None:
-        """Pass the unprocessed frames to the emergency release, as the engine has failed."""
-        while self._unheard:
-            self._guarded(partial(self._let_hear, release, self._unheard.popleft()))
-
-    def _let_hear(self, release: EmergencyRelease, frame: Frame) -> None:
-        now_us = self.clock.now_us()
-        if self.recorder is not None:
-            self._guarded(partial(self.recorder.received, now_us, frame.raw))
-        received = self.intake.judge(frame, now_us / 1e6)
-        if received is not None:
-            release.observe(received.fact, received.true_s)
-
-    def _on_frames(self, frames: list[Frame], _link: Link) -> None:
+    def _on_frames(self, frames: list[Frame], link: Link) -> None:
+        self._sides.observe(frames, link)
         self._hear(frames)
 
     def _hear(self, frames: list[Frame]) -> None:
-        self._unheard.extend(frames)
+        self._receiving.queue(frames)
         if self._failure is None:
-            self._guarded(self._take_in)
+            self._guarded(self._receiving.take_in)
         elif self._release is not None:
-            self._listen(self._release)
+            self._receiving.pass_on(self._release, self._guarded)
 
-    def _take_in(self) -> None:
-        """Frames to facts, and facts into the engine."""
-        now_us = self.clock.now_us()
-        self._arrived_s = time.perf_counter()
-        while self._unheard:
-            # The ticks that are due come before this frame, in the record too.
-            self._advance(now_us)
-            frame = self._unheard[0]
-            if self.recorder is not None:
-                self.recorder.received(now_us, frame.raw)
-            received = self._received(frame, now_us / 1e6)
-            self._unheard.popleft()  # from here on the engine has it
-            if received is not None:
-                self._stepper.receive(received.fact, now_us, received.true_s)
-        self._arrived_s = None
-
-    def _received(self, frame: Frame, now_s: float) -> Received | None:
-        """The fact in a frame. Our own frames may come back; any other from our address is a companion's."""
-        us = self.engine.sender
-        if (frame.system_id, frame.component_id) == us and self._own_frames.is_foreign(frame.raw, now_s):
-            return Received(OtherCompanion(us), now_s)
-        return self.intake.judge(frame, now_s)
+    def _on_piece(self, receiver: Receiver, piece: Piece) -> None:
+        if self._failure is None:
+            self._guarded(partial(self._receiving.take_piece, receiver, piece))
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
         for effect in effects:
@@ -380,16 +388,19 @@ class Runtime:
         if self.clock.now_us() - time_us > _LONGEST_DELAY_US:
             self.unsent += 1
             return
+        links = self._sides.links_to(effect.to)
+        if not links and effect.to != "all":
+            return
         raw = self._encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
-        self._own_frames.sent(raw, time_us / 1e6)
-        for link in self.links:
+        self._receiving.own_frames.sent(raw, time_us / 1e6)
+        for link in links:
             link.send(raw)
         if self.recorder is not None:
             self.recorder.sent(time_us, raw)
         if is_setpoint(effect.message):
             self.setpoints_sent += 1
-            if self._arrived_s is not None:
-                self.latencies_s.append(time.perf_counter() - self._arrived_s)
+            if (arrived_s := self._receiving.arrived_s) is not None:
+                self.latencies_s.append(time.perf_counter() - arrived_s)
 
     def _report_recorder_problem(self, time_us: int) -> None:
         """Report a problem of the recording once, in the log and to the operator (without the path)."""
@@ -412,33 +423,6 @@ class Runtime:
                 _log.warning("no autopilot heard on %s; waiting for one", where)
         adapter = self.engine.aircraft.adapter
         _log.info("%s, system %d", adapter.name, adapter.target.system_id)
-
-    def _sum_up(self) -> None:
-        """Log what the links carried, and what was dropped."""
-        for link in self.links:
-            heard = link.counters
-            _log.info(
-                "%s: %d frames in (%d bad bytes, %d lost, %d unknown), %d out (%d errors)",
-                link.address,
-                heard.frames,
-                heard.bad_bytes,
-                heard.lost,
-                heard.unknown,
-                heard.sent_frames,
-                heard.send_errors,
-            )
-        intake = self.intake
-        _log.info(
-            "%d unusable messages, %d too late, %d of another vehicle with a known address, %d from others, "
-            "%d copies of requests ignored, %d traffic reports refused, %d messages not sent after a stall",
-            intake.unusable,
-            intake.past,
-            intake.of_others,
-            self.engine.foreign,
-            intake.repeated,
-            self.engine.tracker.dropped.total(),
-            self.unsent,
-        )
 
 
 async def _optional(work: Coroutine[None, None, None]) -> None:

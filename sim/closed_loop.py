@@ -1,6 +1,7 @@
-"""Closed loop: engine and fake vehicle in lockstep, without sockets or waiting, with the frames of the wire.
+"""Closed loop: engine and fake vehicle in lockstep, without sockets or waiting, with the bytes of the wire.
 
-All messages are packed, framed, decoded and translated as in flight; only the sockets are left out.
+All messages are packed, framed, decoded and translated as in flight, and so is what receivers of traffic
+send; only the sockets are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +13,10 @@ from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.framing import FrameSplitter, decode
 from companion.mavlink.intake import Intake
 from companion.model import Layer
+from companion.sources.receiver import Piece, Receiver
+from companion.sources.registry import FORMATS as DECODED
 from sim.metrics import FlightScore, score_of
+from sim.receiver import carrier_of
 from sim.scenario import Autopilot, Scenario
 from sim.vehicle import Truth
 from sim.world import World, build_world
@@ -44,7 +48,11 @@ class Flight:
 
 
 class ClosedLoop:
-    """One scenario flown by one engine (`None`: without avoidance)."""
+    """One scenario flown by one engine (`None`: without avoidance).
+
+    Traffic is heard by the ADS-B receiver beside the autopilot, or by `receivers` (names of formats) beside
+    the companion instead.
+    """
 
     def __init__(
         self,
@@ -54,6 +62,7 @@ class ClosedLoop:
         start_us: int = 1_700_000_000_000_000,
         seed: int = 0,
         autopilot: Autopilot = "ardupilot",
+        receivers: Sequence[str] = (),
     ) -> None:
         self.start_us = start_us
         self.scenario = scenario
@@ -65,6 +74,7 @@ class ClosedLoop:
         self._encoder, self._boots, self._own_encoder = Encoder(), self.world.vehicle.boots, Encoder()
         self._intake = Intake(mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
         self._up, self._down = FrameSplitter(), FrameSplitter()
+        self.receivers = [_ReceiverAtCompanion(self.world, name, seed) for name in receivers]
         self._stepper = None if engine is None else Stepper(engine, self._perform)
         self._now_us = start_us
 
@@ -85,8 +95,11 @@ class ClosedLoop:
     def _step(self) -> None:
         now_s = self._now_us / 1e6
         world, flight = self.world, self.flight
-        for message in world.receiver.reports(now_s, world.vehicle.truth.position_m):
-            world.vehicle.receive(message, now_s, RECEIVER_CHANNEL)
+        if self.receivers:
+            self._hear_receivers(now_s)
+        else:
+            for message in world.receiver.reports(now_s, world.vehicle.flight.aircraft.position_m):
+                world.vehicle.receive(message, now_s, RECEIVER_CHANNEL)
         for outgoing in world.vehicle.step(now_s):
             if outgoing.channel == COMPANION_CHANNEL and self._stepper is not None:
                 self._hear(outgoing.message)
@@ -108,11 +121,26 @@ class ClosedLoop:
         vehicle = self.world.vehicle
         if vehicle.boots != self._boots:  # sequence numbers restart
             self._encoder, self._boots = Encoder(), vehicle.boots
-        raw = self._encoder.encode(message, vehicle.system_id, vehicle.component_id)
-        for frame in self._up.feed_datagram(raw):
+        self._take_in(self._up, self._encoder.encode(message, vehicle.system_id, vehicle.component_id))
+
+    def _take_in(self, splitter: FrameSplitter, datagram: bytes) -> None:
+        assert self._stepper is not None
+        for frame in splitter.feed_datagram(datagram):
             received = self._intake.judge(frame, self._now_us / 1e6)
             if received is not None:
                 self._stepper.receive(received.fact, self._now_us, received.true_s)
+
+    def _hear_receivers(self, now_s: float) -> None:
+        carrier = carrier_of(self.flight.truth)
+        for receiver in self.receivers:
+            for data in receiver.simulated.pieces(now_s, carrier):
+                if self._stepper is None:
+                    continue
+                if receiver.decoding is None:
+                    self._take_in(receiver.splitter, data)
+                else:
+                    piece = Piece(receiver.decoding.address, data)
+                    self._stepper.receive_together(receiver.decoding.take(piece, now_s), self._now_us)
 
     def _perform(self, time_us: int, effects: Sequence[Effect]) -> None:
         engine, flight = self.engine, self.flight
@@ -120,13 +148,13 @@ class ClosedLoop:
         for effect in effects:
             if isinstance(effect, Record):
                 flight.decisions.append(effect.line)
-            elif isinstance(effect, Transmit):
+            elif isinstance(effect, Transmit) and effect.to != "station":
                 self._transmit(time_us, effect)
         layer = engine.decision.layer
         if (flight.layers[-1][1] if flight.layers else Layer.CLEAR) is not layer:
             flight.layers.append(((time_us - self.start_us) / 1e6, layer))
         if engine.supervisor.flying:
-            flight.score.note_action(time_us / 1e6, [threat.track_id for threat in engine.decision.threats])
+            flight.score.note_action(time_us / 1e6, engine.decision.threats)
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         raw = self._own_encoder.encode(effect.message, effect.sender.system_id, effect.sender.component_id)
@@ -140,8 +168,22 @@ class ClosedLoop:
                 self.world.vehicle.receive(message, time_us / 1e6, COMPANION_CHANNEL)
 
 
+class _ReceiverAtCompanion:
+    """A simulated receiver, and the decoder or the frames at the other end of its link."""
+
+    def __init__(self, world: World, name: str, seed: int) -> None:
+        self.simulated = world.receiver_of(name, seed=seed)
+        self.decoding = Receiver.of(name, name) if name in DECODED else None
+        self.splitter = FrameSplitter()
+
+
 def fly(
-    scenario: Scenario, engine: Engine | None, *, seed: int = 0, autopilot: Autopilot = "ardupilot"
+    scenario: Scenario,
+    engine: Engine | None,
+    *,
+    seed: int = 0,
+    autopilot: Autopilot = "ardupilot",
+    receivers: Sequence[str] = (),
 ) -> Flight:
     """Fly a scenario to its end."""
-    return ClosedLoop(scenario, engine, seed=seed, autopilot=autopilot).run()
+    return ClosedLoop(scenario, engine, seed=seed, autopilot=autopilot, receivers=receivers).run()

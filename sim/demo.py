@@ -1,4 +1,4 @@
-"""The demonstration: vehicle, ADS-B receiver, intruders and companion over real sockets on loopback.
+"""The demonstration: vehicle, receiver of traffic, intruders and companion over real sockets on loopback.
 
 All share one clock, which may run faster than real time; apart from that they run as in flight.
 """
@@ -7,12 +7,13 @@ import asyncio
 import contextlib
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from companion.address import is_of_receiver, parse_receiver_address
 from companion.engine import Engine, EngineConfig
-from companion.links import open_link
+from companion.links import Link, ReceiverLink, open_link
 from companion.mavlink.dialect import Encoder
 from companion.model import Snapshot
 from companion.recording.recorder import Recorder
@@ -21,6 +22,7 @@ from companion.web import Display
 from companion.web.settings import Settings
 from sim.clock import ScaledClock
 from sim.metrics import FlightScore, score_of
+from sim.receiver_output import ReceiverOutput, heard_at, local_address
 from sim.receivers.mavlink import ADSB_RECEIVER
 from sim.scenario import Autopilot, Scenario
 from sim.server import VehicleServer
@@ -32,7 +34,10 @@ _RECEIVER_PERIOD_S = 0.05
 
 @dataclass(frozen=True)
 class DemoOptions:
-    """Options of a demonstration. `record`: recording folder or `None`; `display`: web settings or `None`."""
+    """Options of a demonstration. `record`: recording folder or `None`; `display`: web settings or `None`.
+
+    `receiver`: the format of a receiver at the companion; `None` for the autopilot's own one for ADS-B.
+    """
 
     scenario: Scenario
     speedup: float = 8.0
@@ -42,6 +47,7 @@ class DemoOptions:
     engine: EngineConfig = field(default_factory=EngineConfig)
     seed: int = 0
     autopilot: Autopilot = "ardupilot"
+    receiver: str | None = None
 
 
 @dataclass
@@ -90,8 +96,7 @@ class DemoState:
         self.resumed |= self.engaged and truth.on_mission
         self.uncontrolled |= truth.uncontrolled
         if self.runtime is not None and self.runtime.engine.supervisor.flying:
-            threats = self.runtime.engine.decision.threats
-            self.score.note_action(truth.time_s, [threat.track_id for threat in threats])
+            self.score.note_action(truth.time_s, self.runtime.engine.decision.threats)
 
     def report(self) -> dict[str, object]:
         """The JSON report."""
@@ -106,6 +111,7 @@ class DemoState:
             "latency_ms": {"p50": _quantile(latencies_ms, 0.5), "p99": _quantile(latencies_ms, 0.99)},
             "avoidance": self.options.avoidance,
             "autopilot": self.options.autopilot,
+            "receiver": self.options.receiver,
             "uncontrolled": self.uncontrolled,
             "simulated_s": round(self.elapsed_s, 1),
             "wall_s": round(time.perf_counter() - self.started_s, 1),
@@ -128,21 +134,29 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     world = build_world(options.scenario, start_s, seed=options.seed, autopilot=options.autopilot)
     score = score_of(options.scenario, world)
     clock = ScaledClock(options.speedup, start_s=start_s)
-    to_companion, to_receiver = _free_ports(2)
+    to_companion, to_receiver, from_receiver = _free_ports(3)
+    beside = _receivers(options, world, from_receiver)
     recorder, runtime = None, None
     if options.avoidance:
         if options.record is not None:
             recorder = Recorder(options.record, time.time())
-        link = open_link(f"udpin:127.0.0.1:{to_companion}")
+        links, receivers = _links_of_companion(options, to_companion, beside)
         display = None if options.display is None else Display(options.display)
-        engine = Engine(options.engine)
-        runtime = Runtime(engine, [link], recorder=recorder, clock=clock, display=display)
+        runtime = Runtime(
+            Engine(options.engine),
+            links,
+            receivers=receivers,
+            recorder=recorder,
+            clock=clock,
+            display=display,
+        )
     recording = None if recorder is None else recorder.tlog_path
     state = DemoState(options, world, score, clock, world.vehicle.truth, runtime, recording)
     server = VehicleServer(
         world.vehicle,
         [open_link(f"udpout:127.0.0.1:{to_companion}"), open_link(f"udpin:127.0.0.1:{to_receiver}")],
         clock,
+        beside=beside,
         observe=state.observe,
     )
     on_start(state)
@@ -160,8 +174,35 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     return state
 
 
+def _receivers(options: DemoOptions, world: World, port: int) -> list[ReceiverOutput]:
+    """The receiver at the companion, if there is one."""
+    if options.receiver is None:
+        return []
+    output = ReceiverOutput(options.receiver, local_address(options.receiver, port))
+    output.switch_on(world.receiver_of(options.receiver, seed=options.seed))
+    return [output]
+
+
+def _links_of_companion(
+    options: DemoOptions, port: int, beside: Sequence[ReceiverOutput]
+) -> tuple[list[Link], list[ReceiverLink]]:
+    """The links of the companion: to the autopilot, and to its receiver."""
+    links, receivers = [open_link(f"udpin:127.0.0.1:{port}")], []
+    for output in beside:
+        text = heard_at(output.name, output.link.address)
+        if is_of_receiver(text):
+            # A document changes once a simulated second.
+            period_s = 1.0 / options.speedup
+            receivers.append(ReceiverLink(text, parse_receiver_address(text), document_period_s=period_s))
+        else:
+            links.append(open_link(text))
+    return links, receivers
+
+
 async def _report_traffic(state: DemoState, port: int) -> None:
     """The ADS-B receiver beside the autopilot: its serial port is a socket here."""
+    if state.options.receiver is not None:
+        return
     link, encoder = open_link(f"udpout:127.0.0.1:{port}"), Encoder()
     await link.open()
     with contextlib.closing(link):

@@ -90,12 +90,13 @@ def _traffic(state: DemoState) -> Table:
     for heading in ("traffic", "distance", "height", "closest so far", "threat"):
         table.add_column(heading, justify="right" if heading != "traffic" else "left")
     snapshot = state.snapshot()
-    threats = {} if snapshot is None else {t.track_id: t for t in snapshot.decision.threats}
+    threats = () if snapshot is None else snapshot.decision.threats
+    threatening = {one.icao: threat for threat in threats if (one := state.score.encounter_of(threat))}
     own = state.truth.position_m
     for intruder in state.world.intruders:
         (north_m, east_m, down_m), _ = intruder.state_at(state.truth.time_s)
-        track_id = f"{intruder.icao:06X}"
-        encounter, threat = state.score.encounters[track_id], threats.get(track_id)
+        encounter = state.score.encounters[f"{intruder.icao:06X}"]
+        threat = threatening.get(intruder.icao)
         distance_m = math.hypot(north_m - own[0], east_m - own[1])
         if distance_m > 20_000.0:
             continue

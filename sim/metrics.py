@@ -4,19 +4,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from companion.model import Vec2, Vec3
+from companion.model import Threat, Vec2, Vec3
 from companion.units import (
     NMAC_HORIZONTAL_M,
     NMAC_VERTICAL_M,
     WELL_CLEAR_HORIZONTAL_M,
     WELL_CLEAR_VERTICAL_M,
 )
-from sim.path import distance_to_path_m, thinned_path
+from sim.path import Polyline, thinned_path
 from sim.scenario import Scenario
 from sim.traffic import Intruder
 from sim.world import World, undisturbed
+
+_ROUNDING_M = 1e-6
 
 
 @dataclass
@@ -78,7 +78,9 @@ class FlightScore:
 
     def __post_init__(self) -> None:
         self.encounters = {f"{i.icao:06X}": EncounterScore(i.icao, i.callsign) for i in self.intruders}
-        self._path = np.asarray(self.planned, dtype=float)
+        self._path = Polyline(self.planned)
+        self._measured_at_m: Vec2 = (math.inf, math.inf)
+        self._measured_m = 0.0
 
     def update(self, time_s: float, own_m: Vec3) -> None:
         """Update with our present position, north-east-down [m]."""
@@ -86,14 +88,28 @@ class FlightScore:
             if intruder.appears_s <= time_s <= intruder.disappears_s:
                 position_m, _ = intruder.state_at(time_s)
                 self.encounters[f"{intruder.icao:06X}"].update(time_s, own_m, position_m)
-        self.max_deviation_m = max(self.max_deviation_m, distance_to_path_m((own_m[0], own_m[1]), self._path))
+        self._measure_deviation(own_m[:2])
 
-    def note_action(self, time_s: float, track_ids: Sequence[str]) -> None:
-        """Record that avoidance of these tracks is flown."""
-        for track_id in track_ids:
-            encounter = self.encounters.get(track_id)
+    def _measure_deviation(self, own_m: Vec2) -> None:
+        """Update the largest deviation, if it can have grown on the way since the last measurement."""
+        if self._measured_m + math.dist(own_m, self._measured_at_m) < self.max_deviation_m - _ROUNDING_M:
+            return
+        self._measured_at_m, self._measured_m = own_m, self._path.distance_m(own_m)
+        self.max_deviation_m = max(self.max_deviation_m, self._measured_m)
+
+    def note_action(self, time_s: float, threats: Sequence[Threat]) -> None:
+        """Record that avoidance of these is flown."""
+        for threat in threats:
+            encounter = self.encounter_of(threat)
             if encounter is not None and encounter.first_action_s is None:
                 encounter.first_action_s = time_s - self.start_s
+
+    def encounter_of(self, threat: Threat) -> EncounterScore | None:
+        """The encounter with a threat, by its address, or by its callsign if it was heard without one."""
+        by_address = self.encounters.get(threat.track_id)
+        if by_address is not None:
+            return by_address
+        return next((each for each in self.encounters.values() if each.callsign == threat.name), None)
 
 
 def score_of(scenario: Scenario, world: World) -> FlightScore:

@@ -22,17 +22,29 @@ def thinned_path(points: Sequence[Vec2], spacing_m: float = 50.0) -> list[Vec2]:
     return path
 
 
+class Polyline:
+    """A path over ground, (points, 2) [m], of which distances are asked many times."""
+
+    def __init__(self, path: Sequence[Vec2] | NDArray[np.float64]) -> None:
+        self._corners = corners = np.asarray(path, dtype=np.float64)
+        if len(corners) >= 2:
+            self._starts, self._along = corners[:-1], corners[1:] - corners[:-1]
+            length2 = (self._along * self._along).sum(axis=1)
+            self._length2 = np.maximum(length2, np.finfo(float).tiny)
+
+    def distance_m(self, point: Vec2) -> float:
+        """Distance of a point [m]; 0 from an empty path."""
+        if len(self._corners) < 2:
+            return math.dist(point, self._corners[0]) if len(self._corners) else 0.0
+        away = np.asarray(point) - self._starts
+        share = ((away * self._along).sum(axis=1) / self._length2).clip(0.0, 1.0)
+        off = away - share[:, None] * self._along
+        return math.sqrt(float((off * off).sum(axis=1).min()))
+
+
 def distance_to_path_m(point: Vec2, path: Sequence[Vec2] | NDArray[np.float64]) -> float:
     """Distance of a point from a polyline, (points, 2) [m]; 0 for an empty one."""
-    corners = np.asarray(path, dtype=np.float64)
-    if len(corners) < 2:
-        return math.dist(point, corners[0]) if len(corners) else 0.0
-    starts, along = corners[:-1], corners[1:] - corners[:-1]
-    away = np.asarray(point) - starts
-    length2 = np.maximum((along * along).sum(axis=1), np.finfo(float).tiny)
-    share = np.clip((away * along).sum(axis=1) / length2, 0.0, 1.0)
-    off = away - share[:, None] * along
-    return math.sqrt(float((off * off).sum(axis=1).min()))
+    return Polyline(path).distance_m(point)
 
 
 def off_leg(start_m: Vec3, end_m: Vec3, own_m: Array) -> tuple[Array, Array, Array]:

@@ -8,6 +8,8 @@ from companion.links import Link
 from companion.mavlink.dialect import Encoder
 from companion.mavlink.framing import Frame, decode
 from sim.clock import ScaledClock
+from sim.receiver import carrier_of
+from sim.receiver_output import ReceiverOutput
 from sim.traffic import AdsbReceiver
 from sim.vehicle import FakeVehicle, Outgoing, Truth
 from sim.vehicle.flight import STEP_S
@@ -22,8 +24,9 @@ _RECEIVER_CHANNEL = -1
 class VehicleServer:
     """Runs one vehicle in the time of `clock`; link number n is the vehicle's channel n.
 
-    Reports of `receiver` reach the vehicle as from a receiver at its serial port. `observe` is called with
-    the truth after each step. A link that loses its peer only loses messages.
+    Reports of `receiver` reach the vehicle as from a receiver at its serial port; `beside` are receivers on
+    the vehicle that send to links of their own. `observe` is called with the truth after each step. A link
+    that loses its peer only loses messages.
     """
 
     def __init__(
@@ -33,6 +36,7 @@ class VehicleServer:
         clock: ScaledClock,
         *,
         receiver: AdsbReceiver | None = None,
+        beside: Sequence[ReceiverOutput] = (),
         observe: Callable[[Truth], None] | None = None,
         stream_rate_hz: float = 2.0,
     ) -> None:
@@ -41,6 +45,7 @@ class VehicleServer:
         self._links = list(links)
         self._clock = clock
         self._receiver = receiver
+        self._beside = list(beside)
         self._observe = observe
         self._encoders = [Encoder() for _ in self._links]
         self._boots = vehicle.boots
@@ -62,6 +67,9 @@ class VehicleServer:
                     await link.open()
                     run = link.run(partial(self._receive, channel))
                     tasks.create_task(run, name=f"vehicle link {link.address}")
+                for output in self._beside:
+                    await output.open()
+                    tasks.create_task(output.run(), name=f"receiver {output.link.address}")
                 tasks.create_task(self._fly(), name="vehicle")
         finally:
             self.close()
@@ -71,6 +79,8 @@ class VehicleServer:
         self._closed = True
         for link in self._links:
             link.close()
+        for output in self._beside:
+            output.close()
 
     async def _fly(self) -> None:
         vehicle, clock = self._vehicle, self._clock
@@ -87,8 +97,12 @@ class VehicleServer:
                 vehicle.receive(report, now_s, _RECEIVER_CHANNEL)
         before_s = vehicle.time_s
         self._send(vehicle.step(now_s))
-        if self._observe is not None and vehicle.time_s > before_s:
-            self._observe(vehicle.truth)
+        if vehicle.time_s > before_s and (self._observe is not None or self._beside):
+            truth = vehicle.truth
+            for output in self._beside:
+                output.step(truth.time_s, carrier_of(truth))
+            if self._observe is not None:
+                self._observe(truth)
 
     def _receive(self, channel: int, frames: list[Frame], link: Link) -> None:
         now_s = self._clock.now_s()

@@ -1,4 +1,4 @@
-"""Intruders on scripted paths, and an ADS-B receiver that reports them with noise, delay and loss."""
+"""Intruders on scripted paths, and how a receiver hears them: with noise, delay and loss."""
 
 import math
 import random
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
+from typing import NamedTuple
 
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message
@@ -95,8 +96,20 @@ class ReceiverModel:
     altitude_offset_m: float = 0.0
 
 
-class AdsbReceiver:
-    """Reports every intruder once a period as ADSB_VEHICLE. The same seed repeats the same reports."""
+class Heard(NamedTuple):
+    """What a receiver heard of an intruder: its state at `sent_s`, with the receiver's errors."""
+
+    intruder: Intruder
+    sent_s: float
+    position_m: Vec3
+    velocity_mps: Vec3
+
+
+class TrafficReceiver:
+    """Hears every intruder once a period. The same seed repeats what is heard.
+
+    The altitude offset of the model is not in what is heard: it is that of the intruders' altimeters.
+    """
 
     def __init__(
         self,
@@ -108,8 +121,8 @@ class AdsbReceiver:
         seed: int = 0,
     ) -> None:
         """Start at `start_s`; the intruders move in `frame`."""
-        self._frame = frame
-        self._model = model or ReceiverModel()
+        self.frame = frame
+        self.model = model or ReceiverModel()
         self._seed = seed
         self._start_s = start_s
         self._order = count()
@@ -121,50 +134,63 @@ class AdsbReceiver:
     def add(self, intruder: Intruder) -> None:
         """Receive one more aircraft."""
         place = next(self._order)
-        first_s = max(self._start_s, intruder.appears_s) + place * _PHASE_S % self._model.period_s
+        first_s = max(self._start_s, intruder.appears_s) + place * _PHASE_S % self.model.period_s
         chance = random.Random(f"{self._seed} {intruder.icao:06x}")
         self._expect(first_s, intruder, chance)
 
-    def reports(self, now_s: float, own_m: Vec3 | None = None) -> list[Message]:
-        """The reports that arrived since the last call, in order.
+    def heard(self, now_s: float, own_m: Vec3 | None = None) -> list[Heard]:
+        """What arrived since the last call, in order.
 
-        `own_m` is the receiver's position; intruders out of its range are not received.
+        `own_m` is the receiver's position; intruders out of its range are not heard.
         """
-        arrived: list[Message] = []
+        arrived: list[Heard] = []
         while self._coming and self._coming[0][0] <= now_s:
             _, _, sent_s, intruder, chance = heappop(self._coming)
-            lost = chance.random() < self._model.loss
-            report = self._report(intruder, sent_s, chance, own_m)
-            if report is not None and not lost:
-                arrived.append(report)
-            self._expect(sent_s + self._model.period_s, intruder, chance)
+            lost = chance.random() < self.model.loss
+            heard = self._hear(intruder, sent_s, chance, own_m)
+            if heard is not None and not lost:
+                arrived.append(heard)
+            self._expect(sent_s + self.model.period_s, intruder, chance)
         return arrived
 
     def _expect(self, sent_s: float, intruder: Intruder, chance: random.Random) -> None:
         if sent_s <= intruder.disappears_s:
-            arrives_s = sent_s + self._model.delay_s
+            arrives_s = sent_s + self.model.delay_s
             heappush(self._coming, (arrives_s, next(self._order), sent_s, intruder, chance))
 
-    def _report(
+    def _hear(
         self, intruder: Intruder, sent_s: float, chance: random.Random, own_m: Vec3 | None
-    ) -> Message | None:
-        model = self._model
+    ) -> Heard | None:
+        model = self.model
         (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = intruder.state_at(sent_s)
         if own_m is not None and math.hypot(north_m - own_m[0], east_m - own_m[1]) > model.range_m:
             return None
-        place = self._frame.to_geo(
+        position_m = (
             north_m + chance.gauss(0.0, model.horizontal_sigma_m),
             east_m + chance.gauss(0.0, model.horizontal_sigma_m),
-            down_m + chance.gauss(0.0, model.vertical_sigma_m) - model.altitude_offset_m,
+            down_m + chance.gauss(0.0, model.vertical_sigma_m),
         )
         north_mps += chance.gauss(0.0, model.speed_sigma_mps)
         east_mps += chance.gauss(0.0, model.speed_sigma_mps)
         climb_mps = -down_mps + chance.gauss(0.0, model.climb_sigma_mps)
+        return Heard(intruder, sent_s, position_m, (north_mps, east_mps, -climb_mps))
+
+
+class AdsbReceiver(TrafficReceiver):
+    """Reports what it hears as ADSB_VEHICLE, the altitudes with the offset of the model."""
+
+    def reports(self, now_s: float, own_m: Vec3 | None = None) -> list[Message]:
+        """The reports that arrived since the last call, in order; `own_m` is the receiver's position."""
+        return [self._report(heard) for heard in self.heard(now_s, own_m)]
+
+    def _report(self, heard: Heard) -> Message:
+        model, intruder = self.model, heard.intruder
+        north_m, east_m, down_m = heard.position_m
         return adsb_vehicle(
             intruder.icao,
             intruder.callsign,
-            place,
-            (north_mps, east_mps, -climb_mps),
+            self.frame.to_geo(north_m, east_m, down_m - model.altitude_offset_m),
+            heard.velocity_mps,
             category=intruder.emitter_type,
             barometric=model.barometric,
             age_s=model.delay_s,

@@ -7,8 +7,9 @@ from typing import Any
 
 from companion.geodesy import LocalFrame
 from companion.model import Vec2
+from sim.receiver import Datums, SimulatedReceiver, limited
 from sim.scenario import Autopilot, Conflict, Receiver, Scenario
-from sim.traffic import AdsbReceiver, Intruder, ReceiverModel
+from sim.traffic import AdsbReceiver, Intruder, ReceiverModel, TrafficReceiver
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, Truth
 
 # The same aircraft under either autopilot: PX4 gets the speeds of ArduPlane's defaults.
@@ -24,6 +25,12 @@ class World:
     vehicle: FakeVehicle
     intruders: tuple[Intruder, ...]
     receiver: AdsbReceiver
+
+    def receiver_of(self, name: str, datums: Datums | None = None, *, seed: int = 0) -> SimulatedReceiver:
+        """A receiver of this format on the vehicle, with the errors of the scenario's."""
+        model = limited(self.receiver.model, name)
+        traffic = TrafficReceiver(self.intruders, self.frame, self.start_s, model=model, seed=seed)
+        return SimulatedReceiver(name, traffic, datums)
 
 
 def kind_of(autopilot: Autopilot) -> tuple[type[FakeArduPlane] | type[FakePx4], dict[str, Any]]:

@@ -211,6 +211,10 @@ class Adapter(ABC):
         """The parameters of the autopilot's own avoidance."""
         return ()
 
+    def ignores_traffic(self, parameters: Mapping[str, float]) -> str | None:  # noqa: ARG002
+        """The parameter by which it ignores traffic that we send it, with its value; `None`: it does not."""
+        return None
+
     def advice(self, parameters: Mapping[str, float]) -> list[str]:  # noqa: ARG002
         """Parameters that the operator should change, in words."""
         return []

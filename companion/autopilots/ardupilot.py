@@ -78,6 +78,7 @@ _TYPE_MASK = (
     | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 )
+_TAKES_TRAFFIC = ("ADSB_TYPE", "ADSB_ENABLE")  # before 4.1 the latter
 _AVOIDANCE_ACTS_FROM = 2.0  # AVD_F_ACTION: 0 does nothing, 1 reports
 
 # The options of the firmware that Companion flies by. A build may lack the first three.
@@ -106,6 +107,7 @@ PARAMETERS = ParameterTable(
     first=("AVD_ENABLE", "AVD_F_ACTION"),
     others=(
         _MISSION_RESTART,
+        *_TAKES_TRAFFIC,
         "FENCE_ENABLE",
         "FENCE_ACTION",
         "FENCE_AUTOENABLE",
@@ -251,6 +253,11 @@ class ArduPlane(Adapter):
     def traffic_parameters(self) -> tuple[str, ...]:
         """The parameters of AP_Avoidance."""
         return self.parameters.first
+
+    def ignores_traffic(self, parameters: Mapping[str, float]) -> str | None:
+        """ADSB_TYPE or ADSB_ENABLE, if it is 0; any other type takes ADSB_VEHICLE from every link."""
+        known = (name for name in _TAKES_TRAFFIC if name in parameters)
+        return next((f"{name} {parameters[name]:.0f}" for name in known if parameters[name] < 1.0), None)
 
     def refused_values(self) -> list[RefusedValue]:
         """Values that were refused since the last call, also when moderated."""

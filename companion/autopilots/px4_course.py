@@ -61,6 +61,7 @@ class GuidedCourse(Way):
         super().__init__(adapter, parameters)
         self._values = ValueCommands(_CONTROLS)
         self._heights_m: deque[float] = deque(maxlen=_OWN_HEIGHTS_KNOWN)  # commanded
+        self._height_taken = False  # one of them was reported as the target since the mode was entered
         self._former_m: deque[float] = deque(maxlen=_FORMER_HEIGHTS_KNOWN)  # reported before
         self._accepted_s: float | None = None  # the height sent last
         self._untaken_m: float | None = None
@@ -85,6 +86,7 @@ class GuidedCourse(Way):
         """Nothing; the targets until the mode is entered are former ones."""
         self._began_s = None
         self._heights_m.clear()
+        self._height_taken = False
         return []
 
     def command(self, command: GuidanceCommand, now_s: float, *, urgent: bool) -> list[Message]:  # noqa: ARG002
@@ -221,7 +223,9 @@ class GuidedCourse(Way):
         known, self._reported = self._is_known(altitude_m), (altitude_m, now_s)
         if self._heights_m and abs(altitude_m - self._heights_m[-1]) <= _SAME_HEIGHT_M:
             self._adapter.commands.drop(_HEIGHT)
-        if self._began_s is None or now_s - self._began_s <= _FORMER_TARGETS_S:
+            self._height_taken = True
+        entered = self._began_s is not None and now_s - self._began_s > _FORMER_TARGETS_S
+        if not (entered or self._height_taken):
             if not known:
                 self._former_m.append(altitude_m)
             return

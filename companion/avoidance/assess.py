@@ -37,32 +37,9 @@ from companion.model import (
 )
 from companion.units import course_deg, wrap_pi
 
-# Larger distances and speeds than these cannot be real.
-_FURTHEST_M, _FASTEST_MPS = 4.1e7, 1e4
 # Speed at which we could approach a track that is near but not coming nearer.
 _OWN_APPROACH_MPS = 20.0
 _NO_PATH = np.zeros((0, 2))
-
-
-def is_relevant(track: Track) -> bool:
-    """Whether a track is finite, has realistic values, and is an aircraft or an obstacle."""
-    north_m, east_m, down_m = track.position_m
-    north_mps, east_mps, down_mps = track.velocity_mps
-    horizontal_m, vertical_m = track.protected_horizontal_m, track.protected_vertical_m
-    # Comparisons with NaN are false.
-    plausible = (
-        math.isfinite(track.time_s)
-        and -_FURTHEST_M < north_m < _FURTHEST_M
-        and -_FURTHEST_M < east_m < _FURTHEST_M
-        and -_FURTHEST_M < down_m < _FURTHEST_M
-        and -_FASTEST_MPS < north_mps < _FASTEST_MPS
-        and -_FASTEST_MPS < east_mps < _FASTEST_MPS
-        and -_FASTEST_MPS < down_mps < _FASTEST_MPS
-        and (horizontal_m is None or -_FURTHEST_M < horizontal_m < _FURTHEST_M)
-        and (vertical_m is None or -_FURTHEST_M < vertical_m < _FURTHEST_M)
-        and not math.isnan(track.vertical_uncertainty_m)
-    )
-    return plausible and track.kind is not TrafficKind.SURFACE_VEHICLE
 
 
 def protected_tracks(now_s: float, tracks: Sequence[Track], params: AvoidanceParams) -> Tracks:

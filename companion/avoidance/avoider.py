@@ -7,7 +7,6 @@ from dataclasses import replace
 from companion.avoidance.assess import (
     TrafficAssessment,
     assess_traffic,
-    is_relevant,
     needs_no_assessment,
     protected_tracks,
     reason,
@@ -17,6 +16,7 @@ from companion.avoidance.blocked_item import guidance_past, keeps_clear
 from companion.avoidance.cone import TransitionDomain, any_of
 from companion.avoidance.constraints import Constraints, HeightReference, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
+from companion.avoidance.credible import credible_ownship, relevant_track
 from companion.avoidance.envelope import Control
 from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
@@ -103,13 +103,16 @@ class Avoider:
         """The decision at `now_s` for our aircraft among the tracks, in one north-east-down frame [m, m/s].
 
         The flow of §4.1, figure 6: the mission without a conflict, otherwise the outer or the inner layer.
-        Tracks are extrapolated from their own time to `now_s`. Surface vehicles and tracks that are not
-        finite are ignored. `ValueError` if ownship or goal is not finite: then no decision is safe.
+        Tracks are extrapolated from their own time to `now_s`. Surface vehicles and tracks without a position
+        are ignored, and of others the numbers that cannot be real. `ValueError` if ownship or goal is not
+        finite: then no decision is safe.
         """
         require_finite(own, goal)
         self._refusals = self._refusals.at(now_s)
         own_id = self.params.formation.own_id
-        relevant = [t for t in tracks if is_relevant(t) and not (own_id and t.track_id == own_id)]
+        own = credible_ownship(own, now_s)
+        believed = [relevant_track(t, now_s) for t in tracks if not (own_id and t.track_id == own_id)]
+        relevant = [track for track in believed if track is not None]
         flight = OwnFlight.at(now_s, own, goal)
         self._bound_heights(now_s, flight)
         beyond_s = self._beyond_s(now_s)

@@ -27,7 +27,7 @@ from companion.config import (
 from companion.control import claims
 from companion.control.state_machine import printed, printed_data
 from companion.errors import CompanionError, ConfigError
-from companion.links import open_link
+from companion.links import open_links
 from companion.preflight import DEFAULT_SECONDS, Finding, run_preflight
 
 
@@ -100,8 +100,8 @@ def _check_link(console: Console, config: Config, seconds: float, config_file: P
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s", stream=sys.stderr)
     # The findings include what the runtime logs, but not why a link does not open.
     logging.getLogger("companion").addFilter(lambda record: record.module != "runtime")
-    links = [open_link(address) for address in config.links]
-    found = asyncio.run(run_preflight(config, links, seconds))
+    links, receivers = open_links(config.links)
+    found = asyncio.run(run_preflight(config, links, seconds, receivers=receivers))
     problems = list(storage_problems(config))
     storage = [Finding("storage", problem.in_file(config_file), good=False) for problem in problems]
     findings = [*found.findings, *storage]

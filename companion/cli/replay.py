@@ -16,7 +16,7 @@ from companion.config import Config, load_config, load_obstacles, load_saved
 from companion.engine import Engine
 from companion.errors import ConfigError
 from companion.model import Layer
-from companion.replay import Replay
+from companion.replay import RecordedReceivers, Replay
 from companion.replay import replay as replay_log
 from companion.web.settings import Settings
 
@@ -51,7 +51,10 @@ def replay(
     config = None if config_file is None else load_config(config_file)
     saved = None if settings is None else _saved_values(settings, config or Config(links=()))
     engine = Engine(None if config is None else config.for_engine(load_obstacles(config)), saved=saved)
-    server = _replay_server(engine, replay_display_settings(log, config, listen)) if web else None
+    receivers = RecordedReceivers()
+    server = None
+    if web:
+        server = _replay_server(engine, replay_display_settings(log, config, listen), receivers)
     for path in (decisions, report):
         if path is not None:
             writable(path)
@@ -65,6 +68,7 @@ def replay(
             on_decision=None if file is None else _line_writer(file),
             on_moment=_ignore if server is None else server.take,
             on_progress=stack.enter_context(ProgressBar(console, log)),
+            receivers=receivers,
         )
     _print_result(console, log, result)
     if report is not None:
@@ -83,11 +87,11 @@ def _saved_values(settings: Path, config: Config) -> Mapping[str, float]:
     return saved.values
 
 
-def _replay_server(engine: Engine, settings: Settings) -> "ReplayServer":
+def _replay_server(engine: Engine, settings: Settings, receivers: RecordedReceivers) -> "ReplayServer":
     """The server that shows the replay; imported here because `companion run` starts without a web server."""
     from companion.web.replay_server import ReplayServer
 
-    return ReplayServer(engine, settings)
+    return ReplayServer(engine, settings, lambda: receivers.by_address.values())
 
 
 def _line_writer(file: TextIO) -> Callable[[str], object]:
@@ -101,6 +105,18 @@ def _ignore(_since_s: float, _now_s: float) -> None:
 def _print_result(console: Console, log: Path, result: Replay) -> None:
     for since_s, layer, words in result.events:
         console.print(f"{since_s:8.1f} s  {layer:<5}  {words}", markup=False, soft_wrap=True)
+    for line in result.sightings.lines():
+        console.print(line, markup=False, soft_wrap=True)
+    for receiver in result.receivers:
+        counted = receiver.counters
+        console.print(
+            f"{receiver.address}: {counted.messages} messages, {counted.reports} reports, "
+            f"{counted.bad.total()} bad",
+            markup=False,
+            soft_wrap=True,
+        )
+    if result.lost_pieces:
+        console.print(f"{result.lost_pieces} pieces of what receivers sent are lost", markup=False)
     layers = ", ".join(f"{layer} {result.layers[layer]}" for layer in Layer)
     console.print(
         f"{log.name}: {result.messages} messages ({result.bad_bytes} bad bytes), "

@@ -16,7 +16,7 @@ from companion.cli.logs import log_without_waiting
 from companion.config import Config, describe_saved, load_config, load_obstacles, load_saved
 from companion.engine import Engine
 from companion.errors import LogError
-from companion.links import open_all, open_link
+from companion.links import open_all, open_links
 from companion.recording.recorder import MB, Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.runtime import Runtime
@@ -35,6 +35,7 @@ def run(
 
     The links of CONFIG are udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or
     serial:DEVICE:BAUD. Nothing is sent on a link that ends in ?listen. A link that fails is opened again.
+    Receivers of traffic have their format before the address, as in gdl90:udpin:0.0.0.0:4000.
     """
     exit_on_ending()
     config = load_config(config_file)
@@ -45,8 +46,8 @@ def run(
 
 
 async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display | None) -> None:
-    links = [open_link(address) for address in config.links]
-    await open_all(links)
+    links, receivers = open_links(config.links)
+    await open_all([*links, *(one.link for one in receivers)])
     _log.info("companion %s on %s", __version__, ", ".join(config.links))
     recorder, not_recorded = _recorder(config)
     saved, settings = load_saved(config), DurableStateFile(config.settings_file)
@@ -60,6 +61,7 @@ async def _run(config: Config, obstacles: tuple[Obstacle, ...], display: Display
     runtime = Runtime(
         engine,
         links,
+        receivers=receivers,
         recorder=recorder,
         not_recorded=not_recorded,
         watchdog=Watchdog(os.environ),

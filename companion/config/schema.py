@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le, MinLen
 from pydantic import AfterValidator
 
-from companion.address import host_and_port, parse_address
+from companion.address import ReceiverAddress, host_and_port, is_of_receiver, parse_any_address
 from companion.airspace.fences import FenceZone
 from companion.airspace.obstacles import Obstacle, ObstacleParams
 from companion.autopilots import MODE_NAMES, MODES_OF, NEVER_TAKEN
@@ -16,21 +16,26 @@ from companion.avoidance import AvoidanceParams
 from companion.control.rejoin import ControlParams
 from companion.control.state_machine import SupervisorParams
 from companion.engine import AircraftLimits, EngineConfig, EngineParams
-from companion.errors import LinkError
+from companion.errors import ConfigError, LinkError
+from companion.sources.registry import decoder_class
 from companion.traffic import TrafficParams
 
 
 def _is_address(text: str) -> str:
     try:
-        parse_address(text)
-    except LinkError as error:
+        address = parse_any_address(text)
+        if isinstance(address, ReceiverAddress):
+            decoder_class(address.format)  # refuses a format that cannot be decoded here
+    except (LinkError, ConfigError) as error:
         raise ValueError(str(error)) from error
     return text
 
 
 def _are_distinct(addresses: tuple[str, ...]) -> tuple[str, ...]:
-    if len({parse_address(text).place for text in addresses}) < len(addresses):
+    if len({parse_any_address(text).place for text in addresses}) < len(addresses):
         raise ValueError("the same address is given twice")
+    if all(map(is_of_receiver, addresses)):
+        raise ValueError("one of them must be a MAVLink link: a receiver does not lead to the autopilot")
     return addresses
 
 
@@ -79,8 +84,10 @@ def _did_you_mean(mode: str) -> str:
 class Config:
     """The configuration of `companion run`."""
 
-    # udpin, udpout, tcpin or tcpout:HOST:PORT, or serial:DEVICE:BAUD. We receive on all links, and send on
-    # those that do not end in `?listen`.
+    # MAVLink: udpin, udpout, tcpin or tcpout:HOST:PORT, or serial:DEVICE:BAUD. We receive on all links, and
+    # send on those that do not end in `?listen`. Receivers of traffic, which are only listened to, have their
+    # format before the address: sbs, beast, gdl90 or flarm:tcp:HOST:PORT (or :udpin:, :tcpin:, :serial:), and
+    # readsb:http://HOST/PATH or readsb:file:/PATH of its aircraft.json.
     links: Annotated[
         tuple[Annotated[str, AfterValidator(_is_address)], ...], MinLen(1), AfterValidator(_are_distinct)
     ]

@@ -26,6 +26,7 @@ class ControlContext:
     role: Role
     decision: Decision
     control: ControlParams
+    unheard: str | None = None  # in words: the last threat is not heard any more
 
     @property
     def data(self) -> StateData:

@@ -250,7 +250,9 @@ class Handover:
         sent = request.tries > 0 or request.wanted != self._context.adapter.guided_mode
         contact = aircraft.contact
         interrupted = contact.just_regained(now_s) or contact.uplink_interrupted(now_s)
-        return sent and interrupted and aircraft.unseen_before_mode_s >= _LEFT_UNSEEN_S
+        # The newest heartbeat may be from before the silence: then the mode of now is not known yet.
+        unseen_s = max(aircraft.unseen_before_mode_s, now_s - aircraft.heartbeat_s)
+        return sent and interrupted and unseen_s >= _LEFT_UNSEEN_S
 
     def _left_guided_by_itself(self, now_s: float) -> bool:
         """Whether the link was lost just now, and the mode is the one that the autopilot enters then."""
@@ -283,10 +285,13 @@ class Handover:
 
     # --- each tick, after the decision
 
-    def step(self, decision: Decision, orders: Orders, now_s: float) -> Outgoing:
-        """Act on the decision and on the operator's orders, by the state machine."""
+    def step(self, decision: Decision, orders: Orders, now_s: float, unheard: str | None = None) -> Outgoing:
+        """Act on the decision and on the operator's orders, by the state machine.
+
+        `unheard` says that the last threat is not heard any more: then nothing is known to be clear.
+        """
         context, supervisor = self._context, self.supervisor
-        context.decision, context.role = decision, orders.role
+        context.decision, context.role, context.unheard = decision, orders.role, unheard
         if supervisor.data.suppressed_s:
             suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
@@ -379,11 +384,12 @@ class Handover:
         if rejoin is not None and not rejoin.is_done(context.aircraft, now_s):
             if not self.supervisor.handle(Event.FAR):
                 return []
-            text = f"Clear of traffic, returning to {rejoin.destination(context.aircraft)}"
+            clear = context.unheard or "Clear of traffic"
+            text = f"{clear}, returning to {rejoin.destination(context.aircraft)}"
             return [Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         self.supervisor.handle(Event.CLEAR)
         others = "" if context.decision.layer is Layer.CLEAR else "other "
-        text = f"Clear of {others}traffic, back to {context.prior_mode}"
+        text = f"{context.unheard or f'Clear of {others}traffic'}, back to {context.prior_mode}"
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
 
     def _give_back(self, now_s: float) -> Outgoing:

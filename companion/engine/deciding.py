@@ -95,9 +95,11 @@ class Deciding:
         self.goal = self._goal_now(self.frame, now_s)
         if self.own is None or role is Role.OFF or not self._may_decide():
             self._do_without("off" if role is Role.OFF else "not flying")
+            self._picture.note_threats([], now_s)
             return
         self._apply_limits(self.frame, now_s)
         self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
+        self._picture.note_threats([threat.track_id for threat in self.decision.threats], now_s)
 
     def _do_without(self, because: str) -> None:
         self.avoider.reset()

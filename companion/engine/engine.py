@@ -20,13 +20,16 @@ from companion.control.state_machine import State, Supervisor
 from companion.engine.deciding import Deciding
 from companion.engine_config import EngineConfig
 from companion.gcs.broadcasts import Broadcasts
+from companion.gcs.concern_values import concern_values
 from companion.gcs.conditions import Conditions
+from companion.gcs.forwarding import Forwarding
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.notices import OperatorNotices
 from companion.gcs.phrases import TrafficSituation
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
 from companion.gcs.statustext import StatusText
+from companion.gcs.traffic_conditions import traffic_conditions
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -56,12 +59,13 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Tracker, TrafficPicture
+from companion.traffic import Concern, Tracker, TrafficPicture
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
 _NOTICES = (Notice, ConflictNotice, ResumeNotice)
 _KEEP_INTERVAL_S = 1.0
+_MOST_COUNTED = 4096  # tracks
 
 
 class Engine:
@@ -102,6 +106,7 @@ class Engine:
         self._maneuvers = ManeuverNotices()
         self._conditions = Conditions()
         self._broadcasts = Broadcasts()
+        self.forwarding = Forwarding(config.traffic.forward)
         self._readiness = Readiness(
             self.aircraft,
             config.supervisor,
@@ -126,6 +131,8 @@ class Engine:
         self._left: PersistedState | None = None  # state of a former run, until its parameters are restored
         self._kept_s: float | None = None
         self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
+        self.concerns: tuple[Concern, ...] = ()  # of the last tick: traffic that is not avoided or is odd
+        self._reports: dict[str, int] = {}  # how many updated each track
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -267,6 +274,9 @@ class Engine:
             return bool(self._answers)
         if isinstance(fact, ReceiverOwnship) and self._is_of_another_vehicle(fact):
             fact = Traffic(sender, fact.report)
+        if isinstance(fact, ReceiverOwnship):
+            self._picture.observe_receiver(fact, now_s)
+            return False
         if isinstance(fact, Traffic):
             if fact.sender == self.aircraft.sender:
                 self._rates.traffic_s = now_s
@@ -317,11 +327,16 @@ class Engine:
 
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
+        if self.forwarding.is_echo(fact, now_s):
+            return False
         track_id = self._picture.receive(fact, now_s)
+        self.forwarding.observe(fact, track_id, self.aircraft.sender, now_s)
         if track_id is None:
             return False
-        self._prompted = any(threat.track_id == track_id for threat in self.decision.threats)
-        return self._prompted
+        self._reports[track_id] = self._reports.get(track_id, 0) + 1
+        prompted = any(threat.track_id == track_id for threat in self.decision.threats)
+        self._prompted |= prompted
+        return prompted
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Whether another system than ours sent it; false until our autopilot is known."""
@@ -350,7 +365,8 @@ class Engine:
         orders, self._resume = Orders(self.operator.role, self._resume), False
         if overridden is None:
             self._deciding.update(orders.role, now_s)
-            effects += self._emit(self._handover.step(self.decision, orders, now_s), now_s)
+            unheard = self._picture.unheard(now_s)
+            effects += self._emit(self._handover.step(self.decision, orders, now_s, unheard), now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()
@@ -424,14 +440,25 @@ class Engine:
             outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)
         healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
-        return self._emit(outgoing, now_s) + self._keep(now_s)
+        return self._emit(outgoing, now_s) + self._forward(now_s) + self._keep(now_s)
+
+    def _forward(self, now_s: float) -> list[Effect]:
+        """Traffic that others hear, from the ADS-B component of our system."""
+        place, deciding = self.forwarding.to, self._deciding
+        if place is None or not self.aircraft.heard(now_s):
+            return []
+        sender = _address(self.sender.system_id, mavlink.MAV_COMP_ID_ADSB)
+        messages = self.forwarding.messages(deciding.tracks, deciding.own, deciding.frame, now_s)
+        return [Transmit(sender, message, place) for message in messages]
 
     def _present_conditions(self, now_s: float) -> list[Condition]:
         """The conditions that hold now, of every room that reports any."""
         threatened = bool(self.decision.threats)
         alarms = self._handover.conditions(now_s)
         own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
-        return [*alarms, *own, *self.queries.conditions(), *self.shell_conditions]
+        self.concerns = self._picture.concerns(now_s)
+        traffic = traffic_conditions(self.concerns, self._deciding.own)
+        return [*alarms, *own, *traffic, *self.queries.conditions(), *self.shell_conditions]
 
     def _keep(self, now_s: float) -> list[Effect]:
         """Save the state for the next run once a second; remove it when there is none any more."""
@@ -449,8 +476,23 @@ class Engine:
         if deciding.own is None:
             return []
         aircraft, home_m = self.aircraft, self.aircraft.home_altitude_m()
-        around = Circumstances(supervisor.state, supervisor.flying, aircraft.mode, deciding.frame, home_m)
+        around = Circumstances(
+            supervisor.state,
+            supervisor.flying,
+            aircraft.mode,
+            deciding.frame,
+            home_m,
+            [concern_values(concern) for concern in self.concerns],
+            self._counted_reports(),
+        )
         return [Record(now_s, deciding.decision, deciding.own, deciding.tracks, around)]
+
+    def _counted_reports(self) -> dict[str, int]:
+        """The number of reports by track; of a flood, only of the present tracks."""
+        if len(self._reports) > _MOST_COUNTED:
+            tracks = {track.track_id for track in self._deciding.tracks}
+            self._reports = {name: count for name, count in self._reports.items() if name in tracks}
+        return self._reports.copy()
 
     def _emit(self, outgoing: Iterable[Message | AnyNotice], now_s: float) -> list[Effect]:
         """Messages and notices as effects, in their order."""

@@ -4,6 +4,7 @@ A tick at time T sees exactly the facts received before T, whenever its timer fi
 flight, replayed by the time stamps of its log, makes the decisions that were flown.
 """
 
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from companion.engine.engine import Engine
@@ -20,6 +21,12 @@ WATCHDOG_S = 3.0
 # A log has no record of our stalls. Its longer gaps are of a machine that was suspended.
 LONGEST_GAP_IN_LOG_US = 5_000_000
 
+# Facts that came together prompt one tick, not more often than this: a flood must not be answered one by one.
+SHORTEST_PROMPT_US = 20_000
+# Of facts that came together so many are taken in at once, and before each following tick: a document of
+# thousands of aircraft must not delay a tick. Of those that wait, the oldest are dropped.
+FACTS_AT_ONCE, MOST_FACTS_WAITING = 500, 10_000
+
 Perform = Callable[[int, Sequence[Effect]], None]
 
 
@@ -27,7 +34,8 @@ class Stepper:
     """Drives an engine along a clock of whole microseconds that never runs backwards.
 
     `perform(time_us, effects)` carries out the effects. Ticks that are overdue by more than
-    `longest_stall_us` are skipped, and the engine notes the gap. `ticks` counts those made.
+    `longest_stall_us` are skipped, and the engine notes the gap. `ticks` counts those made, `dropped_facts`
+    those of `receive_together` that came faster than they could be taken in.
     """
 
     def __init__(self, engine: Engine, perform: Perform, *, longest_stall_us: int | None = None) -> None:
@@ -37,6 +45,9 @@ class Stepper:
         self._perform = perform
         self._longest_stall_us = longest_stall_us
         self._next_tick_us: int | None = None
+        self._prompted_us: int | None = None
+        self._waiting: deque[Fact] = deque()
+        self.dropped_facts = 0
 
     def next_tick_us(self, now_us: int) -> int:
         """Time of the next tick [us]."""
@@ -56,6 +67,8 @@ class Stepper:
             self._perform(now_us, self.engine.note_gap((now_us - last_us) / 1e6, now_us / 1e6))
         while due_us <= now_us:
             self._next_tick_us = due_us + TICK_US
+            if self._waiting:
+                self._take_in_waiting(due_us)
             self._perform(due_us, self.engine.tick(due_us / 1e6))
             self.ticks += 1
             due_us = self._next_tick_us
@@ -69,3 +82,21 @@ class Stepper:
         self.advance(now_us)
         if self.engine.receive(fact, now_us / 1e6, true_s):
             self._perform(now_us, self.engine.tick(now_us / 1e6))
+
+    def receive_together(self, facts: Sequence[Fact], now_us: int) -> None:
+        """Make the ticks that are due, take facts in, and tick once at once when one of them cannot wait."""
+        self.advance(now_us)
+        prompts = [self.engine.receive(fact, now_us / 1e6) for fact in facts[:FACTS_AT_ONCE]]
+        self._waiting.extend(facts[FACTS_AT_ONCE:])
+        while len(self._waiting) > MOST_FACTS_WAITING:
+            self._waiting.popleft()
+            self.dropped_facts += 1
+        last_us = self._prompted_us
+        if any(prompts) and (last_us is None or now_us - last_us >= SHORTEST_PROMPT_US):
+            self._prompted_us = now_us
+            self._perform(now_us, self.engine.tick(now_us / 1e6))
+
+    def _take_in_waiting(self, now_us: int) -> None:
+        """Take in the next facts that came together with others; the tick follows anyway."""
+        for _ in range(min(FACTS_AT_ONCE, len(self._waiting))):
+            self.engine.receive(self._waiting.popleft(), now_us / 1e6)

@@ -1,13 +1,15 @@
-"""Links to other MAVLink systems: `open_link` makes one from its address, `Reconnect` keeps one open."""
+"""Links to other MAVLink systems, and to receivers of traffic: made from their addresses, and kept open."""
 
-from companion.address import NetworkKind, SerialAddress, parse_address
+from collections.abc import Iterable
+
+from companion.address import is_of_receiver, parse_receiver_address
 from companion.links.backoff import Backoff, LinkState
 from companion.links.link import Link, LinkCounters, OnFrames
 from companion.links.memory import MemoryLink, memory_pair
+from companion.links.opening import open_link
+from companion.links.receiver_link import OnPiece, ReceiverLink
 from companion.links.reconnect import Reconnect, open_all
 from companion.links.serial import SerialLink
-from companion.links.tcp import TcpInLink, TcpOutLink
-from companion.links.udp import UdpInLink, UdpOutLink
 
 __all__ = [
     "Backoff",
@@ -16,28 +18,27 @@ __all__ = [
     "LinkState",
     "MemoryLink",
     "OnFrames",
+    "OnPiece",
+    "ReceiverLink",
     "Reconnect",
     "SerialLink",
     "memory_pair",
     "open_all",
     "open_link",
+    "open_links",
 ]
 
-_NETWORK_LINKS: dict[NetworkKind, type[UdpInLink | UdpOutLink | TcpInLink | TcpOutLink]] = {
-    NetworkKind.UDP_IN: UdpInLink,
-    NetworkKind.UDP_OUT: UdpOutLink,
-    NetworkKind.TCP_IN: TcpInLink,
-    NetworkKind.TCP_OUT: TcpOutLink,
-}
 
+def open_links(addresses: Iterable[str]) -> tuple[list[Link], list[ReceiverLink]]:
+    """The MAVLink links and the receivers for these addresses, not opened yet.
 
-def open_link(text: str) -> Link:
-    """The link for an address, not opened yet; `LinkError` if the text is not a link address.
-
-    Whether the host exists and the port is free is known when the link is opened (`Link.open`, `Link.run`).
+    `LinkError` if a text is not an address, `ConfigError` if a format cannot be decoded here.
     """
-    address = parse_address(text)
-    if isinstance(address, SerialAddress):
-        return SerialLink(text, address.device, address.baud, listen_only=address.listen_only)
-    kind = _NETWORK_LINKS[address.kind]
-    return kind(text, address.host, address.port, listen_only=address.listen_only)
+    links: list[Link] = []
+    receivers: list[ReceiverLink] = []
+    for text in addresses:
+        if is_of_receiver(text):
+            receivers.append(ReceiverLink(text, parse_receiver_address(text)))
+        else:
+            links.append(open_link(text))
+    return links, receivers

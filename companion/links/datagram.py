@@ -5,11 +5,11 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from companion.links.content import MAVLINK, MAX_PEERS, Content, Reader
 from companion.links.queued import QueuedLink
 from companion.links.rank import Rank, rank_of
-from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
+from companion.mavlink.framing import Frame, StreamCounters
 
-MAX_PEERS = 16
 SILENCE_S = 30.0
 
 Address = TypeVar("Address", bound=Hashable)
@@ -17,7 +17,7 @@ Address = TypeVar("Address", bound=Hashable)
 
 @dataclass(slots=True)
 class _Peer:
-    splitter: FrameSplitter
+    reader: Reader
     heard_s: float
     rank: Rank = Rank.OTHER
 
@@ -30,8 +30,14 @@ class Peers(Generic[Address]):
     the autopilot out. Frames of a newcomer without a place are received too.
     """
 
-    def __init__(self, counters: StreamCounters, clock_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        counters: StreamCounters,
+        clock_s: Callable[[], float] = time.monotonic,
+        content: Content = MAVLINK,
+    ) -> None:
         self._counters = counters
+        self._content = content
         self._clock_s = clock_s
         self._peers: dict[Address, _Peer] = {}
 
@@ -40,8 +46,8 @@ class Peers(Generic[Address]):
         now_s = self._clock_s()
         peer = self._peers.get(address)
         if peer is None:
-            peer = _Peer(FrameSplitter(self._counters), now_s)
-        frames = peer.splitter.feed_datagram(datagram)
+            peer = _Peer(self._content.new_reader(self._counters), now_s)
+        frames = peer.reader.feed_datagram(datagram)
         if frames:
             peer.heard_s = now_s
             peer.rank = max(peer.rank, rank_of(frames, ours))
@@ -75,10 +81,15 @@ class DatagramLink(QueuedLink[Address], Generic[Address]):
     """A link whose datagrams are split into frames independently of each other."""
 
     def __init__(
-        self, address: str, clock_s: Callable[[], float] = time.monotonic, *, listen_only: bool = False
+        self,
+        address: str,
+        clock_s: Callable[[], float] = time.monotonic,
+        *,
+        listen_only: bool = False,
+        content: Content = MAVLINK,
     ) -> None:
-        super().__init__(address, listen_only=listen_only)
-        self.peers: Peers[Address] = Peers(self.counters, clock_s)
+        super().__init__(address, listen_only=listen_only, content=content)
+        self.peers: Peers[Address] = Peers(self.counters, clock_s, content)
 
     def _split(self, source: Address, data: bytes) -> list[Frame]:
         return self.peers.split(source, data, self.ours)

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from companion.links.content import MAVLINK, Content
 from companion.links.rank import Address
 from companion.mavlink.framing import Frame, StreamCounters
 
@@ -32,9 +33,10 @@ class Link(ABC):
     `run`. All calls must be made in one event loop.
     """
 
-    def __init__(self, address: str, *, listen_only: bool = False) -> None:
+    def __init__(self, address: str, *, listen_only: bool = False, content: Content = MAVLINK) -> None:
         self.address = address
         self.listen_only = listen_only
+        self.content = content
         self.counters = LinkCounters()
         self.ours: Address | None = None  # the autopilot that is flown: it always keeps its place as a peer
 

@@ -7,14 +7,12 @@ from collections import deque
 from typing import Generic, TypeVar
 
 from companion.errors import LinkDownError, LinkError
+from companion.links.content import MAVLINK, Content
 from companion.links.link import Link, OnFrames
 from companion.links.sockets import error_text
 from companion.mavlink.framing import Frame
 
-_MAX_WAITING = 512  # about a second of a busy link
 _MAX_WAITING_BYTES = 1 << 20
-# Junk costs a microsecond a byte; after this many bytes other tasks get a turn, so that ticks stay on time.
-_BYTES_AT_ONCE = 32_768
 # Waiting does not help: another program has the port, or the system forbids it.
 _PERMANENT = frozenset({errno.EADDRINUSE, errno.EACCES, errno.EPERM})
 
@@ -28,8 +26,8 @@ class QueuedLink(Link, Generic[Source]):
     would not stop the service.
     """
 
-    def __init__(self, address: str, *, listen_only: bool = False) -> None:
-        super().__init__(address, listen_only=listen_only)
+    def __init__(self, address: str, *, listen_only: bool = False, content: Content = MAVLINK) -> None:
+        super().__init__(address, listen_only=listen_only, content=content)
         self.closed = False
         self._waiting: deque[tuple[Source, bytes]] = deque()
         self._waiting_bytes = 0
@@ -66,12 +64,16 @@ class QueuedLink(Link, Generic[Source]):
 
     def arrived(self, source: Source, data: bytes) -> None:
         """Queue a datagram, or the next piece of a stream; drop it if the queue is full."""
-        if len(self._waiting) >= _MAX_WAITING or self._waiting_bytes + len(data) > _MAX_WAITING_BYTES:
-            self.counters.dropped += 1
-            return
-        self._waiting.append((source, data))
-        self._waiting_bytes += len(data)
-        self._changed.set()
+        size = self.content.piece_bytes
+        for start in range(0, max(len(data), 1), size):
+            piece = data[start : start + size]
+            waiting_bytes = self._waiting_bytes + len(piece)
+            if len(self._waiting) >= self.content.max_waiting or waiting_bytes > _MAX_WAITING_BYTES:
+                self.counters.dropped += 1
+                return
+            self._waiting.append((source, piece))
+            self._waiting_bytes = waiting_bytes
+            self._changed.set()
 
     def failed(self, reason: str) -> None:
         """The link is lost: `run` raises `LinkDownError` when the queue is empty."""
@@ -92,7 +94,7 @@ class QueuedLink(Link, Generic[Source]):
     def _hand_over(self, on_frames: OnFrames) -> None:
         received_before = self.counters.received_bytes
         while self._waiting and not self.closed:
-            if self.counters.received_bytes - received_before >= _BYTES_AT_ONCE:
+            if self.counters.received_bytes - received_before >= self.content.bytes_at_once:
                 break
             source, data = self._waiting.popleft()
             self._waiting_bytes -= len(data)

@@ -20,6 +20,7 @@ class Reconnect:
 
     def __init__(self, link: Link, clock_s: Callable[[], float] = time.monotonic) -> None:
         self.link = link
+        self.problem: str | None = None  # why the link is down, without its address
         self._clock_s = clock_s
         self._backoff = Backoff()
 
@@ -36,6 +37,7 @@ class Reconnect:
                 await self._run_once(on_frames)
             except LinkError as error:
                 level = self._backoff.failed(self._clock_s())
+                self.problem = str(error).removeprefix(f"{self.link.address}: ")
                 _log.log(level, "%s; trying again until it works", error)
             else:
                 return
@@ -44,6 +46,7 @@ class Reconnect:
     async def _run_once(self, on_frames: OnFrames) -> None:
         await self.link.open()
         self._backoff.opened(self._clock_s())
+        self.problem = None
         timer = asyncio.get_running_loop().call_later(STEADY_S, self._log_recovery)
         try:
             await self.link.run(on_frames)

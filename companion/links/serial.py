@@ -9,9 +9,10 @@ import termios
 from serial import Serial
 
 from companion.address import DEFAULT_BAUD
+from companion.links.content import MAVLINK, Content, Reader
 from companion.links.queued import QueuedLink
 from companion.links.sockets import error_text
-from companion.mavlink.framing import Frame, FrameSplitter
+from companion.mavlink.framing import Frame
 
 _READ_BYTES = 4_096  # the most that the kernel buffers for a terminal
 
@@ -20,13 +21,19 @@ class SerialLink(QueuedLink[None]):
     """A device opened exclusively: eight bits, no parity, one stop bit, no flow control."""
 
     def __init__(
-        self, address: str, device: str, baud: int = DEFAULT_BAUD, *, listen_only: bool = False
+        self,
+        address: str,
+        device: str,
+        baud: int = DEFAULT_BAUD,
+        *,
+        listen_only: bool = False,
+        content: Content = MAVLINK,
     ) -> None:
-        super().__init__(address, listen_only=listen_only)
+        super().__init__(address, listen_only=listen_only, content=content)
         self._device = device
         self._baud = baud
         self._port: Serial | None = None
-        self._splitter = FrameSplitter(self.counters)
+        self._reader: Reader = content.new_reader(self.counters)
         self._rest = b""  # of a frame that was sent in part: without it the next frame would be damaged too
 
     def _send(self, data: bytes) -> None:
@@ -83,14 +90,14 @@ class SerialLink(QueuedLink[None]):
         self.failed(reason)
 
     def _split(self, source: None, data: bytes) -> list[Frame]:  # noqa: ARG002 - there is only one peer
-        return self._splitter.feed(data)
+        return self._reader.feed(data)
 
     @property
     def _is_open(self) -> bool:
         return self._port is not None
 
     async def _connect(self) -> None:
-        self._splitter, self._rest = FrameSplitter(self.counters), b""
+        self._reader, self._rest = self.content.new_reader(self.counters), b""
         # In a thread: a USB device that hangs takes seconds to refuse its settings.
         port = await asyncio.to_thread(self._open_port)
         self._port = port

@@ -8,11 +8,12 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 from companion.errors import LinkError
-from companion.links.datagram import MAX_PEERS, SILENCE_S
+from companion.links.content import MAVLINK, Content, Reader
+from companion.links.datagram import SILENCE_S
 from companion.links.queued import QueuedLink
 from companion.links.rank import Rank, rank_of
 from companion.links.sockets import SocketAddress, error_text, resolve
-from companion.mavlink.framing import Frame, FrameSplitter, StreamCounters
+from companion.mavlink.framing import Frame
 
 _READ_BYTES = 16_384
 # How long a client keeps its place against newcomers while it is not heard. Heartbeats come every second.
@@ -30,8 +31,8 @@ _PROBE_AFTER_S, _PROBE_EVERY_S, _PROBES = 5, 2, 3
 class Connection(asyncio.BufferedProtocol):
     """The stream of one peer, in both directions."""
 
-    def __init__(self, link: "TcpLink", counters: StreamCounters) -> None:
-        self.splitter = FrameSplitter(counters)
+    def __init__(self, link: "TcpLink") -> None:
+        self.reader: Reader = link.content.new_reader(link.counters)
         self.heard_s = 0.0
         self.rank = Rank.SILENT
         self.transport: asyncio.Transport | None = None
@@ -82,8 +83,9 @@ class TcpLink(QueuedLink[Connection]):
         clock_s: Callable[[], float] = time.monotonic,
         *,
         listen_only: bool = False,
+        content: Content = MAVLINK,
     ) -> None:
-        super().__init__(address, listen_only=listen_only)
+        super().__init__(address, listen_only=listen_only, content=content)
         self._host = host
         self._port = port
         self._clock_s = clock_s
@@ -112,7 +114,7 @@ class TcpLink(QueuedLink[Connection]):
                 self.counters.send_errors += 1
 
     def _split(self, source: Connection, data: bytes) -> list[Frame]:
-        frames = source.splitter.feed(data)
+        frames = source.reader.feed(data)
         if frames:
             source.heard_s = self._clock_s()
             source.rank = max(source.rank, rank_of(frames, self.ours))
@@ -128,7 +130,7 @@ class TcpLink(QueuedLink[Connection]):
 
 
 class TcpInLink(TcpLink):
-    """Listens, and serves up to `MAX_PEERS` clients; a client that leaves does not end the link.
+    """Listens, and serves several clients; a client that leaves does not end the link.
 
     When all places are taken, a newcomer replaces the client of the lowest rank that was not heard for
     longest: the autopilot always finds a place. Only autopilots that are heard keep theirs.
@@ -146,7 +148,7 @@ class TcpInLink(TcpLink):
 
     def joined(self, connection: Connection) -> None:
         """Called when a client has connected."""
-        if self.closed or (len(self._connections) >= MAX_PEERS and not self._drop_one()):
+        if self.closed or (len(self._connections) >= self.content.max_peers and not self._drop_one()):
             self.counters.dropped += 1
             connection.abort()
             return
@@ -182,7 +184,7 @@ class TcpInLink(TcpLink):
         super()._disconnect()
 
     def _new_connection(self) -> Connection:
-        return Connection(self, self.counters)
+        return Connection(self)
 
 
 class TcpOutLink(TcpLink):
@@ -207,7 +209,7 @@ class TcpOutLink(TcpLink):
         host, port = (await self._resolved())[:2]
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(_LONGEST_CONNECTING_S):
-            transport, _ = await loop.create_connection(lambda: Connection(self, self.counters), host, port)
+            transport, _ = await loop.create_connection(lambda: Connection(self), host, port)
         if transport.get_extra_info("sockname") == transport.get_extra_info("peername"):
             # There was no listener, and the kernel chose this same port for our own end.
             self._disconnect()

@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 from companion.errors import LinkError
+from companion.links.content import MAVLINK, Content
 from companion.links.datagram import DatagramLink
 from companion.links.sockets import SocketAddress, error_text, resolve
 
@@ -22,8 +23,9 @@ class UdpLink(DatagramLink[SocketAddress]):
         clock_s: Callable[[], float] = time.monotonic,
         *,
         listen_only: bool = False,
+        content: Content = MAVLINK,
     ) -> None:
-        super().__init__(address, clock_s, listen_only=listen_only)
+        super().__init__(address, clock_s, listen_only=listen_only, content=content)
         self.congested = False
         self._host = host
         self._port = port

@@ -27,6 +27,7 @@ SIGNATURE_BYTES = 13
 SIGNED = 0x01
 unpack_v1 = struct.Struct("<BBBBB").unpack_from  # length, sequence, system, component, message
 unpack_v2 = struct.Struct("<BBBBBBHB").unpack_from  # length, 2 x flags, sequence, system, component, message
+_pack_v2 = struct.Struct("<BBBBBBHB").pack
 crc_extra_of = CRC_EXTRA.get
 crc_of: Callable[[bytes], int] = crc16.mcrf4xx
 # One more byte of the checksum: next = crc >> 8 ^ CRC_STEP[(crc ^ byte) & 0xFF].
@@ -127,6 +128,18 @@ class LossMeter:
             return 0
         self._expected[sender] = (sequence + 1) & 0xFF
         return missing if missing < self._HALF_WRAP else 0
+
+
+def make_frame(message_id: int, payload: bytes, sequence: int, system_id: int, component_id: int) -> bytes:
+    """A MAVLink 2 frame of a message that the dialect has; the zeros at the end of `payload` are cut off."""
+    payload = payload.rstrip(b"\0") or b"\0"
+    body = _pack_v2(
+        len(payload), 0, 0, sequence, system_id, component_id, message_id & 0xFFFF, message_id >> 16
+    )
+    body += payload
+    crc = crc_of(body)
+    checksum = crc >> 8 ^ CRC_STEP[(crc ^ CRC_EXTRA[message_id]) & 0xFF]
+    return bytes((MAGIC_V2,)) + body + checksum.to_bytes(2, "little")
 
 
 def frame_at(data: bytes, start: int) -> Frame | UnknownFrame | Flaw:

@@ -24,11 +24,15 @@ class OwnFrames:
             self._first_s = now_s
         self._sent.put(raw, raw, now_s)
 
+    def is_echo(self, raw: bytes, now_s: float) -> bool:
+        """Whether this is a frame of ours that comes back."""
+        return self._sent.holds(raw, raw, now_s)
+
     def is_foreign(self, raw: bytes, now_s: float) -> bool:
         """Whether a frame from our address, and those before it, show that another companion has it."""
         if self._first_s is None or now_s - self._first_s < _STARTED_S:
             return False
-        if self._sent.holds(raw, raw, now_s):
+        if self.is_echo(raw, now_s):
             return False
         self._foreign_s.append(now_s)
         return len(self._foreign_s) == _FOREIGN and now_s - self._foreign_s[0] <= _FOREIGN_WITHIN_S

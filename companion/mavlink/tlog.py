@@ -1,7 +1,7 @@
 """Telemetry logs: frames, each preceded by its time in 8 bytes (big-endian microseconds since 1970)."""
 
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -205,7 +205,16 @@ class TlogWriter(AppendOnlyFile):
 
     def write(self, time_us: int, raw: bytes) -> None:
         """Append one frame with its time stamp."""
-        self.append((time_us & 0xFFFF_FFFF_FFFF_FFFF).to_bytes(_STAMP_BYTES, "big") + raw)
+        self.append(_stamp(time_us) + raw)
+
+    def write_together(self, time_us: int, frames: Sequence[bytes]) -> None:
+        """Append frames with the same time stamp, all or none."""
+        stamp = _stamp(time_us)
+        self.append(b"".join([stamp + raw for raw in frames]))
+
+
+def _stamp(time_us: int) -> bytes:
+    return (time_us & 0xFFFF_FFFF_FFFF_FFFF).to_bytes(_STAMP_BYTES, "big")
 
 
 def _opened(path: Path) -> BinaryIO:

@@ -2,23 +2,30 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 from companion.geodesy import LocalFrame
-from companion.model import Decision, Guidance, Ownship, Threat, Track, TrafficKind, Vec3
+from companion.model import Decision, Guidance, Ownship, Threat, Track, TrackState, TrafficKind, Vec3
 from companion.units import course_deg
 
 
 class Circumstances(NamedTuple):
-    """The state machine's state, the autopilot's mode and the local frame at the decision."""
+    """The state machine's state, the autopilot's mode and the local frame at the decision.
+
+    `concerns` are JSON values about traffic that is not avoided or is odd; `reports` counts the reports of
+    each track since the start.
+    """
 
     state: str
     flying: bool
     mode: str | None
     frame: LocalFrame | None
     home_m: float | None = None  # altitude of home
+    concerns: Sequence[Mapping[str, object]] = ()
+    reports: Mapping[str, int] = MappingProxyType({})
 
 
 def decision_line(
@@ -54,7 +61,9 @@ def decision_line(
     }
     text = json.dumps(record, separators=(",", ":"), allow_nan=False)
     threats = ",".join(map(threat_text, decision.threats))
-    return f'{text[:-1]},"threats":[{threats}],"traffic":[{_traffic(tracks, own.position_m)}]}}'
+    traffic = _traffic(tracks, own.position_m, around.reports)
+    concerns = json.dumps(around.concerns, separators=(",", ":"), allow_nan=False)
+    return f'{text[:-1]},"threats":[{threats}],"traffic":[{traffic}],"concerns":{concerns}}}'
 
 
 def guidance_of(guidance: Guidance | None) -> dict[str, object] | None:
@@ -75,8 +84,9 @@ _THREAT = (
 )
 _TRACK = (
     '%s,"north_m":%.1f,"east_m":%.1f,"altitude_m":%.1f,"course_deg":%.1f,"ground_speed_mps":%.1f,'
-    '"climb_mps":%.1f,"age_s":%.1f}'
+    '"climb_mps":%.1f,"age_s":%.1f,%s,%s,"vertical_uncertainty_m":%.1f,"reports":%d}'
 )
+_SIGMAS = '"position_sigma_m":%.1f,"velocity_sigma_mps":%.1f'
 
 
 def threat_text(threat: Threat) -> str:
@@ -94,7 +104,7 @@ def threat_text(threat: Threat) -> str:
     return _THREAT % (_quoted(threat.track_id), *values[:4], to_closest, *values[4:], threat.layer)
 
 
-def _traffic(tracks: Sequence[Track], own_m: Vec3) -> str:
+def _traffic(tracks: Sequence[Track], own_m: Vec3, reports: Mapping[str, int]) -> str:
     own_north_m, own_east_m, _ = own_m
     check = 0.0
     lines = []
@@ -102,6 +112,7 @@ def _traffic(tracks: Sequence[Track], own_m: Vec3) -> str:
         north_m, east_m, down_m = track.position_m
         north_mps, east_mps, down_mps = track.velocity_mps
         check += north_m + east_m + down_m + north_mps + east_mps + down_mps + track.age_s
+        check += track.vertical_uncertainty_m
         course = math.degrees(math.atan2(east_mps, north_mps)) % 360.0
         lines.append(
             _TRACK
@@ -114,10 +125,23 @@ def _traffic(tracks: Sequence[Track], own_m: Vec3) -> str:
                 math.hypot(north_mps, east_mps),
                 -down_mps,
                 track.age_s,
+                _evidence(track.state, track.sources, track.alarm),
+                _sigmas(track.position_sigma_m, track.velocity_sigma_mps),
+                track.vertical_uncertainty_m,
+                reports.get(track.track_id, 0),
             )
         )
     _insist_on_finite(check)
     return ",".join(lines)
+
+
+def _sigmas(position_m: float | None, velocity_mps: float | None) -> str:
+    if position_m is not None and velocity_mps is not None and math.isfinite(position_m + velocity_mps):
+        return _SIGMAS % (position_m, velocity_mps)
+    known = [
+        None if one is None or not math.isfinite(one) else round(one, 1) for one in (position_m, velocity_mps)
+    ]
+    return '"position_sigma_m":{},"velocity_sigma_mps":{}'.format(*map(json.dumps, known))
 
 
 def _insist_on_finite(check: float) -> None:
@@ -139,3 +163,9 @@ def _names(track_id: str, icao: int | None, callsign: str | None, kind: TrafficK
         "kind": str(kind),
     }
     return json.dumps(names, separators=(",", ":"))[:-1]
+
+
+@lru_cache(maxsize=4096)
+def _evidence(state: TrackState, sources: tuple[str, ...], alarm: int) -> str:
+    """What the evidence of a track is, as JSON without braces."""
+    return json.dumps({"state": str(state), "sources": sources, "alarm": alarm}, separators=(",", ":"))[1:-1]

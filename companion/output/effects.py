@@ -6,7 +6,7 @@ Text is formatted only when it is read, as a campaign writes none.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Sender
@@ -14,12 +14,16 @@ from companion.model import Decision, Ownship, Track
 from companion.output.decision_record import Circumstances, decision_line
 from companion.output.persisted_state import PersistedState
 
+Place = Literal["all", "autopilot", "station"]
+"""All links, those on which our autopilot is heard, or the others."""
+
 
 class Transmit(NamedTuple):
-    """Send a message from this address to all links."""
+    """Send a message from this address to these links."""
 
     sender: Sender
     message: Message
+    to: Place = "all"
 
 
 class Record(NamedTuple):

@@ -10,11 +10,14 @@ from pathlib import Path
 
 from companion.errors import LogError
 from companion.mavlink.append_file import AppendOnlyFile
+from companion.mavlink.facts import Sender
 from companion.mavlink.tlog import TlogWriter
 from companion.recording.folder import PartName, free_name, remove_oldest
 from companion.recording.mcap_writer import McapMessage, McapWriter
+from companion.recording.pieces import PieceWriter
 from companion.recording.repair import repair_all
 from companion.recording.schemas import DECISION, STATE, TEXT, Topic
+from companion.sources.receiver import Piece
 
 _SYNC_PERIOD_S = 1.0  # a power cut may cost this much
 _SYNCS_PER_CLEANUP = 10
@@ -94,6 +97,7 @@ class Recorder:
             raise LogError(f"{directory}: cannot record here: {error.strerror}") from error
         self._part = _Part(directory, name)
         self._ended: list[_Part] = []  # closed a second later: a frame may be just being written to one
+        self._pieces = PieceWriter()
         self._size_before = 0
         self._syncs = 0
         self._problem: str | None = None
@@ -125,6 +129,10 @@ class Recorder:
     def received(self, time_us: int, raw: bytes) -> None:
         """Record a received frame."""
         self._part.tlog.write(time_us, raw)
+
+    def heard(self, time_us: int, piece: Piece, us: Sender) -> None:
+        """Record what a receiver sent, as frames of ours that are not sent."""
+        self._part.tlog.write_together(time_us, self._pieces.frames(piece, us))
 
     def sent(self, time_us: int, raw: bytes) -> None:
         """Record a sent frame."""

@@ -62,6 +62,16 @@ _THREATS = _list(
         "layer": _TEXT,
     }
 )
+_EVIDENCE = (
+    {"state": _TEXT, "sources": {"type": "array", "items": _TEXT}, "alarm": _INTEGER}
+    | _numbers_or_null("position_sigma_m velocity_sigma_mps")
+    | _numbers("vertical_uncertainty_m")
+)
+_CONCERNS = _list(
+    {"kind": _TEXT, "name": _TEXT, "avoided": _BOOLEAN}
+    | _numbers_or_null("distance_m bearing_deg")
+    | _numbers("seconds")
+)
 
 DECISION = Topic(
     "/companion/decision",
@@ -87,7 +97,10 @@ DECISION = Topic(
             "traffic": _list(
                 {"track": _TEXT, **_texts_or_null("icao callsign"), "kind": _TEXT}
                 | _numbers("north_m east_m altitude_m course_deg ground_speed_mps climb_mps age_s")
+                | _EVIDENCE
+                | {"reports": _INTEGER}
             ),
+            "concerns": _CONCERNS,
         }
     ),
 )
@@ -106,7 +119,7 @@ STATE = Topic(
             ),
             "companion": _object(
                 {"role": _TEXT, "state": _TEXT, "flying": _BOOLEAN, "last_text": _TEXT}
-                | {"conditions": _list({"severity": _INTEGER, "text": _TEXT})},
+                | {"conditions": _list({"severity": _INTEGER, "text": _TEXT, "of_traffic": _BOOLEAN})},
             ),
             "own": _object(
                 _numbers("lat_deg lon_deg north_m east_m altitude_m")
@@ -133,7 +146,9 @@ STATE = Topic(
                 | _numbers("north_m east_m altitude_m relative_altitude_m")
                 | _numbers_or_null("course_deg")
                 | _numbers("ground_speed_mps climb_mps turn_dps age_s distance_m")
+                | _EVIDENCE
             ),
+            "concerns": _CONCERNS,
             "mission": _object(
                 {
                     "current": _INTEGER | _NULLABLE,
@@ -146,6 +161,11 @@ STATE = Topic(
                 {"address": _TEXT, "connected": _BOOLEAN}
                 | _numbers("frames_per_s lost_share")
                 | _numbers_or_null("silent_s")
+            ),
+            "receivers": _list(
+                {"address": _TEXT, "title": _TEXT, "lacks": _TEXT, **_texts_or_null("problem")}
+                | _numbers("messages_per_s reports_per_s")
+                | {"aircraft": _INTEGER, "bad": _INTEGER, "dropped": _INTEGER, **_numbers("silent_s")}
             ),
             "service": _object(
                 _numbers("uptime_s tick_ms_p99")

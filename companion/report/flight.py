@@ -5,7 +5,7 @@ import math
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from companion.control.state_machine import State
 from companion.geodesy import LocalFrame
 from companion.model import Layer
+from companion.output.sighting import Evidence, Sighting
 from companion.replay import LogClock
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,7 @@ LAYERS = tuple(Layer)
 _LONGEST_GAP_US = 6 * 3600 * 1_000_000
 # A larger number in a record is damage, and would not fit into a figure.
 _LARGEST = 1e7
+_MOST_CONCERNS, _MOST_SOURCES, _LONGEST_WORD = 1000, 16, 200
 # Smaller changes of guidance are not listed.
 _COURSE_DEG, _SPEED_MPS, _HEIGHT_M = 10.0, 1.0, 15.0
 # Without a fix, autopilots send a position at 0, 0.
@@ -70,6 +72,17 @@ class OperatorText:
     source: str = "companion"
 
 
+class Concern(NamedTuple):
+    """An aircraft that was not avoided, or was odd: from when to when, and how near."""
+
+    kind: str
+    name: str
+    avoided: bool
+    nearest_m: float | None
+    first_s: float = 0.0
+    last_s: float = 0.0
+
+
 class TrackHistory:
     """One track over the flight: its positions relative to us, by rows of the flight's columns."""
 
@@ -78,6 +91,7 @@ class TrackHistory:
         self.callsign: str | None = None
         self.icao: str | None = None
         self.kind = "aircraft"
+        self.sighting = Sighting()
         self._at = array("q")
         self._north, self._east, self._altitude = array("d"), array("d"), array("d")
         self._threat_at = array("q")
@@ -140,6 +154,7 @@ class Flight:
     changes: list[Change] = field(default_factory=list)
     texts: list[OperatorText] = field(default_factory=list)
     tracks: dict[str, TrackHistory] = field(default_factory=dict)
+    concerns: dict[tuple[str, str], Concern] = field(default_factory=dict)  # by kind and name
     mission: list[tuple[float, float]] = field(default_factory=list)  # latitude and longitude [deg]
     unusable: int = 0
     without_fix: int = 0
@@ -225,7 +240,8 @@ class Flight:
                 _number(guidance, name) for name in ("course_deg", "airspeed_mps", "altitude_m")
             )
         course, speed, height = commanded or (math.nan, math.nan, math.nan)
-        seen = [(str(one["track"]), one, _position_m(one)) for one in record["traffic"]]
+        seen = [(str(one["track"]), one, _position_m(one), _evidence_of(one)) for one in record["traffic"]]
+        concerns = [_concern_of(one) for one in record.get("concerns", ())]
         threats = {str(one["track"]) for one in record["threats"]}
         time_us = record["time_us"]
         if not isinstance(time_us, int) or isinstance(time_us, bool):
@@ -250,8 +266,13 @@ class Flight:
         }
         for name, value in columns.items():
             self._columns[name].append(value)
-        for track_id, one, position_m in seen:
-            self._history(track_id, one).append(at, position_m)
+        for track_id, one, position_m, evidence in seen:
+            history = self._history(track_id, one)
+            history.append(at, position_m)
+            slant_m = math.hypot(*position_m[:2], position_m[2] - columns["altitude_m"])
+            history.sighting.note(time_s, evidence._replace(slant_m=slant_m))
+        for concern in concerns:
+            self._note_concern(time_s, concern)
         for track_id in threats & self.tracks.keys():
             self.tracks[track_id].add_threat(at)
         mode = None if mode is None else str(mode)
@@ -259,6 +280,15 @@ class Flight:
         change = Change(time_s, mode, state, layer, guided, because)
         if not self.changes or change.differs(self.changes[-1]):
             self.changes.append(change)
+
+    def _note_concern(self, time_s: float, concern: Concern) -> None:
+        key = concern.kind, concern.name
+        known = self.concerns.get(key)
+        if known is not None:
+            nearest = known if _order_m(known) < _order_m(concern) else concern
+            self.concerns[key] = nearest._replace(first_s=known.first_s, last_s=time_s)
+        elif len(self.concerns) < _MOST_CONCERNS:
+            self.concerns[key] = concern._replace(first_s=time_s, last_s=time_s)
 
     def _history(self, track_id: str, one: Mapping[str, Any]) -> TrackHistory:
         history = self.tracks.get(track_id)
@@ -273,6 +303,32 @@ class Flight:
 
 def _position_m(one: Mapping[str, Any]) -> tuple[float, float, float]:
     return _number(one, "north_m"), _number(one, "east_m"), _number(one, "altitude_m")
+
+
+def _evidence_of(one: Mapping[str, Any]) -> Evidence:
+    """What is known of a track; records of former versions have only its age."""
+    state, reports, sigma_m = one.get("state"), one.get("reports", 0), one.get("position_sigma_m")
+    return Evidence(
+        None if state is None else _word(state),
+        tuple(_word(source) for source in list(one.get("sources", ()))[:_MOST_SOURCES]),
+        _number(one, "age_s") if "age_s" in one else 0.0,
+        0.0,
+        None if sigma_m is None else _number(one, "position_sigma_m"),
+        reports if isinstance(reports, int) else 0,
+    )
+
+
+def _concern_of(one: Mapping[str, Any]) -> Concern:
+    nearest_m = None if one.get("distance_m") is None else _number(one, "distance_m")
+    return Concern(_word(one["kind"]), _word(one["name"]), one.get("avoided") is True, nearest_m)
+
+
+def _order_m(concern: Concern) -> float:
+    return math.inf if concern.nearest_m is None else concern.nearest_m
+
+
+def _word(value: object) -> str:
+    return str(value)[:_LONGEST_WORD]
 
 
 def _number(record: Mapping[str, Any], key: str) -> float:

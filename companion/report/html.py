@@ -37,6 +37,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") ->
     return "\n".join(lines) + "</table>"
 
 
+def why(text: str) -> str:
+    """A paragraph that explains what is above it."""
+    return f"<p class=why>{text}</p>"
+
+
 def image(figure: Figure, alt: str) -> str:
     """A figure as an embedded image with an alternative text."""
     buffer = io.BytesIO()

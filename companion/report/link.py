@@ -7,6 +7,7 @@ from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Heartbeat, MissionItem
 from companion.mavlink.framing import Frame, LossMeter, decode
 from companion.mavlink.translate import frame_to_fact
+from companion.recording.pieces import is_piece
 from companion.report.flight import OperatorText
 
 # The slowest message of an autopilot is its heartbeat, once a second.
@@ -44,7 +45,9 @@ class LinkLog:
         self._losses = LossMeter()
 
     def add(self, time_s: float, frame: Frame) -> None:
-        """Add a frame."""
+        """Add a frame; what receivers sent was on no link."""
+        if is_piece(frame):
+            return
         address = frame.system_id, frame.component_id
         sender = self.senders.get(address)
         if sender is None:

@@ -11,10 +11,11 @@ from companion import __version__
 from companion.report import figures
 from companion.report.encounters import Encounter, encounters_of
 from companion.report.flight import Change, Flight
-from companion.report.html import image, page, table
+from companion.report.html import image, page, table, why
 from companion.report.link import GAP_S, LinkLog
 from companion.report.plotting import clock
 from companion.report.reading import Log
+from companion.report.traffic_part import traffic_part
 
 _SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 _MAX_ROWS, _MAX_DETAILS, _MAX_GAPS = 300, 12, 30
@@ -24,6 +25,7 @@ table.words td, table.words th { text-align: left; vertical-align: top; } td.bad
 font-weight: bold; } ul.notes { background: #fff4d6; color: #222; padding: .6rem 2rem; }
 table { font-size: .92rem; } @media print { body { margin: 0; font-size: 11px; } h2 { break-after: avoid; }
 img, tr { break-inside: avoid; } }
+@media (max-width: 760px) { table { display: block; overflow-x: auto; } }
 @media (prefers-color-scheme: dark) { td.bad, b.bad { color: #ff8a80; } }
 """
 
@@ -47,6 +49,7 @@ def _parts(log: Log, flight: Flight, encounters: Sequence[Encounter]) -> Iterato
     yield "<h2>Encounters</h2>"
     yield from _encounters(flight, encounters)
     if flight:
+        yield from traffic_part(flight)
         yield "<h2>Decided and flown</h2>"
         yield image(figures.commands(flight), "height, airspeed and course over time, decided and flown")
         yield "<h2>Decisions and their reasons</h2>"
@@ -115,7 +118,7 @@ def _encounters(flight: Flight, encounters: Sequence[Encounter]) -> Iterator[str
     yield table(head, (_row(flight, one) for one in encounters[:_MAX_ROWS]))
     if len(encounters) > _MAX_ROWS:
         yield f"<p>And {len(encounters) - _MAX_ROWS} more.</p>"
-    yield _why(
+    yield why(
         "Distances at the closest point, by slant distance, from the tracks that the companion had; vertical "
         "is positive if the other aircraft was above. First action: time from the first avoidance to the "
         "closest point. Aside and height: the largest deviations until the aircraft was given back, from the "
@@ -126,7 +129,7 @@ def _encounters(flight: Flight, encounters: Sequence[Encounter]) -> Iterator[str
     for number, one in enumerate(_nearest(encounters, _MAX_DETAILS)):
         yield f"<h3>{html.escape(one.name)}, closest at {clock(float(flight.time_s[one.closest_at]))}</h3>"
         yield image(figures.encounter(flight, one, number), f"the encounter with {one.name}")
-        yield _why(
+        yield why(
             "Left: from above, with times. Right: heights and distances. The line marks the closest point, "
             "the dotted line the first action."
         )
@@ -165,7 +168,7 @@ def _changes(flight: Flight) -> Iterator[str]:
     yield table(head, (_change_row(flight, change) for change in shown), "words")
     if len(flight.changes) > len(shown):
         yield f"<p>And {len(flight.changes) - len(shown)} more.</p>"
-    yield _why(
+    yield why(
         "One row for each change of mode, state or layer, or of guidance by more than 10 degrees, 1 m/s or "
         "15 m. Guidance is commanded only in the states outer, inner, returning and recovering; otherwise it "
         "is advice."
@@ -224,7 +227,7 @@ def _link(link: LinkLog) -> Iterator[str]:
     if gaps:
         times = ", ".join(f"{clock(begin)} to {clock(end)}" for begin, end in gaps[:_MAX_GAPS])
         yield f"<p>The autopilot was not heard: {times}{' …' if len(gaps) > _MAX_GAPS else ''}.</p>"
-    yield _why("Lost: missing in the sequence numbers of the sender.")
+    yield why("Lost: missing in the sequence numbers of the sender.")
 
 
 def _fine_print(flight: Flight) -> str:
@@ -234,11 +237,7 @@ def _fine_print(flight: Flight) -> str:
         if flight.replayed
         else "The decisions are those recorded in flight."
     )
-    return _why(
+    return why(
         f"{how} Positions of other aircraft are those of the companion's tracks. Times are since the first "
         f"record. Companion {html.escape(__version__)}."
     )
-
-
-def _why(text: str) -> str:
-    return f"<p class=why>{text}</p>"

@@ -1,8 +1,18 @@
 """Traffic: from reports of other aircraft to their tracks."""
 
 from companion.traffic.altitude_datums import HeightParams
+from companion.traffic.concerns import Concern, ConcernKind
+from companion.traffic.measurement import DropReason
 from companion.traffic.params import TrafficParams
-from companion.traffic.picture import Tracker, TrafficPicture
-from companion.traffic.target import DropReason
+from companion.traffic.picture import TrafficPicture
+from companion.traffic.tracker import Tracker
 
-__all__ = ["DropReason", "HeightParams", "Tracker", "TrafficParams", "TrafficPicture"]
+__all__ = [
+    "Concern",
+    "ConcernKind",
+    "DropReason",
+    "HeightParams",
+    "Tracker",
+    "TrafficParams",
+    "TrafficPicture",
+]

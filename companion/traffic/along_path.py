@@ -16,23 +16,21 @@ class AlongPath(Covariance):
         self.pp, self.pv, self.vv = moments
         self._moved_m = self._moved_mps = 0.0
 
-    def measure_position(self, measured_m: float, sigma_m: float) -> Vec2:
-        """Process a position; returns its innovation and the share of the noise, as `NoiseScale` has them."""
-        off_m, noise = measured_m - self._moved_m, sigma_m * sigma_m
-        variance = self.pp + noise
+    def measure_position(self, measured_m: float, sigma_m: float) -> float:
+        """Process a position; returns the variance of its innovation."""
+        off_m, variance_m2 = measured_m - self._moved_m, self.pp + sigma_m * sigma_m
         k_p, k_v = self.update_position(sigma_m)
         self._moved_m += k_p * off_m
         self._moved_mps += k_v * off_m
-        return off_m * off_m / variance, noise / variance
+        return variance_m2
 
-    def measure_velocity(self, measured_mps: float, sigma_mps: float) -> Vec2:
+    def measure_velocity(self, measured_mps: float, sigma_mps: float) -> float:
         """The same for a velocity."""
-        off_mps, noise = measured_mps - self._moved_mps, sigma_mps * sigma_mps
-        variance = self.vv + noise
+        off_mps, variance = measured_mps - self._moved_mps, self.vv + sigma_mps * sigma_mps
         k_p, k_v = self.update_velocity(sigma_mps)
         self._moved_m += k_p * off_mps
         self._moved_mps += k_v * off_mps
-        return off_mps * off_mps / variance, noise / variance
+        return variance
 
     def end(self) -> Vec2:
         """The corrections of position and velocity, from which the next step starts."""

@@ -20,6 +20,8 @@ from companion.model import AltitudeReference
 # constant when two references are received alternately, once a second each.
 _AGEING_MPS = 3.0
 _AGE_STEP_S, _UNCERTAINTY_STEP_M = 5.0, 5.0
+# The error of an altitude that is not reported any more grows by this, up to this.
+_COASTED_MPS, _COASTED_M = 1.0, 60.0
 # Order among equally certain references: first the one in which our autopilot states our own altitude, then
 # barometers, because transponders state satellite altitudes to 45 m or worse (DO-260B, geometric vertical
 # accuracy).
@@ -128,17 +130,31 @@ class OwnshipAltitudes:
 
 
 def to_sea_level(
-    altitudes: Sequence[ReportedAltitude], offsets: DatumOffsets, now_s: float
+    altitudes: Sequence[ReportedAltitude], offsets: DatumOffsets, now_s: float, *, coast: bool = False
 ) -> SeaLevelAltitude | None:
-    """The most certain of the altitudes, extrapolated to `now_s`; `None` if none is valid any more."""
+    """The most certain of the altitudes, extrapolated to `now_s`; `None` if none is valid any more.
+
+    With `coast` the newest of those that are not valid any more is used: it climbs until then, and its error
+    grows after that.
+    """
     best = altitudes[0] if len(altitudes) == 1 else _most_certain(altitudes, offsets, now_s)
     if best is None or now_s > best.valid_until_s:
-        return None
+        return _coasted(altitudes, offsets, now_s) if coast and altitudes else None
     reference, altitude_m, time_s, climb_mps, _, sigma_m = best
     offset_m, uncertainty_m = offsets[reference]
     if sigma_m:
         uncertainty_m = math.hypot(uncertainty_m, sigma_m)
     return SeaLevelAltitude(altitude_m + climb_mps * (now_s - time_s) + offset_m, climb_mps, uncertainty_m)
+
+
+def _coasted(altitudes: Sequence[ReportedAltitude], offsets: DatumOffsets, now_s: float) -> SeaLevelAltitude:
+    newest = max(altitudes, key=lambda altitude: altitude.time_s)
+    offset_m, uncertainty_m = offsets[newest.reference]
+    climbed_m = newest.climb_mps * (newest.valid_until_s - newest.time_s)
+    grown_m = min(_COASTED_MPS * (now_s - newest.valid_until_s), _COASTED_M)
+    return SeaLevelAltitude(
+        newest.altitude_m + climbed_m + offset_m, 0.0, math.hypot(uncertainty_m, newest.sigma_m) + grown_m
+    )
 
 
 def _most_certain(

@@ -1,30 +1,24 @@
 """Association: finds the targets of several sources that are one aircraft.
 
-Two targets of the same source are always two aircraft, because a source identifies its own. Two targets of
-different sources become one track after several reports at the same place with the same motion, and two again
-after several reports clearly apart. In between nothing changes.
+Two targets of the same source are always two aircraft, because a source identifies its own; those without an
+identifier count as another source. Two targets of different sources become one track after several reports at
+the same place with the same motion, and two again after several reports clearly apart. In between nothing
+changes.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Sequence
 
 from companion.geodesy import LocalFrame
-from companion.model import TrafficKind, TrafficSource
+from companion.model import TrafficKind
 from companion.traffic.altitude_datums import DatumOffsets, to_sea_level
 from companion.traffic.params import AssociationParams
+from companion.traffic.store import TargetStore
 from companion.traffic.target import Motion, Target
 
-# A report is compared with targets whose source has a lower rank than its own, so each pair is judged once.
-_RANK = {source: rank for rank, source in enumerate(TrafficSource)}
-_LOWER_RANKED = {source: {other for other in _RANK if _RANK[other] < _RANK[source]} for source in _RANK}
-# Targets further away in latitude or longitude are not compared: 2 km, beyond every gate.
-_NEAR_DEG = 0.02
 # Older positions would have to be extrapolated too far for a comparison.
 _FRESH_S = 3.0
 _FLYING = frozenset({TrafficKind.AIRCRAFT, TrafficKind.UAV})
-# Standard deviations if the sender states none: transponders of small aircraft, networks, autopilots.
-_TYPICAL_SIGMA_M = dict.fromkeys(TrafficSource, 30.0) | {TrafficSource.UTM: 20.0, TrafficSource.SYSTEM: 5.0}
 # Steps in which age and accuracy count, so that the leading target does not change with every report.
 _AGE_STEP_S, _SIGMA_STEP_M = 3.0, 10.0
 
@@ -70,20 +64,21 @@ class Association:
         """The keys of all targets that are the same aircraft as this one, its own included."""
         return self.groups.get(key, (key,))
 
-    def update(self, target: Target, targets: Mapping[str, Target], offsets: DatumOffsets) -> None:
-        """Compare a target that has a new measurement with all targets of lower-ranked sources."""
+    def update(self, target: Target, store: TargetStore, offsets: DatumOffsets) -> None:
+        """Compare a target that has a new measurement with the targets near it of lower-ranked sources."""
         if target.kind not in _FLYING:
-            self.remove(target.key)
+            self.remove(target.track_id)
             return
-        lower_ranked = _LOWER_RANKED[target.source]
-        if not lower_ranked:
+        if target.rank == 0:
             return
-        pairs = self._pairs.setdefault(target.key, {})
-        self._split_distant(pairs, target, targets, offsets)
-        merged_sources = {targets[key].source for key, pair in pairs.items() if pair.merged}
-        candidates = self._nearest_similar(target, targets, lower_ranked - merged_sources, offsets)
+        targets = store.targets
+        pairs = self._pairs.get(target.track_id, {})
+        if pairs:
+            self._split_distant(pairs, target, targets, offsets)
+        merged_ranks = {targets[key].rank for key, pair in pairs.items() if pair.merged and key in targets}
+        candidates = self._nearest_similar(target, store, merged_ranks, offsets)
         for key, pair in list(pairs.items()):
-            if not pair.merged and (key not in targets or candidates.get(targets[key].source) != key):
+            if not pair.merged and (key not in targets or candidates.get(targets[key].rank) != key):
                 del pairs[key]
         for key in candidates.values():
             self._count_similar(target, key, targets)
@@ -100,7 +95,7 @@ class Association:
         self,
         pairs: dict[str, _Pair],
         target: Target,
-        targets: Mapping[str, Target],
+        targets: dict[str, Target],
         offsets: DatumOffsets,
     ) -> None:
         """Split merged pairs that were apart for long enough."""
@@ -126,59 +121,49 @@ class Association:
             self._regroup()
 
     def _nearest_similar(
-        self,
-        target: Target,
-        targets: Mapping[str, Target],
-        sources: AbstractSet[TrafficSource],
-        offsets: DatumOffsets,
-    ) -> dict[TrafficSource, str]:
-        """For each source, the key of the most similar target within the gate, if there is one.
+        self, target: Target, store: TargetStore, merged_ranks: set[int], offsets: DatumOffsets
+    ) -> dict[int, str]:
+        """For each rank, the key of the most similar target within the gate, if there is one.
 
         Targets that are already merged with another target of the same source are left out.
         """
-        if target.motion is None or not sources:
+        if target.motion is None:
             return {}
         lat_deg, lon_deg, measured_s = target.motion.lat_deg, target.motion.lon_deg, target.measured_s
-        near_lon_deg = _NEAR_DEG / max(math.cos(math.radians(lat_deg)), 1e-3)
-        nearest: dict[TrafficSource, tuple[float, str]] = {}
-        for other in targets.values():
-            motion = other.motion
-            if motion is None or abs(motion.lat_deg - lat_deg) > _NEAR_DEG or other.source not in sources:
+        nearest: dict[int, tuple[float, str]] = {}
+        for other in store.grid.near(lat_deg, lon_deg):
+            rank = other.rank
+            if rank >= target.rank or rank in merged_ranks or measured_s - other.measured_s > _FRESH_S:
                 continue
-            if abs((motion.lon_deg - lon_deg + 180.0) % 360.0 - 180.0) > near_lon_deg:
-                continue
-            if measured_s - other.measured_s > _FRESH_S or other.kind not in _FLYING:
+            if other.kind not in _FLYING:
                 continue
             distance = gate_distance(target, other, self._params, offsets)
-            shortest = nearest.get(other.source, (1.0, ""))[0]
-            if (
-                distance is not None
-                and distance <= shortest
-                and not self._is_taken(other.key, target, targets)
-            ):
-                nearest[other.source] = distance, other.key
-        return {source: key for source, (_, key) in nearest.items()}
+            shortest = nearest.get(rank, (1.0, ""))[0]
+            if distance is None or distance > shortest:
+                continue
+            if not self._is_taken(other.track_id, target, store.targets):
+                nearest[rank] = distance, other.track_id
+        return {rank: key for rank, (_, key) in nearest.items()}
 
-    def _count_similar(self, target: Target, key: str, targets: Mapping[str, Target]) -> None:
+    def _count_similar(self, target: Target, key: str, targets: dict[str, Target]) -> None:
         """Count a similar report; merge the pair after enough of them, unless both have the same source."""
         params = self._params
-        pair = self._pairs[target.key].setdefault(key, _Pair())
+        pair = self._pairs.setdefault(target.track_id, {}).setdefault(key, _Pair())
         if (
             pair.count_report(target.measured_s) < params.merge_reports
             or target.measured_s - pair.since_s < params.merge_after_s
         ):
             return
-        sources = {targets[member].source for member in self.group_of(target.key)}
-        other_sources = {targets[member].source for member in self.group_of(key)}
-        if sources.isdisjoint(other_sources):
+        ranks = {targets[member].rank for member in self.group_of(target.track_id)}
+        if ranks.isdisjoint(targets[member].rank for member in self.group_of(key)):
             pair.merged = True
             pair.reset()
             self._regroup()
 
-    def _is_taken(self, key: str, target: Target, targets: Mapping[str, Target]) -> bool:
+    def _is_taken(self, key: str, target: Target, targets: dict[str, Target]) -> bool:
         """Whether the group of `key` has another target of the given target's source."""
         group = self.groups.get(key, ())
-        return any(targets[member].source is target.source and member != target.key for member in group)
+        return any(targets[member].rank == target.rank and member != target.track_id for member in group)
 
     def _regroup(self) -> None:
         """Form the groups of all targets that are connected by merged pairs."""
@@ -237,10 +222,7 @@ def leading_target(members: Sequence[Target], now_s: float) -> Target:
     """The target whose position a group takes: the freshest, then the most accurate one."""
 
     def priority(target: Target) -> tuple[float, float, int]:
-        motion = target.motion
-        sigma_m = None if motion is None else motion.sigma_m
-        sigma_m = _TYPICAL_SIGMA_M[target.source] if sigma_m is None else sigma_m
         age_s = max(now_s - target.measured_s, 0.0)
-        return age_s // _AGE_STEP_S, sigma_m // _SIGMA_STEP_M, _RANK[target.source]
+        return age_s // _AGE_STEP_S, target.sigma_m // _SIGMA_STEP_M, target.rank
 
     return min(members, key=priority)

@@ -10,7 +10,7 @@ constant velocity (6.3.2 there). The turn estimates its rate (11.7.2), linearize
 import math
 from typing import Final
 
-from companion.model import Vec2, Vec3
+from companion.model import Vec2
 from companion.traffic.covariance import Covariance, Moments, TurnCovariance
 from companion.traffic.estimate_params import EstimateParams
 
@@ -116,8 +116,8 @@ class LateralModels:
         self._log_ratio, self._variance_ratio = 0.0, 1.0
         return path_radps
 
-    def update_position(self, measured_m: float, sigma_m: float) -> Vec3:
-        """Process a position; returns the innovations of both models, and the share of the noise."""
+    def update_position(self, measured_m: float, sigma_m: float) -> float:
+        """Process a position; returns the variance of its innovation in straight flight."""
         straight, turn, noise_m2 = self.straight, self.turn, sigma_m * sigma_m
         straight_m2, turn_m2 = straight.pp + noise_m2, turn.pp + noise_m2
         off_straight_m, off_turn_m = measured_m - self._straight_m, measured_m - self._turn_m
@@ -128,12 +128,11 @@ class LateralModels:
         self._turn_m += k_p * off_turn_m
         self._turn_mps += k_v * off_turn_m
         self._rate_radps += k_w * off_turn_m
-        straight2, turn2 = off_straight_m * off_straight_m / straight_m2, off_turn_m * off_turn_m / turn_m2
-        self._log_ratio += straight2 - turn2
+        self._log_ratio += off_straight_m * off_straight_m / straight_m2 - off_turn_m * off_turn_m / turn_m2
         self._variance_ratio *= straight_m2 / turn_m2
-        return straight2, turn2, noise_m2 / straight_m2
+        return straight_m2
 
-    def update_velocity(self, measured_mps: float, sigma_mps: float) -> Vec3:
+    def update_velocity(self, measured_mps: float, sigma_mps: float) -> float:
         """The same for a velocity."""
         straight, turn, noise = self.straight, self.turn, sigma_mps * sigma_mps
         straight_var, turn_var = straight.vv + noise, turn.vv + noise
@@ -145,11 +144,10 @@ class LateralModels:
         self._turn_m += k_p * off_turn_mps
         self._turn_mps += k_v * off_turn_mps
         self._rate_radps += k_w * off_turn_mps
-        straight2 = off_straight_mps * off_straight_mps / straight_var
-        turn2 = off_turn_mps * off_turn_mps / turn_var
-        self._log_ratio += straight2 - turn2
+        self._log_ratio += off_straight_mps * off_straight_mps / straight_var
+        self._log_ratio -= off_turn_mps * off_turn_mps / turn_var
         self._variance_ratio *= straight_var / turn_var
-        return straight2, turn2, noise / straight_var
+        return straight_var
 
     def end(self) -> Vec2:
         """Weigh the models; returns the corrections of position and velocity across the path."""

@@ -6,13 +6,14 @@ would begin as a conflict at zero distance.
 """
 
 import math
-from collections import deque
-from typing import NamedTuple
+from enum import Enum
 
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind
-from companion.traffic.altitude_datums import DatumOffsets, SeaLevelAltitude, to_sea_level
+from companion.traffic.altitude_datums import SeaLevelAltitude
+from companion.traffic.own_trail import OwnshipFix, OwnTrail
 from companion.traffic.params import EchoParams
+from companion.traffic.shadow import Match, Shadows
 from companion.traffic.target import Motion, Target
 
 _SPACING_S = 0.2
@@ -24,16 +25,13 @@ _AHEAD_S = 0.5
 _SILENT_S = 1.0
 
 
-class OwnshipFix(NamedTuple):
-    """Our own position at `time_s`, altitude above mean sea level; velocity north, east and up."""
+class Identity(Enum):
+    """Whose a target is by its identifier."""
 
-    time_s: float
-    lat_deg: float
-    lon_deg: float
-    altitude_m: float
-    north_mps: float
-    east_mps: float
-    climb_mps: float
+    OURS = "ours"
+    UNKNOWN = "unknown"
+    NEIGHBOUR = "another system on our link"  # ours again, or one that flies with us
+    ANOTHERS = "another's"
 
 
 class _Evidence:
@@ -47,79 +45,98 @@ class _Evidence:
 
 
 class OwnshipEcho:
-    """Our own recent positions, and the keys of the targets that are echoes of them."""
+    """The targets that are echoes of our own recent positions, by `track_id`."""
 
-    def __init__(self, params: EchoParams) -> None:
+    def __init__(self, params: EchoParams, trail: OwnTrail) -> None:
         self._params = params
-        self._trail: deque[OwnshipFix] = deque()
+        self._trail = trail
         self._evidence: dict[str, _Evidence] = {}
+        self._near: set[str] = set()
+        self.shadows = Shadows(params, trail)
         self.keys: set[str] = set()
 
-    def observe_ownship(self, fix: OwnshipFix) -> None:
-        """Record our own position; positions are kept for the largest delay of an echo."""
-        if self._trail and fix.time_s - self._trail[-1].time_s < _SPACING_S - 1e-3:
-            return
-        self._trail.append(fix)
-        while fix.time_s - self._trail[0].time_s > self._params.delay_s + 1.0:
-            self._trail.popleft()
-
-    def classify(self, target: Target, offsets: DatumOffsets) -> bool:
+    def classify(self, target: Target, altitude: SeaLevelAltitude | None, identity: Identity) -> bool:
         """Whether a target that has a new measurement is an echo; an obstacle never is."""
-        if target.kind is TrafficKind.OBSTACLE:
-            self.remove(target.key)
+        if identity is Identity.OURS:
+            is_echo = True
+        elif target.kind is TrafficKind.OBSTACLE:
+            self.remove(target.track_id)
             return False
-        key, distance = target.key, self._gate_distance(target, offsets)
+        else:
+            others = identity in (Identity.ANOTHERS, Identity.NEIGHBOUR)
+            is_echo = self.shadows.classify(target, altitude, known_other=others)
+            if identity is not Identity.ANOTHERS:
+                on_trail = self._is_near_echo(target, altitude)
+                is_echo |= on_trail and not self.shadows.comes_nearer(target.track_id)
+        if is_echo:
+            self.keys.add(target.track_id)
+        else:
+            self.keys.discard(target.track_id)
+        return is_echo
+
+    def _is_near_echo(self, target: Target, altitude: SeaLevelAltitude | None) -> bool:
+        """Whether it is on our trail of the last seconds."""
+        key, distance = target.track_id, self._gate_distance(target, altitude)
         if distance is None:
-            return key in self.keys
+            return key in self._near
         evidence = self._evidence.get(key)
         if evidence is None:
             evidence = self._evidence[key] = _Evidence()
             is_echo = distance <= 1.0
-        elif key in self.keys:
+        elif key in self._near:
             is_echo = not self._has_left(evidence, distance)
-        else:
-            is_echo = self._has_followed(evidence, distance, target.measured_s)
-        if is_echo is not (key in self.keys):
+        elif distance > 1.0:
             evidence.reports = 0
-            self.keys.symmetric_difference_update((key,))
+            is_echo = False
+        else:
+            is_echo = self._has_followed(evidence, target.measured_s)
+        if is_echo is not (key in self._near):
+            evidence.reports = 0
+            self._near.symmetric_difference_update((key,))
         return is_echo
 
-    def remove(self, key: str) -> None:
+    def is_odd(self, target: Target, match: Match) -> bool:
+        """Whether an echo is later or further from us than those of our own transponder."""
+        params = self._params
+        return (
+            target.track_id not in self._near
+            or match.delay_s > params.delay_s
+            or match.offset_m > params.radius_m
+        )
+
+    def remove(self, track_id: str) -> None:
         """Forget a target that is not received any more."""
-        self._evidence.pop(key, None)
-        self.keys.discard(key)
+        self._evidence.pop(track_id, None)
+        self.shadows.remove(track_id)
+        self._near.discard(track_id)
+        self.keys.discard(track_id)
 
     def _has_left(self, evidence: _Evidence, distance: float) -> bool:
         """Count a report of an echo; True after enough reports far away: it is another aircraft."""
         evidence.reports = evidence.reports + 1 if distance > self._params.split_factor else 0
         return evidence.reports >= self._params.split_reports
 
-    def _has_followed(self, evidence: _Evidence, distance: float, now_s: float) -> bool:
-        """Count a report of a target; True after enough reports on our trail: it is an echo."""
-        if distance > 1.0:
-            evidence.reports = 0
-            return False
+    def _has_followed(self, evidence: _Evidence, now_s: float) -> bool:
+        """Count a report on our trail; True after enough of them: it is an echo."""
         if not evidence.reports:
             evidence.since_s = now_s
         evidence.reports += 1
         return evidence.reports >= self._params.reports and now_s - evidence.since_s >= self._params.after_s
 
-    def _gate_distance(self, target: Target, offsets: DatumOffsets) -> float | None:
+    def _gate_distance(self, target: Target, altitude: SeaLevelAltitude | None) -> float | None:
         """Dissimilarity to our own motion in units of the gate, inf far outside; `None` if not comparable."""
-        motion = target.motion
-        if motion is None:
+        motion, latest = target.motion, self._trail.latest
+        if motion is None or latest is None:
             return None
-        trail = [
-            own
-            for own in self._trail
-            if -_AHEAD_S <= motion.position_s - own.time_s <= self._params.delay_s + _SPACING_S
-        ]
-        if not trail:
-            return None
-        if abs(motion.lat_deg - trail[-1].lat_deg) > _NEAR_DEG:
+        if (
+            abs(motion.lat_deg - latest.lat_deg) > _NEAR_DEG
+            and motion.position_s <= latest.time_s + _SILENT_S
+        ):
             return math.inf
-        altitude = to_sea_level(motion.altitudes, offsets, motion.position_s)
-        if altitude is None:
+        trail = self._trail.between(
+            motion.position_s - self._params.delay_s - _SPACING_S, motion.position_s + _AHEAD_S
+        )
+        if not trail or altitude is None:
             return None
         smallest = self._smallest_distance(trail, motion, altitude)
         # A target that is not on our known trail may still be at our present position, if that is missing.

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
@@ -10,6 +10,7 @@ from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.estimate_params import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]
+Forward = Literal["autopilot", "station", "off"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,10 @@ class EchoParams:
     # An echo becomes traffic after this many reports outside a gate this many times as large.
     split_factor: Annotated[float, Gt(1)] = 2.0
     split_reports: Annotated[int, Ge(1)] = 2
+    # A shadow repeats our track with a constant delay and a constant offset up to these: stations and
+    # networks report us late, displaced and under addresses of their own.
+    shadow_delay_s: Annotated[float, Ge(0)] = 10.0
+    shadow_radius_m: Annotated[float, Ge(0)] = 300.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +70,23 @@ class TrafficParams:
     # Up to this speed an aircraft may truly report the same position again after the window: a transponder's
     # resolution of 5 m is coarser than the drift of a hovering helicopter in that time.
     hovering_mps: Annotated[float, Ge(0)] = 2.0
-    # When there are more, the track with the longest silence is dropped.
+    # A track in conflict, or one that will be near us on its present course, is extrapolated for this time.
+    coast_s: Annotated[float, Gt(0)] = 120.0
+    # Hypotheses of one key: an address that is reported in several places, or at several heights.
+    hypotheses: Annotated[int, Ge(1), Le(8)] = 3
+    # The operator is informed of traffic that is not avoided within this distance, or this time.
+    near_m: Annotated[float, Ge(0)] = 5_000.0
+    near_s: Annotated[float, Ge(0)] = 60.0
+    # When there are more, the one that would reach us last is dropped; never one in conflict.
     max_tracks: Annotated[int, Ge(1)] = 2000
     # Addresses of our own transponder, which are received as traffic too. The autopilot's address is added.
+    # An address that flies elsewhere is not ours.
     own_icao: frozenset[Icao] = frozenset()
     # The same for unmanned traffic management: our id in hexadecimal, as in UTM_GLOBAL_POSITION.
     own_uas_id: str | None = None
+    # Traffic that others than the autopilot hear (receivers, other links) is sent on as ADSB_VEHICLE: on the
+    # links of the autopilot, which passes it to its stations; on the others only ("station"); or not at all.
+    forward: Forward = "autopilot"
     estimate: EstimateParams = field(default_factory=EstimateParams)
     heights: HeightParams = field(default_factory=HeightParams)
     association: AssociationParams = field(default_factory=AssociationParams)

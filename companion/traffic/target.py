@@ -1,49 +1,39 @@
-"""One source's view of one aircraft, vehicle or obstacle: its reports filtered to a motion."""
+"""One hypothesis of one aircraft, vehicle or obstacle: reports that fit together, as a motion."""
 
 import math
-from collections import Counter
-from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from companion.model import AltitudeReference, TrafficKind, TrafficReport, Vec2
-from companion.traffic.altitude_datums import ReportedAltitude
+from companion.geodesy import LocalFrame
+from companion.model import TrafficKind, TrafficSource, Vec2
+from companion.traffic.accuracy import RANK, filter_sigma_m, position_sigma_m, velocity_sigma_mps
+from companion.traffic.altitude_datums import ReportedAltitude, SeaLevelAltitude
+from companion.traffic.covariance import Moments, grown_sigmas
+from companion.traffic.kind import KindEvidence, Surroundings
+from companion.traffic.measurement import DropReason, Measurement
 from companion.traffic.params import TrafficParams
-from companion.traffic.track_filter import (
-    HorizontalFilter,
-    HorizontalFix,
-    OutlierGate,
-    VerticalFilter,
-    VerticalFix,
-)
+from companion.traffic.stated_rate import NOISE_SHARE, StatedRate
+from companion.traffic.target_altitudes import TargetAltitudes
+from companion.traffic.track_filter import HorizontalFilter, HorizontalFix
 
-# With more distinct reports of one aircraft in the window (9 Hz) the oldest is forgotten.
-_MAX_REMEMBERED = 64
-
-_Content = tuple[float | None, ...]
-
-
-class DropReason(StrEnum):
-    """Why a report, or a part of it, was not used."""
-
-    NO_ADDRESS = "no address"
-    OWN = "ourselves"
-    ON_GROUND = "on the ground"
-    BAD_NUMBER = "bad number"
-    NO_POSITION = "no position"
-    STALE = "stale"
-    REPEATED = "repeated"
-    REORDERED = "reordered"
-    JUMPED = "jumped"
-    # The report is used except for its altitude, which is missing or an outlier.
-    NO_ALTITUDE = "no altitude"
-    ALTITUDE_JUMPED = "altitude jumped"
+# Errors of stated velocities below this are of no importance.
+_SPEED_ERROR_MPS: Final = 6.0
+# A track is coasted after a silence of so many of its usual intervals, and of this time.
+_SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
+# The usual interval is averaged over so many reports.
+_AVERAGED_INTERVALS: Final = 4.0
+# M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
+CONFIRMED_REPORTS: Final = 2
+# A hypothesis of one report is confirmed by a second one this near to its prediction, more by a turn.
+_TENTATIVE_M, _TENTATIVE_MPS2 = 90.0, 5.0
+# Gates by which the nearest neighbour is measured [m].
+_GATE_M, _VERTICAL_GATE_M = 60.0, 40.0
 
 
 class Motion(NamedTuple):
     """Estimated motion, from which the present position follows: velocities in m/s, times in s.
 
-    `turn_radps` is positive to the right; `sigma_m` is the accuracy of the position as stated by the sender.
-    There is one altitude for each reference that the target reports.
+    `turn_radps` is positive to the right; `sigma_m` is the accuracy of the position. There is one altitude
+    for each reference that the target reports.
     """
 
     lat_deg: float
@@ -52,49 +42,8 @@ class Motion(NamedTuple):
     north_mps: float
     east_mps: float
     turn_radps: float
-    sigma_m: float | None
-    altitudes: tuple[ReportedAltitude, ...]
-
-
-class RepeatFilter:
-    """Recognizes reports of one aircraft that were sent again.
-
-    ArduPilot re-sends a report for up to 5 s without changing its age, and a second link delivers it late,
-    after newer ones; therefore several past reports are remembered. An aircraft that stands still sends
-    identical reports: the first one after the window, counted from the first of them, is a new measurement.
-    """
-
-    __slots__ = ("_first_received_s", "_window_s")
-
-    def __init__(self, window_s: float) -> None:
-        self._window_s = window_s
-        self._first_received_s: dict[_Content, float] = {}
-
-    def is_repeat(self, content: _Content, time_s: float, *, may_stand_still: bool) -> bool:
-        """Whether this content, valid at `time_s`, was received before; new content is remembered."""
-        first_received_s = self._first_received_s.get(content)
-        if first_received_s is None:
-            self._forget_before(time_s - self._window_s)
-            self._first_received_s[content] = time_s
-            return False
-        if not may_stand_still or time_s - first_received_s <= self._window_s:
-            return True
-        self._first_received_s[content] = time_s
-        return False
-
-    def _forget_before(self, oldest_s: float) -> None:
-        if len(self._first_received_s) >= _MAX_REMEMBERED:
-            del self._first_received_s[next(iter(self._first_received_s))]
-        self._first_received_s = {
-            content: received_s
-            for content, received_s in self._first_received_s.items()
-            if received_s >= oldest_s
-        }
-
-
-class _Vertical(NamedTuple):
-    gate: OutlierGate[VerticalFilter, VerticalFix]
     sigma_m: float
+    altitudes: tuple[ReportedAltitude, ...]
 
 
 def stale_after_s(kind: TrafficKind, params: TrafficParams) -> float:
@@ -103,76 +52,268 @@ def stale_after_s(kind: TrafficKind, params: TrafficParams) -> float:
 
 
 class Target:
-    """The state of one key. Its times are those of the tracker's monotonic clock."""
+    """A hypothesis of the aircraft with one key, or of one without identifier.
+
+    Its times are those of the tracker's monotonic clock. `reach_s` is how soon it could be near us. It is
+    `shown` to the avoidance if it is the first of its key, confirmed, near soon, or if a receiver alarms.
+    """
 
     __slots__ = (
-        "_dropped",
+        "_altitudes",
+        "_frame",
         "_horizontal",
+        "_moments",
         "_params",
-        "_repeats",
-        "_verticals",
+        "_velocity",
+        "alarm",
+        "anonymous",
+        "born_s",
         "callsign",
+        "evidence",
         "expires_s",
+        "first",
+        "heard_before",
         "icao",
+        "interval_s",
         "key",
         "kind",
+        "last",
         "measured_s",
         "motion",
+        "number",
+        "reach_s",
+        "reports",
+        "sigma_m",
         "source",
+        "threat",
+        "track_id",
+        "urgent",
     )
 
-    def __init__(self, report: TrafficReport, params: TrafficParams, dropped: Counter[DropReason]) -> None:
-        self.source = report.source
-        self.key = report.key
-        self.icao = report.icao
+    def __init__(
+        self,
+        measurement: Measurement,
+        key: str,
+        number: int,
+        params: TrafficParams,
+        *,
+        anonymous: bool = False,
+    ) -> None:
+        report = measurement.report
+        self.key, self.number = key, number
+        self.track_id = key if number == 1 else f"{key}/{number}"
+        self.anonymous = anonymous
+        self.icao = None if anonymous else report.icao
+        self.source: TrafficSource = report.source
         self.callsign: str | None = None
-        self.kind = TrafficKind.AIRCRAFT
+        self.evidence = KindEvidence(report.kind)
+        self.kind = report.kind
+        self.born_s = measurement.time_s
         self.measured_s = -math.inf
         self.expires_s = math.inf
+        self.interval_s = 1.0
+        self.reports = 0
+        self.first = False
+        self.heard_before = False  # its key was, by a target that made room
+        self.urgent = measurement.urgent
+        self.alarm = 0
+        self.threat = False  # in conflict with us, as decided last
+        self.reach_s = math.inf
+        self.sigma_m = position_sigma_m(report)
+        self._moments: Moments = (self.sigma_m**2, 0.0, velocity_sigma_mps(report) ** 2)
         self.motion: Motion | None = None
+        self.last = measurement
         self._params = params
-        self._dropped = dropped
-        self._repeats = RepeatFilter(params.repeat_window_s)
-        self._horizontal: OutlierGate[HorizontalFilter, HorizontalFix] | None = None
-        # Each reference has its own filter: the difference between two references would look like a climb.
-        self._verticals: dict[AltitudeReference, _Vertical] = {}
+        self._frame = LocalFrame(measurement.lat_deg, measurement.lon_deg)
+        self._horizontal: HorizontalFilter | None = None
+        self._restart_rates()
+        self._altitudes = TargetAltitudes(params)
 
-    def receive(self, report: TrafficReport, lat_deg: float, lon_deg: float, time_s: float) -> bool:
-        """Process a report of the given position, valid at `time_s`; True if it is a new measurement."""
-        self.callsign = report.callsign or self.callsign
-        if self._repeats.is_repeat(_content(report), time_s, may_stand_still=self._may_stand_still(report)):
-            self._dropped[DropReason.REPEATED] += 1
-            return False
-        if time_s < self.measured_s:
-            self._dropped[DropReason.REORDERED] += 1
-            return False
-        if report.kind is not self.kind:
+    def _restart_rates(self) -> None:
+        self._velocity = StatedRate(NOISE_SHARE * self._params.estimate.position_sigma_m, _SPEED_ERROR_MPS, 2)
+
+    @property
+    def shown(self) -> bool:
+        """Whether the avoidance gets its track."""
+        return self.first or self.urgent or self.reports >= CONFIRMED_REPORTS or self.alarm > 0
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether several reports agree."""
+        return self.reports >= CONFIRMED_REPORTS
+
+    @property
+    def rank(self) -> int:
+        """The order of sources; an aircraft without identifier is after one with it."""
+        return 2 * RANK[self.source] + self.anonymous
+
+    def is_silent(
+        self, now_s: float, intervals: float = _SILENT_INTERVALS, least_s: float = _SILENT_S
+    ) -> bool:
+        """Whether it was not reported for several of its usual intervals."""
+        return now_s - self.measured_s > max(least_s, intervals * self.interval_s)
+
+    @property
+    def velocity_sigma_mps(self) -> float:
+        """The standard deviation of each horizontal axis of the estimated velocity [m/s]."""
+        return math.sqrt(self._moments[2])
+
+    def position_sigma_m(self, now_s: float) -> float:
+        """The standard deviation of each horizontal axis of the extrapolated position [m]."""
+        age_s = max(now_s - self.measured_s, 0.0)
+        return grown_sigmas(self._moments, age_s, self._params.estimate.manoeuvre_mps)[0]
+
+    # --- gates
+
+    def explains_place(self, measurement: Measurement) -> bool:
+        """Whether the aircraft can be at this place by then."""
+        here = self._horizontal
+        if here is None or self.kind is TrafficKind.OBSTACLE:
+            return True
+        if not here.is_outlier(_fix(measurement, None)):
+            return self.shown or self._is_near_prediction(measurement)
+        # A wrong stated velocity has led the prediction astray.
+        return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
+
+    def _is_near_prediction(self, measurement: Measurement) -> bool:
+        """The gate before the second report: two outliers far apart in time must not confirm each other."""
+        if self.last.velocity_mps is None:
+            return True
+        elapsed_s = measurement.time_s - self.measured_s
+        speed_mps = math.hypot(*self.velocity_mps)
+        gate_m = _TENTATIVE_M + speed_mps + 0.5 * _TENTATIVE_MPS2 * elapsed_s**2
+        return math.hypot(*self.offset_m(measurement)) <= gate_m
+
+    def explains_altitude(self, measurement: Measurement) -> bool:
+        """Whether one of its altitudes fits, or there is none to compare with."""
+        return self.kind is TrafficKind.OBSTACLE or self._altitudes.explain(measurement)
+
+    def explains(self, measurement: Measurement) -> bool:
+        """The gate in three dimensions: whether place and altitude are those of this aircraft."""
+        return self.explains_place(measurement) and self.explains_altitude(measurement)
+
+    def explains_velocity(self, measurement: Measurement) -> bool:
+        """Whether the stated velocity fits, if there is one to trust."""
+        here, stated = self._horizontal, measurement.velocity_mps
+        if here is None or stated is None or not self._velocity.trusted:
+            return True
+        return not here.is_outlier(_fix(measurement, stated))
+
+    def distance(self, measurement: Measurement) -> float:
+        """How far a measurement is from the prediction, in gates: for the nearest neighbour."""
+        north_m, east_m = self.offset_m(measurement)
+        up_m = self._altitudes.offset_m(measurement)
+        return math.hypot(north_m / _GATE_M, east_m / _GATE_M, up_m / _VERTICAL_GATE_M)
+
+    def offset_m(self, measurement: Measurement) -> Vec2:
+        """A measured place relative to the predicted one: north, east."""
+        here = self._horizontal
+        if here is None:
+            return 0.0, 0.0
+        elapsed_s = measurement.time_s - here.time_s
+        frame = LocalFrame(here.lat_deg, here.lon_deg)
+        north_m, east_m = frame.to_north_east_m(measurement.lat_deg, measurement.lon_deg)
+        return north_m - here.north_mps * elapsed_s, east_m - here.east_mps * elapsed_s
+
+    @property
+    def velocity_mps(self) -> Vec2:
+        """The estimated velocity: north, east."""
+        here = self._horizontal
+        return (0.0, 0.0) if here is None else (here.north_mps, here.east_mps)
+
+    # --- update
+
+    def receive(self, measurement: Measurement) -> list[DropReason]:
+        """Process a measurement that the gate let through; returns which parts of it were not used."""
+        report, time_s = measurement.report, measurement.time_s
+        self._note(measurement)
+        dropped: list[DropReason] = []
+        before = self.evidence.stated
+        if (before is TrafficKind.OBSTACLE) is not (
+            report.kind is TrafficKind.OBSTACLE
+        ) and not self.evidence.moves:
             # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
-            self.kind, self._horizontal, self._verticals = report.kind, None, {}
-        fix = HorizontalFix(
-            time_s,
-            lat_deg,
-            lon_deg,
-            self._velocity_mps(report),
-            report.position_sigma_m,
-            report.velocity_sigma_mps,
+            self._horizontal = None
+            self._restart_rates()
+            self._altitudes = TargetAltitudes(self._params)
+            self.evidence = KindEvidence(report.kind)
+        self.evidence.stated, self.evidence.stated_airborne = report.kind, report.airborne
+        self._receive_place(measurement, dropped)
+        self._altitudes.receive(measurement, dropped, stands=self.kind is TrafficKind.OBSTACLE)
+        self.measured_s = max(time_s, self.measured_s)
+        self.motion = self._motion()
+        stated_mps = None if measurement.velocity_mps is None else math.hypot(*measurement.velocity_mps)
+        self.evidence.observe(
+            measurement.received_s,
+            (measurement.lat_deg, measurement.lon_deg),
+            stated_mps,
+            math.hypot(*self.velocity_mps),
         )
-        if self._horizontal is None or self.kind is TrafficKind.OBSTACLE:
-            self._horizontal = OutlierGate(HorizontalFilter(fix, self._params.estimate))
-        elif not self._horizontal.receive(fix):
-            self._dropped[DropReason.JUMPED] += 1
-            return False
-        self._receive_altitude(report, time_s)
-        self.measured_s = time_s
-        self.expires_s = time_s + stale_after_s(self.kind, self._params)
-        self.motion = self._motion(self._horizontal.estimate, report.position_sigma_m)
-        return True
+        return dropped
 
-    def _motion(self, here: HorizontalFilter, sigma_m: float | None) -> Motion:
-        altitudes = tuple(
-            self._altitude(reference, vertical.gate.estimate, vertical.sigma_m)
-            for reference, vertical in self._verticals.items()
-        )
+    def restart(self, measurements: list[Measurement]) -> None:
+        """Start again from these, without their stated velocities: their positions contradict them."""
+        self._restart_rates()
+        self._velocity.trusted = False
+        self._horizontal = None
+        for one in measurements:
+            self._update_place(_fix(one, None))
+        newest = measurements[-1]
+        self._note(newest)
+        self._altitudes.receive(newest, [], stands=False)
+        self.measured_s = newest.time_s
+        self.motion = self._motion()
+
+    def _note(self, measurement: Measurement) -> None:
+        """What the report says of itself and of its accuracy."""
+        report = measurement.report
+        self.reports += 1
+        if self.reports > 1:
+            passed_s = min(max(measurement.time_s - self.measured_s, 0.0), 30.0)
+            share = max(1.0 / _AVERAGED_INTERVALS, 1.0 / (self.reports - 1))
+            self.interval_s += share * (passed_s - self.interval_s)
+        self.last = measurement
+        self.callsign = report.callsign or self.callsign
+        self.alarm = report.alarm
+        if RANK[report.source] < RANK[self.source]:
+            self.source = report.source
+        self.sigma_m = position_sigma_m(report)
+
+    def _receive_place(self, measurement: Measurement, dropped: list[DropReason]) -> None:
+        time_s, lat_deg, lon_deg = measurement.time_s, measurement.lat_deg, measurement.lon_deg
+        velocity_mps, here = measurement.velocity_mps, self._horizontal
+        if velocity_mps is not None:
+            trusted = self._velocity.trusted
+            position_m = complex(*self._frame.to_north_east_m(lat_deg, lon_deg))
+            stated = complex(*velocity_mps)
+            used = self._velocity.receive(time_s, position_m, stated, (lat_deg, lon_deg))
+            if not used:
+                dropped.append(DropReason.VELOCITY_WRONG)
+                velocity_mps = None
+                if trusted:
+                    self._horizontal = None
+                    now = _fix(measurement, None)
+                    for place_s, *place_deg in self._velocity.places:
+                        lat_deg, lon_deg = place_deg
+                        self._update_place(now._replace(time_s=place_s, lat_deg=lat_deg, lon_deg=lon_deg))
+                    return
+            elif here is not None and here.is_outlier(_fix(measurement, velocity_mps)):
+                dropped.append(DropReason.VELOCITY_WRONG)
+                velocity_mps = None
+        self._update_place(_fix(measurement, velocity_mps))
+
+    def _update_place(self, fix: HorizontalFix) -> None:
+        if self._horizontal is None:
+            self._horizontal = HorizontalFilter(fix, self._params.estimate)
+        else:
+            self._horizontal.update(fix)
+
+    def _motion(self) -> Motion:
+        here = self._horizontal
+        assert here is not None
+        # Stated accuracies include errors that reports have in common, which no filter sees.
+        pp, pv, vv = here.moments
+        self._moments = max(pp, self.sigma_m * self.sigma_m), pv, vv
         return Motion(
             here.lat_deg,
             here.lon_deg,
@@ -180,74 +321,29 @@ class Target:
             here.north_mps,
             here.east_mps,
             here.turn_radps,
-            sigma_m,
-            altitudes,
+            self.sigma_m,
+            self._altitudes.estimates(),
         )
 
-    def _altitude(
-        self, reference: AltitudeReference, here: VerticalFilter, sigma_m: float
-    ) -> ReportedAltitude:
-        valid_until_s = (
-            math.inf if self.kind is TrafficKind.OBSTACLE else here.time_s + self._params.altitude_hold_s
-        )
-        return ReportedAltitude(
-            reference, here.altitude_m, here.time_s, here.climb_mps, valid_until_s, sigma_m
-        )
-
-    def _receive_altitude(self, report: TrafficReport, time_s: float) -> None:
-        for altitude in () if self.motion is None else self.motion.altitudes:
-            if time_s > altitude.valid_until_s:
-                self._verticals.pop(altitude.reference, None)
-        if report.altitude_m is None:
-            self._dropped[DropReason.NO_ALTITUDE] += not self._verticals
-            return
-        fix = VerticalFix(time_s, report.altitude_m, self._climb_mps(report), report.altitude_sigma_m)
-        sigma_m = report.altitude_sigma_m or 0.0
-        known = self._verticals.get(report.altitude_reference)
-        if known is None or self.kind is TrafficKind.OBSTACLE:
-            gate: OutlierGate[VerticalFilter, VerticalFix]
-            gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
-        elif known.gate.receive(fix):
-            gate = known.gate
-        else:
-            self._dropped[DropReason.ALTITUDE_JUMPED] += 1
-            return
-        self._verticals[report.altitude_reference] = _Vertical(gate, sigma_m)
-
-    def _velocity_mps(self, report: TrafficReport) -> Vec2 | None:
-        """The reported velocity (north, east), `None` if it is missing or impossible."""
-        if self.kind is TrafficKind.OBSTACLE or report.ground_speed_mps == 0.0:
-            return 0.0, 0.0
-        speed_mps, course_rad = report.ground_speed_mps, report.course_rad
-        if speed_mps is None or course_rad is None:
-            return None
-        if not 0.0 <= speed_mps <= self._params.estimate.max_speed_mps:
-            return None
-        return speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
-
-    def _climb_mps(self, report: TrafficReport) -> float | None:
-        """The reported climb, `None` if it is missing or impossible."""
-        if self.kind is TrafficKind.OBSTACLE:
-            return 0.0
-        if report.climb_mps is None or abs(report.climb_mps) > self._params.estimate.max_climb_mps:
-            return None
-        return report.climb_mps
-
-    def _may_stand_still(self, report: TrafficReport) -> bool:
-        return (
-            report.kind is TrafficKind.OBSTACLE
-            or report.ground_speed_mps is None
-            or report.ground_speed_mps <= self._params.hovering_mps
-        )
+    def judge_kind(self, now_s: float, altitude: SeaLevelAltitude | None, around: Surroundings) -> None:
+        """Decide what it is, from all that was reported; an obstacle stands where it was reported last."""
+        self.kind = self.evidence.judge(now_s, altitude, around)
+        self.expires_s = self.measured_s + stale_after_s(self.kind, self._params)
+        if self.kind is TrafficKind.OBSTACLE and self.motion is not None:
+            still = [one._replace(climb_mps=0.0, valid_until_s=math.inf) for one in self.motion.altitudes]
+            newest = self.last
+            self.motion = Motion(
+                newest.lat_deg, newest.lon_deg, self.measured_s, 0.0, 0.0, 0.0, self.sigma_m, tuple(still)
+            )
 
 
-def _content(report: TrafficReport) -> _Content:
-    """The measured values of a report: position, altitude and motion, without the time."""
-    return (
-        report.lat_deg,
-        report.lon_deg,
-        report.altitude_m,
-        report.course_rad,
-        report.ground_speed_mps,
-        report.climb_mps,
+def _fix(measurement: Measurement, velocity_mps: Vec2 | None) -> HorizontalFix:
+    report = measurement.report
+    return HorizontalFix(
+        measurement.time_s,
+        measurement.lat_deg,
+        measurement.lon_deg,
+        velocity_mps,
+        filter_sigma_m(report),
+        velocity_sigma_mps(report),
     )

@@ -8,7 +8,7 @@ import math
 from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from companion.geodesy import LocalFrame
-from companion.model import Vec2, Vec3
+from companion.model import Vec2
 from companion.traffic.along_path import AlongPath
 from companion.traffic.covariance import Covariance, Moments, grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
@@ -186,20 +186,18 @@ class HorizontalFilter:
         sigma_m = self._position_sigma_m(fix) * self._position_noise.scale
         late_m = _LATE_SIGMA * self._params.timestamp_error_s * speed_mps
         along_sigma_m = math.sqrt(sigma_m * sigma_m + late_m * late_m)
-        along_position = along.measure_position(north_m * north + east_m * east, along_sigma_m)
-        position = lateral.update_position(east_m * north - north_m * east, sigma_m)
-        if fix.velocity_mps is None:
-            (along_m, along_mps), (across_m, across_mps) = along.end(), lateral.end()
-        else:
+        variance_m2 = along.measure_position(north_m * north + east_m * east, along_sigma_m)
+        variance_m2 += lateral.update_position(east_m * north - north_m * east, sigma_m)
+        self._position_noise.observe(north_m, east_m, 0.5 * variance_m2, sigma_m * sigma_m)
+        if fix.velocity_mps is not None:
             north_mps, east_mps = fix.velocity_mps
             north_mps -= self.north_mps
             east_mps -= self.east_mps
             sigma_mps = self._velocity_sigma_mps(fix) * self._velocity_noise.scale
-            along_velocity = along.measure_velocity(north_mps * north + east_mps * east, sigma_mps)
-            velocity = lateral.update_velocity(east_mps * north - north_mps * east, sigma_mps)
-            (along_m, along_mps), (across_m, across_mps) = along.end(), lateral.end()
-            _observe(self._velocity_noise, along_velocity, velocity, lateral.turning)
-        _observe(self._position_noise, along_position, position, lateral.turning)
+            variance = along.measure_velocity(north_mps * north + east_mps * east, sigma_mps)
+            variance += lateral.update_velocity(east_mps * north - north_mps * east, sigma_mps)
+            self._velocity_noise.observe(north_mps, east_mps, 0.5 * variance, sigma_mps * sigma_mps)
+        (along_m, along_mps), (across_m, across_mps) = along.end(), lateral.end()
         self._move(
             moved_m[0] + along_m * north - across_m * east, moved_m[1] + along_m * east + across_m * north
         )
@@ -300,13 +298,6 @@ class VerticalFilter:
     def _altitude_sigma_m(self, fix: VerticalFix) -> float:
         stated_m = fix.altitude_sigma_m
         return self._params.altitude_sigma_m if stated_m is None else _bounded(stated_m, _ALTITUDE_SIGMAS_M)
-
-
-def _observe(noise: NoiseScale, along: Vec2, across: Vec3, turning: float) -> None:
-    """Process innovations along the path and across it, where both models are weighed."""
-    (along2, along_share), (straight2, turn2, across_share) = along, across
-    innovation2 = 0.5 * (along2 + straight2 + turning * (turn2 - straight2))
-    noise.observe(innovation2, 0.5 * (along_share + across_share))
 
 
 def _bounded(sigma: float, bounds: Vec2) -> float:

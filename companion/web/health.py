@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from companion.links import Link
+from companion.links import Link, ReceiverLink
+from companion.links.receiver_link import SILENCE_S
+from companion.sources.receiver import Receiver
 
 
 class LoopTimes:
@@ -49,10 +51,64 @@ class LinkCount:
 
 
 @dataclass(frozen=True, slots=True)
+class ReceiverCount:
+    """What one receiver sent since the start, and how it is now.
+
+    `bad` counts what was not understood, by reason, `dropped` pieces that arrived faster than they were
+    processed; `aircraft` were heard in the last minute. `silent_s` is the time since the last message.
+    """
+
+    address: str
+    title: str
+    lacks: str
+    messages: int
+    reports: int
+    bad: tuple[tuple[str, int], ...]
+    dropped: int
+    aircraft: int
+    silent_s: float
+    problem: str | None
+
+    @classmethod
+    def of(cls, one: ReceiverLink, now_s: float) -> "ReceiverCount":
+        """The counts of a receiver at `now_s` by the engine's clock."""
+        dropped = one.link.counters.dropped
+        return cls._of(one.receiver, dropped, one.silent_s(now_s), one.problem(now_s), now_s)
+
+    @classmethod
+    def of_recorded(cls, receiver: Receiver, now_s: float) -> "ReceiverCount":
+        """The counts of a receiver in a replay: its link is not known, only what came over it."""
+        heard_s = receiver.taken_s if receiver.heard_s is None else receiver.heard_s
+        silent_s = 0.0 if heard_s is None else now_s - heard_s
+        silent = silent_s >= SILENCE_S
+        problem = f"silent for {SILENCE_S:.0f} s" if silent else receiver.status
+        return cls._of(receiver, 0, silent_s, problem, now_s)
+
+    @classmethod
+    def _of(
+        cls, receiver: Receiver, dropped: int, silent_s: float, problem: str | None, now_s: float
+    ) -> "ReceiverCount":
+        counters = receiver.counters
+        return cls(
+            receiver.address,
+            receiver.title,
+            receiver.lacks,
+            counters.messages,
+            counters.reports,
+            tuple(sorted(counters.bad.items())),
+            dropped,
+            receiver.aircraft(now_s),
+            silent_s,
+            problem,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Health:
     """Health of the service at one moment; counts since the start.
 
-    `unusable`, `past`, `of_others` and `repeated` are those of `Intake`.
+    `unusable`, `past`, `of_others` and `repeated` are those of `Intake`; `dropped_reports` of receivers came
+    faster than they were processed.
     """
 
     uptime_s: float
@@ -60,6 +116,7 @@ class Health:
     ticks_below: tuple[int, ...]  # as `LoopTimes.below`
     ticks_total_s: float
     links: tuple[LinkCount, ...]
+    receivers: tuple[ReceiverCount, ...] = ()
     skipped_ticks: int = 0
     unusable: int = 0
     past: int = 0
@@ -67,6 +124,7 @@ class Health:
     repeated: int = 0
     unsent: int = 0  # messages that came too late to be sent
     setpoints_sent: int = 0
+    dropped_reports: int = 0
     recording_problem: str | None = None
 
     @classmethod

@@ -13,6 +13,7 @@ from companion.geodesy import LocalFrame
 from companion.model import Snapshot
 from companion.output.notice import Condition
 from companion.ownship.mission import Mission
+from companion.traffic import Concern
 from companion.web.health import Health
 
 
@@ -38,6 +39,7 @@ class LiveSnapshot:
     rejections: int
     conditions: tuple[Condition, ...]
     health: Health
+    concerns: tuple[Concern, ...] = ()
 
 
 def live_snapshot_of(engine: Engine, now_s: float, health: Health) -> LiveSnapshot:
@@ -62,4 +64,5 @@ def live_snapshot_of(engine: Engine, now_s: float, health: Health) -> LiveSnapsh
         rejections=engine.rejections,
         conditions=engine.conditions,
         health=health,
+        concerns=engine.concerns,
     )

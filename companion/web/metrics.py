@@ -1,14 +1,16 @@
 """Metrics for Prometheus, computed from the newest snapshot on request."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.registry import Collector
 
-from companion.model import Layer
-from companion.web.health import LoopTimes
+from companion.model import Layer, TrackState, TrafficKind
+from companion.traffic import ConcernKind
+from companion.web.health import LoopTimes, ReceiverCount
+from companion.web.live_snapshot import LiveSnapshot
 from companion.web.source import LiveSource
 
 Family = CounterMetricFamily | GaugeMetricFamily | HistogramMetricFamily
@@ -54,17 +56,21 @@ class Metrics(Collector):
             for link in health.links:
                 family.add_metric([link.address], getattr(link, field))
             yield family
+        yield from _of_receivers(health.receivers)
         yield _counter("messages_unusable", "Messages without a usable value", health.unusable)
         yield _counter("messages_late", "Messages that arrived too late to be used", health.past)
         yield _counter(
             "messages_of_others", "Messages of another vehicle with a known address", health.of_others
         )
         yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
+        dropped = "Reports of receivers that came faster than they were processed"
+        yield _counter("reports_dropped", dropped, health.dropped_reports)
         yield _counter("messages_unsent", "Messages not sent, as they were late by a stall", health.unsent)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)
         yield _counter("command_rejections", "Commands refused or not answered", live.rejections)
         yield _gauge("tracks", "Aircraft and obstacles that are tracked", float(len(snapshot.tracks)))
+        yield from _of_traffic(live)
         yield _gauge("threats", "Tracks in conflict", float(len(snapshot.decision.threats)))
         layers = GaugeMetricFamily("companion_layer", "1 for the layer that decides", labels=["layer"])
         for layer in Layer:
@@ -82,6 +88,57 @@ class Metrics(Collector):
         recording = float(health.recording_problem is not None)
         yield _gauge("recording_failed", "1 when data is missing from the record", recording)
         yield _gauge("uptime_seconds", "Time since the service started", health.uptime_s)
+
+
+def _of_traffic(live: LiveSnapshot) -> Iterator[Family]:
+    """How the aircraft are known: by state and by source, and what is not avoided or is odd."""
+    aircraft = [track for track in live.snapshot.tracks if track.kind is not TrafficKind.OBSTACLE]
+    states = Counter(track.state for track in aircraft)
+    by_state = GaugeMetricFamily("companion_aircraft", "Aircraft tracked, by state", labels=["state"])
+    for state in (TrackState.TENTATIVE, TrackState.CONFIRMED, TrackState.COASTED):
+        by_state.add_metric([str(state)], float(states[state]))
+    sources = Counter(source for track in aircraft for source in track.sources)
+    by_source = GaugeMetricFamily(
+        "companion_aircraft_by_source", "Aircraft that a source reports", labels=["source"]
+    )
+    for source in sorted(sources):
+        by_source.add_metric([source], float(sources[source]))
+    kinds = Counter(concern.kind for concern in live.concerns)
+    concerns = GaugeMetricFamily(
+        "companion_traffic_concerns", "Aircraft not avoided or odd, at most three of a kind", labels=["kind"]
+    )
+    for kind in ConcernKind:
+        concerns.add_metric([str(kind)], float(kinds[kind]))
+    yield from (by_state, by_source, concerns)
+
+
+def _of_receivers(receivers: Iterable[ReceiverCount]) -> Iterator[Family]:
+    """The metrics of the receivers that do not speak MAVLink, by their addresses."""
+    bad = CounterMetricFamily(
+        "companion_receiver_bad", "What was not understood, by reason", labels=["receiver", "reason"]
+    )
+    failed = GaugeMetricFamily(
+        "companion_receiver_failed", "1 while it is down, silent or reports a problem", labels=["receiver"]
+    )
+    kinds: tuple[tuple[type[CounterMetricFamily | GaugeMetricFamily], str, str, str], ...] = (
+        (CounterMetricFamily, "messages", "Whole messages of the receiver", "messages"),
+        (CounterMetricFamily, "reports", "Reports of aircraft", "reports"),
+        (CounterMetricFamily, "dropped", "Pieces that arrived faster than they were processed", "dropped"),
+        (GaugeMetricFamily, "aircraft", "Aircraft heard in the last minute", "aircraft"),
+        (GaugeMetricFamily, "silent_seconds", "Time since the last message", "silent_s"),
+    )
+    families = [
+        (kind(f"companion_receiver_{name}", text, labels=["receiver"]), field)
+        for kind, name, text, field in kinds
+    ]
+    for one in receivers:
+        for family, field in families:
+            family.add_metric([one.address], float(getattr(one, field)))
+        for reason, count in one.bad:
+            bad.add_metric([one.address, reason], float(count))
+        failed.add_metric([one.address], float(one.problem is not None))
+    yield from (family for family, _ in families)
+    yield from (bad, failed)
 
 
 def _gauge(name: str, help_text: str, value: float) -> GaugeMetricFamily:

@@ -6,12 +6,14 @@ import json
 import math
 import time
 import zlib
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from companion.engine import Engine
+from companion.sources.receiver import Receiver
 from companion.web.app import build
-from companion.web.health import Health, LoopTimes
+from companion.web.health import Health, LoopTimes, ReceiverCount
 from companion.web.live_snapshot import live_snapshot_of
 from companion.web.rolling_stats import RollingStats
 from companion.web.serving import listen, serve
@@ -118,12 +120,19 @@ class RecordedView(View):
 class ReplayServer:
     """Keeps the states of an engine in a replay, then serves them. `CompanionError` if it cannot listen."""
 
-    def __init__(self, engine: Engine, settings: Settings) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        settings: Settings,
+        receivers: Callable[[], Iterable[Receiver]] = lambda: (),
+    ) -> None:
         self.settings = settings
+        self._receivers = receivers
         self._engine = engine
         self._socket = listen(settings)
-        self._source = RecordedSource()
-        self._stats = RollingStats()
+        self.source = RecordedSource()
+        self._stats = RollingStats()  # of the links: a replay has none
+        self._receiver_stats = RollingStats(lambda: self._last_s)
         self._health = Health.of(0.0, LoopTimes(), ())
         self._last_s = -1.0
 
@@ -132,12 +141,19 @@ class ReplayServer:
         if since_s <= self._last_s:
             return
         self._last_s = since_s
+        counts = tuple(ReceiverCount.of_recorded(one, now_s) for one in self._receivers())
+        self._receiver_stats.add(replace(self._health, receivers=counts))
         snapshot = live_snapshot_of(self._engine, now_s, self._health)
-        self._source.add(since_s, state_of(snapshot, len(self._source.at_s) + 1, self._stats))
+        state = state_of(snapshot, len(self.source.at_s) + 1, self._stats)
+        self.source.add(since_s, state | {"receivers": self._receiver_stats.receivers()})
+
+    def close(self) -> None:
+        """Close the socket, unless `show` did."""
+        self._socket.close()
 
     async def show(self) -> None:
         """Serve the states until cancelled."""
-        await serve(build(self._source, self.settings), self._socket)
+        await serve(build(self.source, self.settings), self._socket)
 
 
 def _number(value: Any) -> float | None:

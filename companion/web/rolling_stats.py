@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from companion.web.health import Health, LinkCount
+from companion.web.health import Health, LinkCount, ReceiverCount
 
 _TICKS = 600  # a minute of ticks
 
@@ -49,6 +49,15 @@ class RollingStats:
         span_s = max(last_s - first_s, 0.1)
         return [self._link(link, before.get(link.address, link), span_s, last_s) for link in last.links]
 
+    def receivers(self) -> list[dict[str, Any]]:
+        """State of each receiver, with the keys of `receivers` in `state.md`."""
+        if not self._health:
+            return []
+        (first_s, first), (last_s, last) = self._health[0], self._health[-1]
+        before = {one.address: one for one in first.receivers}
+        span_s = max(last_s - first_s, 0.1)
+        return [_receiver(one, before.get(one.address, one), span_s) for one in last.receivers]
+
     def _link(self, link: LinkCount, before: LinkCount, span_s: float, now_s: float) -> dict[str, Any]:
         frames, lost = link.frames - before.frames, link.lost - before.lost
         heard_s = self._heard_s.get(link.address)
@@ -60,3 +69,18 @@ class RollingStats:
             "lost_share": round(lost / (frames + lost), 4) if frames + lost > 0 else 0.0,
             "silent_s": None if silent_s is None else round(silent_s, 1),
         }
+
+
+def _receiver(one: ReceiverCount, before: ReceiverCount, span_s: float) -> dict[str, Any]:
+    return {
+        "address": one.address,
+        "title": one.title,
+        "lacks": one.lacks,
+        "problem": one.problem,
+        "messages_per_s": round((one.messages - before.messages) / span_s, 1),
+        "reports_per_s": round((one.reports - before.reports) / span_s, 1),
+        "aircraft": one.aircraft,
+        "bad": sum(count for _, count in one.bad),
+        "dropped": one.dropped,
+        "silent_s": round(one.silent_s, 1),
+    }

@@ -13,9 +13,12 @@ import numpy as np
 from companion.airspace.fences import FenceZone
 from companion.avoidance.cone import approach_angle_rad, half_angle_rad
 from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead, mission_guidance, own_state
+from companion.gcs.concern_values import concern_values
+from companion.gcs.traffic_conditions import TRAFFIC_KEY
 from companion.geodesy import LocalFrame
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.output.decision_record import guidance_of, threat_text
+from companion.output.notice import Condition
 from companion.units import course_deg
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.rolling_stats import RollingStats
@@ -46,7 +49,7 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
             "state": snapshot.state,
             "flying": live.flying,
             "last_text": snapshot.last_text,
-            "conditions": [{"severity": one.severity, "text": one.text} for one in live.conditions],
+            "conditions": [_condition(one) for one in live.conditions],
         },
         "own": _own(snapshot.ownship, live),
         "goal": _goal(snapshot),
@@ -67,9 +70,11 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
         },
         "cones": _cones(live),
         "tracks": [_track(track, live) for track in snapshot.tracks],
+        "concerns": [concern_values(concern) for concern in live.concerns],
         "mission": _mission(live),
         "fences": [_fence(zone) for zone in live.zones],
         "links": stats.links(),
+        "receivers": stats.receivers(),
         "service": {
             "uptime_s": round(live.health.uptime_s, 1),
             "tick_ms_p99": stats.tick_ms_p99(),
@@ -79,6 +84,11 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
     }
 
 
+def _condition(one: Condition) -> dict[str, Any]:
+    values: dict[str, Any] = {"severity": one.severity, "text": one.text}
+    return values | {"of_traffic": True} if one.key.startswith(TRAFFIC_KEY) else values
+
+
 def _deg(angle_rad: float) -> float:
     """A course or bearing in degrees, 0 to 359.9."""
     return round(course_deg(angle_rad), 1) % 360.0
@@ -86,6 +96,10 @@ def _deg(angle_rad: float) -> float:
 
 def _or_none(value: float, digits: int) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else _or_none(value, 1)
 
 
 def _own(own: Ownship | None, live: LiveSnapshot) -> dict[str, Any] | None:
@@ -185,6 +199,12 @@ def _track(track: Track, live: LiveSnapshot) -> dict[str, Any]:
         "climb_mps": round(-down_mps, 1),
         "turn_dps": round(math.degrees(track.turn_radps), 2),
         "age_s": round(track.age_s, 1),
+        "state": str(track.state),
+        "sources": list(track.sources),
+        "position_sigma_m": _rounded(track.position_sigma_m),
+        "velocity_sigma_mps": _rounded(track.velocity_sigma_mps),
+        "vertical_uncertainty_m": round(track.vertical_uncertainty_m, 1),
+        "alarm": track.alarm,
         "distance_m": round(distance_m),
         "level": _level(track.track_id, distance_m, above_m, live),
     }

@@ -10,6 +10,7 @@ from sim.cli.campaign import campaign, encounter
 from sim.cli.demo import demo
 from sim.cli.flight_test import flight_test
 from sim.cli.paper import paper
+from sim.cli.receiver import receiver
 from sim.cli.relay import relay
 from sim.cli.vehicle import vehicle
 
@@ -21,6 +22,9 @@ app = typer.Typer(
 )
 app.command(epilog="Example: companion-sim demo --scenario head-on --speedup 4")(demo)
 app.command(epilog="Example: companion-sim vehicle --link udpout:127.0.0.1:14550 --scenario head-on")(vehicle)
+app.command(
+    epilog="Example: companion-sim receiver --format gdl90 --link udpout:127.0.0.1:4000 --scenario head-on"
+)(receiver)
 app.command(
     "flight-test",
     epilog="Example: companion-sim flight-test --vehicle tcpout:127.0.0.1:5760 --set basic --set-parameters",

@@ -13,7 +13,7 @@ from rich.console import Console
 from companion.cli.common import note_if_slow, writable
 from companion.errors import CompanionError
 from companion.web.settings import Settings
-from sim.cli.common import AutopilotOption, ReportOption, ScenarioOption, SpeedupOption
+from sim.cli.common import AutopilotOption, FormatName, ReportOption, ScenarioOption, SpeedupOption
 from sim.demo import DemoOptions, DemoState, fly_demo
 from sim.demo_view import DemoView, print_result
 from sim.scenario import DEFAULT_SCENARIO, load_scenario
@@ -23,6 +23,10 @@ def demo(
     scenario: ScenarioOption = DEFAULT_SCENARIO,
     autopilot: AutopilotOption = "ardupilot",
     speedup: SpeedupOption = 8.0,
+    receiver: Annotated[
+        FormatName | None,
+        typer.Option(help="Traffic comes from a receiver of this format, instead of the autopilot."),
+    ] = None,
     no_avoidance: Annotated[
         bool, typer.Option("--no-avoidance", help="Fly without Companion, for comparison.")
     ] = False,
@@ -32,7 +36,7 @@ def demo(
     report: ReportOption = None,
     no_web: Annotated[bool, typer.Option("--no-web", help="No live display in the browser.")] = False,
 ) -> None:
-    """Fly a simulated aircraft among traffic, with Companion, over UDP on this computer.
+    """Fly a simulated aircraft among traffic, with Companion, over sockets on this computer.
 
     Exit code 0 if the mission was finished without a near mid-air collision.
     """
@@ -44,6 +48,7 @@ def demo(
         avoidance=not no_avoidance,
         record=record,
         autopilot=autopilot,
+        receiver=None if receiver is None else str(receiver),
         display=None if no_web else Settings(title=f"Demonstration: {Path(scenario).stem}"),
     )
     note_if_slow()

@@ -15,7 +15,8 @@ class Transmission:
 
     `place.altitude_m` is above the WGS 84 ellipsoid; `pressure_altitude_m` above the 1013.25 hPa level.
     `velocity_mps` is over ground, north-east-down. `category` is that of ADSB_VEHICLE.emitter_type.
-    `nacp`, `nacv`, `nic` and `sil` are the accuracy and integrity codes of DO-260B.
+    `nacp`, `nacv`, `nic` and `sil` are the accuracy and integrity codes of DO-260B. `age_s` is the time since
+    the transmission; not every format says it.
     """
 
     icao: int
@@ -29,6 +30,7 @@ class Transmission:
     nacv: int = 2
     nic: int = 8
     sil: int = 3
+    age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

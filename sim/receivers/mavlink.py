@@ -94,7 +94,13 @@ class RemoteIdEncoder(ReceiverEncoder):
 def _report(one: Transmission) -> Message:
     place = GeoPoint(one.place.lat_deg, one.place.lon_deg, one.pressure_altitude_m)
     return adsb_vehicle(
-        one.icao, one.callsign, place, one.velocity_mps, category=one.category, barometric=True
+        one.icao,
+        one.callsign,
+        place,
+        one.velocity_mps,
+        category=one.category,
+        barometric=True,
+        age_s=one.age_s,
     )
 
 
@@ -129,7 +135,7 @@ def _location(one: Transmission, time_s: float) -> Message:
         vertical_accuracy=mavlink.MAV_ODID_VER_ACC_10_METER,
         barometer_accuracy=mavlink.MAV_ODID_VER_ACC_10_METER,
         speed_accuracy=mavlink.MAV_ODID_SPEED_ACC_1_METERS_PER_SECOND,
-        timestamp=time_s % _SECONDS_AN_HOUR,
+        timestamp=(time_s - one.age_s) % _SECONDS_AN_HOUR,
         timestamp_accuracy=mavlink.MAV_ODID_TIME_ACC_0_1_SECOND,
     )
 

@@ -22,7 +22,7 @@ class ReadsbEncoder(ReceiverEncoder):
 
     def encode(self, reception: Reception) -> list[bytes]:
         now_s = reception.time_s
-        self._heard |= {aircraft.icao: (now_s, aircraft) for aircraft in reception.heard}
+        self._heard |= {aircraft.icao: (now_s - aircraft.age_s, aircraft) for aircraft in reception.heard}
         self._heard = {icao: item for icao, item in self._heard.items() if now_s - item[0] <= _LISTED_S}
         self._messages += len(reception.heard)
         entries = [_entry(aircraft, now_s - heard_s) for heard_s, aircraft in self._heard.values()]

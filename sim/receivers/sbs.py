@@ -37,8 +37,7 @@ class SbsEncoder(ReceiverEncoder):
 
 def _line(kind: int, aircraft: Transmission, time_s: float) -> str:
     """One line: an empty field for what this kind of message does not have."""
-    now = datetime.fromtimestamp(time_s, UTC)
-    moment = f"{now:%Y/%m/%d,%H:%M:%S}.{now.microsecond // 1000:03d}"
+    generated, logged = _moment(time_s - aircraft.age_s), _moment(time_s)
     north_mps, east_mps, down_mps = aircraft.velocity_mps
     has_position = kind in (_SURFACE_POSITION, _AIRBORNE_POSITION)
     fields = dict.fromkeys(range(11, 23), "")
@@ -55,4 +54,9 @@ def _line(kind: int, aircraft: Transmission, time_s: float) -> str:
         fields[15], fields[16] = f"{aircraft.place.lat_deg:.6f}", f"{aircraft.place.lon_deg:.6f}"
         fields[22] = "-1" if aircraft.on_ground else "0"
     content = ",".join(fields.values())
-    return f"MSG,{kind},1,1,{aircraft.icao:06X},1,{moment},{moment},{content}\r\n"
+    return f"MSG,{kind},1,1,{aircraft.icao:06X},1,{generated},{logged},{content}\r\n"
+
+
+def _moment(time_s: float) -> str:
+    moment = datetime.fromtimestamp(time_s, UTC)
+    return f"{moment:%Y/%m/%d,%H:%M:%S}.{moment.microsecond // 1000:03d}"

@@ -24,6 +24,8 @@ class HeardTraffic:
         self, here: GeoPoint, horizontal_m: float, vertical_m: float, now_s: float, *, ahead_s: float = 0.0
     ) -> bool:
         """True if any aircraft is inside that cylinder around a place, wider by its own way in `ahead_s`."""
+        if not self._heard:
+            return False
         frame = LocalFrame(here.lat_deg, here.lon_deg)
         for heard_s, report in self._heard.values():
             if now_s - heard_s > _TIMEOUT_S:

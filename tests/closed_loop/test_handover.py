@@ -66,7 +66,7 @@ def test_disarmed_means_hands_off() -> None:
 def test_no_take_over_from_another_mode(mode: Mode) -> None:
     loop = MonitoredLoop()
     loop.world.vehicle.set_mode(mode)
-    loop.run(60.0)
+    loop.run(30.0)
     assert loop.engine.supervisor.state is State.STANDBY
     assert loop.sent == []
     assert loop.mode() is mode
@@ -74,13 +74,8 @@ def test_no_take_over_from_another_mode(mode: Mode) -> None:
 
 def test_nothing_happens_on_the_ground_or_below_the_minimum_height() -> None:
     loop = MonitoredLoop("two-intruders")
-    lowest_m = None
-    for _ in range(1200):
-        loop.run(0.1)
-        if loop.sent and lowest_m is None:
-            lowest_m = loop.world.vehicle.truth.place.altitude_m - loop.scenario.home.altitude_m
-    assert lowest_m is not None
-    assert lowest_m > 30.0
+    loop.until_true(lambda: bool(loop.sent))
+    assert loop.world.vehicle.truth.place.altitude_m - loop.scenario.home.altitude_m > 30.0
 
 
 def test_a_stop_releases_the_aircraft_first() -> None:
@@ -97,7 +92,7 @@ def test_a_stop_releases_the_aircraft_first() -> None:
 
 
 def test_a_stop_without_engagement_ends_at_once() -> None:
-    loop = MonitoredLoop()
+    loop = MonitoredLoop("head-on")
     loop.run(5.0)
     assert loop.stop() == []
     assert loop.engine.finished
@@ -121,7 +116,7 @@ def test_lost_commands_are_sent_again() -> None:
 
 
 def test_requests_to_a_silent_autopilot_are_moderated_and_reported_once() -> None:
-    loop = MonitoredLoop(drops=is_mode_request)
+    loop = MonitoredLoop("head-on", drops=is_mode_request)
     flight = loop.run(90.0)
     assert flight.engagements == 0
     assert 0 < len(loop.sent) < 60 * 2

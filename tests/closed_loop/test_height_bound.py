@@ -9,7 +9,7 @@ from companion.engine import Engine, EngineConfig
 from companion.model import Goal, Ownship, Track
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Waypoint, load_scenario
-from tests.support.autopilots import BOTH
+from tests.support.autopilots import BOTH, in_turn
 
 MISSION_M = 300.0
 BOUND_M = 100.0
@@ -48,8 +48,7 @@ def test_a_series_of_crossing_aircraft_does_not_take_the_bound_along(gives_back:
     assert min(heights_m) >= MISSION_M - BOUND_M
 
 
-@pytest.mark.parametrize("autopilot", BOTH)
-@pytest.mark.parametrize("step_m", [90.0, -90.0])
+@in_turn("step_m", [90.0, -90.0], BOTH)
 def test_a_series_of_crossing_aircraft_each_higher_or_lower(autopilot: Autopilot, step_m: float) -> None:
     head_on = load_scenario("head-on")
     (usual,) = head_on.intruders

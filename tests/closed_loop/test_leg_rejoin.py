@@ -10,26 +10,27 @@ from companion.model import Vec3
 from sim.scenario import Autopilot
 from sim.vehicle import MissionItem
 from sim.vehicle.mission import DO_CHANGE_SPEED, NAV_LOITER_TURNS, NAV_LOITER_UNLIM
-from tests.support.autopilots import MISSION_MODE, every
+from tests.support.autopilots import MISSION_MODE, every, in_turn
 from tests.support.leg_loop import LegLoop, jump
 
-A: Vec3 = (800.0, 0.0, 300.0)
+A: Vec3 = (400.0, 0.0, 300.0)
+# How long it must stay on its leg and height [s].
+STAYS_S = 30.0
 
 
-def on_the_second_leg(loop: LegLoop, after_s: float = 20.0) -> None:
+def on_the_second_leg(loop: LegLoop, after_s: float = 12.0) -> None:
     """Fly past the first waypoint."""
     loop.until_true(lambda: loop.world.vehicle.truth.mission_sequence > loop.first)
     loop.run(after_s)
 
 
-@every
-@pytest.mark.parametrize("end", [(9000.0, 0.0, 300.0), (6000.0, 5000.0, 300.0), (9000.0, 0.0, 180.0)])
+@in_turn("end", [(9000.0, 0.0, 300.0), (6000.0, 5000.0, 300.0), (9000.0, 0.0, 180.0)])
 def test_back_on_the_leg_and_its_slope(autopilot: Autopilot, end: Vec3) -> None:
     loop = LegLoop([A, end], autopilot=autopilot)
     on_the_second_leg(loop)
     loop.avoid()
     assert "Clear of traffic, returning to leg" in loop.flight.texts
-    loop.stays_on(A, end, 60.0)
+    loop.stays_on(A, end, STAYS_S)
     assert loop.mode_name == MISSION_MODE[autopilot]
     assert loop.flight.engagements == 1
 
@@ -40,7 +41,7 @@ def test_arduplane_is_given_back_in_the_middle_of_a_climbing_leg() -> None:
     on_the_second_leg(loop)
     loop.avoid()
     assert loop.world.vehicle.truth.position_m[0] < 4000.0
-    loop.stays_on(A, end, 120.0)
+    loop.stays_on(A, end, 60.0)
 
 
 def test_px4_is_flown_up_its_climbing_leg_until_it_would_not_climb_in_a_loiter() -> None:
@@ -67,7 +68,7 @@ def test_the_leg_after_a_corner_follows(autopilot: Autopilot) -> None:
     assert loop.world.vehicle.truth.mission_sequence == loop.first + 1
     loop.until_true(lambda: loop.world.vehicle.truth.mission_sequence == loop.first + 2, 200.0)
     loop.run(25.0)
-    loop.stays_on(corner, end, 60.0)
+    loop.stays_on(corner, end, STAYS_S)
 
 
 @every
@@ -113,7 +114,7 @@ def test_the_leg_from_a_loiter(autopilot: Autopilot) -> None:
     loop.load([circle, end], loop.first)
     on_the_second_leg(loop, 25.0)
     loop.avoid(3000.0)
-    loop.stays_on(A, end, 60.0)
+    loop.stays_on(A, end, STAYS_S)
 
 
 @every
@@ -133,7 +134,7 @@ def test_a_conflict_on_the_way_back_is_avoided(autopilot: Autopilot) -> None:
         nearest_m = min(nearest_m, max(apart))
     assert nearest_m > 0.9
     assert loop.flight.engagements == 1, "flown all the time"
-    loop.stays_on(A, end, 60.0)
+    loop.stays_on(A, end, STAYS_S)
 
 
 @every
@@ -152,14 +153,13 @@ def test_resume_now_skips_the_way_back(autopilot: Autopilot) -> None:
     assert loop.mode_name == MISSION_MODE[autopilot]
 
 
-@every
-@pytest.mark.parametrize("wind_mps", [(0.0, 12.0), (-13.0, 0.0), (13.0, 0.0)])
+@in_turn("wind_mps", [(0.0, 12.0), (-13.0, 0.0), (13.0, 0.0)])
 def test_in_a_strong_wind(autopilot: Autopilot, wind_mps: tuple[float, float]) -> None:
     end = (14_000.0, 0.0, 300.0)
     loop = LegLoop([A, end], autopilot=autopilot, wind_mps=wind_mps)
     on_the_second_leg(loop)
     loop.avoid()
-    loop.stays_on(A, end, 60.0)
+    loop.stays_on(A, end, STAYS_S)
 
 
 @every
@@ -216,7 +216,7 @@ def test_after_a_pilots_detour_the_straight_way_is_the_leg() -> None:
     loop.world.vehicle.set_mode("AUTO")
     loop.run(15.0)
     loop.avoid()
-    loop.stays_on(start, (12_000.0, 0.0, 300.0), 60.0)
+    loop.stays_on(start, (12_000.0, 0.0, 300.0), STAYS_S)
 
 
 # --- the configuration
@@ -241,8 +241,7 @@ def test_direct_returns_to_the_height_only() -> None:
 # --- the mission's speed (A16)
 
 
-@every
-@pytest.mark.parametrize("speed_mps", [17.0, 27.0])
+@in_turn("speed_mps", [27.0, 17.0, 27.0])
 def test_the_missions_speed_is_flown_again(autopilot: Autopilot, speed_mps: float) -> None:
     speed = MissionItem(DO_CHANGE_SPEED, params=(0.0, speed_mps, -1.0, 0.0), frame=2)
     if autopilot == "px4" and speed_mps > 20.0:

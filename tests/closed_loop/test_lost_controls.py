@@ -1,5 +1,6 @@
 """What cannot be flown: no airspeed sensor, controls that the autopilot refuses, a guided mode it lacks."""
 
+import itertools
 from collections import Counter
 from dataclasses import replace
 
@@ -9,21 +10,17 @@ from companion.control.state_machine import State
 from companion.engine import Transmit
 from companion.mavlink.dialect import Message
 from sim.closed_loop import Flight
-from sim.scenario import Autopilot, Scenario, Wind, load_scenario
+from sim.scenario import Autopilot, Scenario, Wind
 from sim.vehicle import FakeArduPlane
 from sim.vehicle.telemetry import AirspeedSensor
-from tests.support.autopilots import BOTH
-from tests.support.monitored_loop import DO_SET_MODE, MonitoredLoop
+from tests.support.autopilots import BOTH, both, in_turn
+from tests.support.monitored_loop import DO_SET_MODE, SOON, MonitoredLoop
 
 SPEED, HEIGHT, HEADING, REPOSITION = 43000, 43001, 43002, 192
 GUIDED_COMMANDS = (SPEED, HEIGHT, HEADING)
 UNSUPPORTED = 3
+PASSED_S, GIVEN_BACK_S = 90.0, 110.0  # when the intruder has passed, and when the aircraft was given back
 VFR_HUD, SYS_STATUS, WIND, WIND_COV = 74, 1, 168, 231
-
-HEAD_ON = load_scenario("head-on")
-SOON = replace(
-    HEAD_ON, duration_s=110.0, intruders=tuple(replace(c, meet_at_s=72.0) for c in HEAD_ON.intruders)
-)
 
 
 class Counting(MonitoredLoop):
@@ -53,27 +50,30 @@ def is_near_miss(flight: Flight) -> bool:
 # --- no airspeed sensor
 
 
-@pytest.mark.parametrize("wind_mps", [(15.0, 0.0), (-15.0, 0.0), (0.0, 15.0)], ids=str)
-@pytest.mark.parametrize("shown", ["zero", "nan", "ground speed", "estimate"])
-@pytest.mark.parametrize("autopilot", BOTH)
+SHOWN: tuple[AirspeedSensor, ...] = ("zero", "nan", "ground speed", "estimate")
+WINDS_MPS = ((15.0, 0.0), (-15.0, 0.0), (0.0, 15.0))
+
+
+@in_turn("shown_in_wind", itertools.product(SHOWN, WINDS_MPS), BOTH)
 def test_without_an_airspeed_sensor_no_speed_is_commanded_and_it_keeps_clear(
-    autopilot: Autopilot, shown: AirspeedSensor, wind_mps: tuple[float, float]
+    autopilot: Autopilot, shown_in_wind: tuple[AirspeedSensor, tuple[float, float]]
 ) -> None:
+    shown, wind_mps = shown_in_wind
     loop = Counting(replace(SOON, wind=Wind(*wind_mps)), autopilot)
     loop.world.vehicle.remove_airspeed_sensor(shown)
-    flight = loop.run(110.0)
+    flight = loop.run(PASSED_S)
     assert flight.engagements >= 1
     assert not is_near_miss(flight)
     assert loop.commanded[SPEED] == loop.commanded["FW_AIRSPD_TRIM"] == 0
     assert flight.texts.count("Avoidance: no airspeed sensor, speed not commanded") == 1
 
 
-@pytest.mark.parametrize("autopilot", BOTH)
+@both
 def test_without_air_data_and_sensor_state_no_speed_is_commanded(autopilot: Autopilot) -> None:
     loop = Counting(replace(SOON, wind=Wind(9.0, -12.0)), autopilot)
     for message_id in (VFR_HUD, SYS_STATUS):
         loop.world.vehicle.withhold(message_id, True)
-    assert clear(loop.run(110.0))
+    assert clear(loop.run(GIVEN_BACK_S))
     assert loop.commanded[SPEED] == loop.commanded["FW_AIRSPD_TRIM"] == 0
 
 
@@ -81,17 +81,17 @@ def test_ground_speed_shown_as_airspeed_is_recognised_by_the_wind() -> None:
     loop = Counting(replace(SOON, wind=Wind(-12.0, 0.0)))
     loop.world.vehicle.remove_airspeed_sensor("ground speed")
     loop.world.vehicle.withhold(SYS_STATUS, True)
-    assert clear(loop.run(110.0))
+    assert clear(loop.run(GIVEN_BACK_S))
     assert loop.commanded[SPEED] == 0
 
 
-@pytest.mark.parametrize("autopilot", BOTH)
+@both
 def test_without_a_sensor_and_without_a_wind_report_it_keeps_clear(autopilot: Autopilot) -> None:
     loop = Counting(replace(SOON, wind=Wind(-10.0, 5.0)), autopilot)
     loop.world.vehicle.remove_airspeed_sensor("zero")
     for message_id in (WIND, WIND_COV):
         loop.world.vehicle.withhold(message_id, True)
-    assert clear(loop.run(110.0))
+    assert clear(loop.run(GIVEN_BACK_S))
 
 
 # --- controls that are refused
@@ -106,7 +106,7 @@ def lacking(*commands: int) -> Counting:
 
 def test_a_build_without_guided_commands_is_flown_by_places_and_heights() -> None:
     loop = lacking(*GUIDED_COMMANDS)
-    flight = loop.run(110.0)
+    flight = loop.run(GIVEN_BACK_S)
     assert clear(flight)
     assert flight.resumed
     assert loop.engine.rejections <= len(GUIDED_COMMANDS)
@@ -121,7 +121,7 @@ def test_the_fake_of_such_a_build_is_flown_too() -> None:
     vehicle = loop.world.vehicle
     assert isinstance(vehicle, FakeArduPlane)
     vehicle._commands.leave_out_guided_commands()
-    flight = loop.run(110.0)
+    flight = loop.run(GIVEN_BACK_S)
     assert clear(flight)
     assert flight.resumed
     assert loop.commanded[HEADING] == loop.commanded[HEIGHT] == 1
@@ -147,14 +147,15 @@ def test_heights_that_guided_course_acknowledges_and_does_not_fly_are_avoided_by
     loop = Counting(SOON, "px4-1.18")
     flight = loop.world.vehicle.flight
     flight.change_altitude = lambda _altitude_m: True  # type: ignore[attr-defined]
-    flown = loop.run(110.0)
+    flown = loop.run(GIVEN_BACK_S)
     assert not is_near_miss(flown)
     assert "Avoidance: height not taken, outside PX4's fence?" in "".join(flown.texts)
     assert flown.engagements == 1
 
 
-@pytest.mark.parametrize("result", [1, 2, UNSUPPORTED, 4])
-def test_guided_course_that_is_refused_gives_way_to_offboard_at_once(result: int) -> None:
+# After one of the refusals the flight goes on to its end.
+@pytest.mark.parametrize(("result", "seconds"), [(1, 10.0), (2, 10.0), (UNSUPPORTED, 170.0), (4, 10.0)])
+def test_guided_course_that_is_refused_gives_way_to_offboard_at_once(result: int, seconds: float) -> None:
     loop = Counting(SOON, "px4-1.18")
     vehicle = loop.world.vehicle
 
@@ -167,9 +168,9 @@ def test_guided_course_that_is_refused_gives_way_to_offboard_at_once(result: int
     vehicle.receive = refuses_course  # type: ignore[method-assign]
     loop.until(State.ENGAGING)
     loop.until_true(lambda: loop.mode_name == "OFFBOARD", limit_s=3.5)
-    flight = loop.run(170.0)
+    flight = loop.run(seconds)
     assert clear(flight)
-    assert flight.resumed
+    assert flight.resumed is (seconds > 100.0)
     assert flight.texts.count("Avoidance: GUIDED_COURSE refused, flying OFFBOARD") == 1
     assert not any("did not answer" in text or "autopilot refused" in text for text in flight.texts)
 
@@ -194,7 +195,7 @@ def test_what_is_refused_is_tried_again_after_a_restart_of_the_autopilot() -> No
     assert loop.commanded[HEADING] > 1
 
 
-@pytest.mark.parametrize("autopilot", BOTH)
+@both
 def test_an_unsupported_guided_mode_is_requested_once_and_then_only_advised(autopilot: Autopilot) -> None:
     loop = Counting(SOON, autopilot)
     loop.world.vehicle.refuse(DO_SET_MODE, UNSUPPORTED)

@@ -1,18 +1,25 @@
-"""Every scenario of `sim/scenarios`, engine and every way of flying in lockstep."""
+"""Every scenario of `sim/scenarios` in every way of flying: avoided, finished, and announced as it is flown.
+
+Each is flown once, engine and vehicle in lockstep; the tests of one flight run in one process.
+"""
+
+import math
 
 import pytest
 
 from companion.engine import Engine
-from companion.model import Layer
-from sim.closed_loop import ClosedLoop, Flight
+from companion.model import Guidance, Layer
+from companion.output.notice import TEXT_BYTES
+from companion.units import wrap_pi
+from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, load_scenario, scenario_names
 from tests.support.autopilots import MISSION_MODE, every
+from tests.support.scenario_flight import MOMENT_S, scenario_flight
 
 CONFLICTS = [name for name in scenario_names() if name != "clear"]
-
-
-def fly(name: str, autopilot: Autopilot) -> Flight:
-    return ClosedLoop(load_scenario(name), Engine(), autopilot=autopilot).run()
+MANEUVERS = ("CLIMB", "DESCEND", "RIGHT", "LEFT", "FASTER", "SLOWER", "HOLD")
+# Changes of course and height that need no text, and the longest wait of a text in a row of many.
+SMALL_RAD, SMALL_M, LATE_S = math.radians(20.1), 15.1, 3.1
 
 
 def test_the_documented_scenarios_exist() -> None:
@@ -24,7 +31,7 @@ def test_the_documented_scenarios_exist() -> None:
 @every
 @pytest.mark.parametrize("name", CONFLICTS)
 def test_a_conflict_is_avoided_and_the_mission_finished(name: str, autopilot: Autopilot) -> None:
-    flight = fly(name, autopilot)
+    flight = scenario_flight(name, autopilot).flight
     for encounter in flight.score.encounters.values():
         assert not encounter.nmac
         assert not encounter.lowc
@@ -43,8 +50,9 @@ def test_a_conflict_is_avoided_and_the_mission_finished(name: str, autopilot: Au
 
 
 @every
-def test_traffic_without_conflict_is_not_avoided(autopilot: Autopilot) -> None:
-    flight = fly("clear", autopilot)
+@pytest.mark.parametrize("name", ["clear"])
+def test_traffic_without_conflict_is_not_avoided(name: str, autopilot: Autopilot) -> None:
+    flight = scenario_flight(name, autopilot).flight
     assert flight.mission_completed
     assert flight.engagements == 0
     assert flight.setpoints_sent == 0
@@ -53,11 +61,35 @@ def test_traffic_without_conflict_is_not_avoided(autopilot: Autopilot) -> None:
 
 
 @every
-def test_the_same_seed_gives_the_same_flight(autopilot: Autopilot) -> None:
+@pytest.mark.parametrize("name", ["head-on"])
+def test_the_same_seed_gives_the_same_flight(name: str, autopilot: Autopilot) -> None:
+    first = scenario_flight(name, autopilot)
     # Only the part with the avoidance.
-    first, second = (
-        ClosedLoop(load_scenario("head-on"), Engine(), autopilot=autopilot).run(60.0) for _ in range(2)
-    )
-    assert first.engagements == 1
-    assert first.decisions == second.decisions
-    assert first.truth == second.truth
+    second = ClosedLoop(load_scenario(name), Engine(), autopilot=autopilot).run(60.0)
+    assert second.engagements == 1
+    assert len(second.decisions) > 500
+    assert second.decisions == first.flight.decisions[: len(second.decisions)]
+    assert second.truth == first.moments[599].truth
+
+
+@every
+@pytest.mark.parametrize("name", scenario_names())
+def test_each_change_of_what_is_flown_is_announced_in_one_message(name: str, autopilot: Autopilot) -> None:
+    known: Guidance | None = None
+    unannounced_s, count = 0.0, 0
+    for moment in scenario_flight(name, autopilot).moments:
+        maneuvers = [text for text in moment.texts if text.text.split()[0].strip(",:") in MANEUVERS]
+        assert all(message.id == 0 and len(message.text) <= TEXT_BYTES for message in maneuvers)
+        count += len(maneuvers)
+        if maneuvers and moment.guidance is not None:
+            known = moment.guidance
+        if not moment.flying or moment.guidance is None:
+            continue
+        assert known is not None
+        small = (
+            abs(wrap_pi(moment.guidance.course_rad - known.course_rad)) < SMALL_RAD
+            and abs(moment.guidance.altitude_m - known.altitude_m) < SMALL_M
+        )
+        unannounced_s = 0.0 if small else unannounced_s + MOMENT_S
+        assert unannounced_s < LATE_S, maneuvers
+    assert count < 20

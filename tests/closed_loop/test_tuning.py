@@ -13,7 +13,7 @@ from companion.model import Layer, Role
 from companion.replay import replay
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
-from tests.support.autopilots import both
+from tests.support.autopilots import BOTH, in_turn
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
 from tests.support.overrides import in_state
 
@@ -105,8 +105,7 @@ def test_a_ceiling_set_in_flight_is_kept() -> None:
     assert heights[310.0] < 325.0
 
 
-@both
-@pytest.mark.parametrize("name", ["CA_WC_HORIZ", "CA_DOMAIN", "CA_REL_TIME", "CA_CONTROLS", "CA_SPARE_CLIMB"])
+@in_turn("name", ["CA_WC_HORIZ", "CA_DOMAIN", "CA_REL_TIME", "CA_CONTROLS", "CA_SPARE_CLIMB"], BOTH)
 def test_an_avoidance_continues_through_a_change(autopilot: Autopilot, name: str) -> None:
     """The guidance is kept after a small change."""
     value = {"CA_WC_HORIZ": 620.0, "CA_DOMAIN": 80.0, "CA_REL_TIME": 4.0, "CA_CONTROLS": 5.0}.get(name, 13.0)

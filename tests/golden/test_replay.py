@@ -53,6 +53,25 @@ def test_both_intruders_are_avoided_in_time(name: str) -> None:
     assert again.report()["layers"] == result.report()["layers"]
 
 
+@pytest.mark.parametrize("name", [name for name in CLOSEST_S if name in TLOGS][:1])
+def test_a_replay_lists_the_aircraft_with_their_sources(name: str) -> None:
+    result, lines = decide(TLOGS[name])
+    aircraft = {one["track"]: one for one in result.report()["aircraft"]}  # type: ignore[attr-defined]
+    assert set(aircraft) == set(CLOSEST_S[name])
+    decisions = [json.loads(line) for line in lines]
+    for track, at_s in CLOSEST_S[name].items():
+        one = aircraft[track]
+        assert one["sources"] == ["ADS-B"]
+        assert one["closest_s"] == pytest.approx(at_s, abs=2.0)
+        seen = [each for decision in decisions for each in decision["traffic"] if each["track"] == track]
+        assert one["reports"] == max(each["reports"] for each in seen) > 50
+        assert 0.0 <= one["first_heard_s"] < one["last_heard_s"]
+    table = [*result.sightings.lines()]
+    assert len(table) == 1 + len(aircraft)
+    assert table[0].split()[0] == "aircraft"
+    assert all(line.endswith("ADS-B") for line in table[1:])
+
+
 @pytest.mark.parametrize("name", [name for name in TLOGS if name not in CLOSEST_S])
 def test_logs_without_traffic_stay_clear(name: str) -> None:
     result, lines = decide(TLOGS[name])

@@ -11,8 +11,11 @@ from typing import Any
 import pytest
 from playwright.async_api import Page, async_playwright
 
-from companion.model import Layer, Track
+from companion.gcs.traffic_conditions import traffic_conditions
+from companion.model import Layer, Track, TrackState
 from companion.output.notice import Condition
+from companion.traffic import Concern, ConcernKind
+from companion.web.health import ReceiverCount
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
@@ -39,6 +42,7 @@ pytestmark = [
 ]
 
 SNAPSHOT = snapshot_after(40.0)
+TRACKS = ("A00001", "GLIDER", "NEW")
 
 
 @contextlib.asynccontextmanager
@@ -278,6 +282,93 @@ async def test_a_hundred_aircraft_and_an_emergency_are_drawn() -> None:
         await until_true(opened, f"window.companionDisplay.statesDrawn > {drawn + 10}")
         first = await opened.inner_text("#traffic tr:first-child")
         assert "HEAD1" in first, "the most urgent is on top"
+
+
+def of_several_sources() -> LiveSnapshot:
+    """One confirmed, one tentative, one coasted aircraft, two receivers, and traffic that is not avoided."""
+    (head,) = SNAPSHOT.snapshot.tracks
+    north_m, east_m, down_m = head.position_m
+
+    def beside(name: str, off_m: float, **changes: Any) -> Track:
+        place_m = (north_m, east_m + off_m, down_m)
+        return replace(head, track_id=name, callsign=name, icao=None, position_m=place_m, **changes)
+
+    tracks = (
+        replace(
+            head,
+            age_s=12.3,
+            state=TrackState.COASTED,
+            sources=(),
+            position_sigma_m=300.0,
+        ),
+        beside("GLIDER", 1500.0, sources=("flarm:udpin:0.0.0.0:1", "ADS-B"), position_sigma_m=10.0),
+        beside("NEW", -1500.0, state=TrackState.TENTATIVE, sources=("sbs:tcp:a:1", "sbs:tcp:b:1")),
+    )
+    concerns = (
+        Concern(ConcernKind.HEIGHT_UNKNOWN, "HB2291", 1840.0, 0.5, 0.4),
+        Concern(ConcernKind.NOT_HEARD, "HEAD1", 5100.0, 0.0, 12.3),
+        Concern(ConcernKind.LEFT_OUT, "912"),
+    )
+    receivers = (
+        ReceiverCount("sbs:tcp:a:1", "SBS-1", "accuracy", 0, 0, (("truncated", 2),), 3, 4, 0.2, None),
+        ReceiverCount("flarm:udpin:0.0.0.0:1", "FLARM", "", 0, 0, (), 0, 0, 33.0, "silent for 10 s"),
+    )
+    conditions = (
+        *traffic_conditions(concerns, SNAPSHOT.snapshot.ownship),
+        Condition("low", 4, "Avoidance off: low"),
+    )
+    shown_now = replace(SNAPSHOT.snapshot, tracks=tracks)
+    around = health(receivers=receivers)
+    return replace(SNAPSHOT, snapshot=shown_now, concerns=concerns, conditions=conditions, health=around)
+
+
+@pytest.mark.parametrize("size", [PHONE, LAPTOP])
+async def test_sources_states_receivers_and_what_is_not_avoided_are_shown(size: tuple[int, int]) -> None:
+    source = live()
+    async with shown(source, of_several_sources()), site(source) as at, page(at, size) as opened:
+        assert await opened.evaluate(CUT) == []
+        head, glider, new = [await opened.inner_text(f"[data-track={name}]") for name in TRACKS]
+        assert "not heard 12 s · ±734 m" in head
+        assert "flarm, ADS-B · ±24 m" in glider
+        assert "tentative · 2 sbs" in new
+        states = [await opened.get_attribute(f"[data-track={name}]", "data-state") for name in TRACKS]
+        assert states == ["coasted", "confirmed", "tentative"]
+        concerns = await opened.inner_text("#concerns")
+        assert re.search(r"HB2291\s+1 o'clock, 1.84 km\s+Not avoided: height unknown", concerns)
+        assert re.search(r"HEAD1\s+12 o'clock, 5.10 km\s+Avoided: not heard for 12 s", concerns)
+        assert "912 aircraft left out" in concerns
+        assert (await opened.inner_text("#conditions")).split("\n") == ["Avoidance off: low"], "not twice"
+        receivers = await opened.inner_text("#receivers")
+        for text in ("SBS-1", "4 aircraft", "2 not understood, 3 dropped", "Lacks: accuracy"):
+            assert text in receivers
+        assert "silent for 10 s" in await opened.inner_text("#receivers [data-health=lost]")
+        assert await seen(opened, "tracksDrawn") == 3
+        await opened.keyboard.press("j")
+        await until_true(opened, "document.getElementById('details').innerText.includes('Sources')")
+        details = await opened.inner_text("#details")
+        assert re.search(r"State\s+not heard 12 s", details)
+        assert re.search(r"Position\s+±734 m", details)
+        assert await opened.evaluate(CUT) == []
+        assert await opened.evaluate("document.documentElement.scrollWidth") <= size[0]
+
+
+async def test_a_moment_before_has_the_states_of_its_tracks() -> None:
+    source, snapshot = live(), of_several_sources()
+    confirmed = [replace(track, state=TrackState.CONFIRMED) for track in snapshot.snapshot.tracks]
+    async with site(source) as at:
+        source.show(snapshot)
+        async with page(at) as opened:
+            async with shown(source, snapshot):
+                await until_true(opened, "window.companionDisplay.statesDrawn > 15")
+            async with shown(
+                source, replace(snapshot, snapshot=replace(snapshot.snapshot, tracks=tuple(confirmed)))
+            ):
+                await until_true(opened, "document.querySelector('#traffic [data-state=coasted]') === null")
+                await opened.keyboard.press("Home")
+                await opened.wait_for_selector("#past", state="visible")
+                await until_true(opened, "document.querySelector('#traffic [data-state=coasted]') !== null")
+                assert await opened.inner_text("[data-track=A00001] .evidence") == "not heard 12 s · ±734 m"
+                assert await opened.get_attribute("[data-track=NEW]", "data-state") == "tentative"
 
 
 async def test_a_replay_plays_pauses_and_seeks() -> None:

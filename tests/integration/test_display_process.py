@@ -16,7 +16,7 @@ from companion.errors import PORT_IN_USE
 from companion.web import Display
 from companion.web.settings import Settings
 from sim.demo import DemoOptions, DemoState, fly_demo
-from sim.scenario import load_scenario
+from tests.support.short_scenario import shorter
 from tests.support.web_bench import TOKEN, Answer, Site
 
 pytestmark = pytest.mark.wire
@@ -38,7 +38,7 @@ async def flight(
 ) -> AsyncIterator[tuple[DemoState, asyncio.Task[DemoState]]]:
     """Fly the head-on scenario with a display."""
     begun: asyncio.Future[DemoState] = asyncio.get_running_loop().create_future()
-    options = DemoOptions(load_scenario("head-on"), speedup=speedup, display=settings)
+    options = DemoOptions(shorter("head-on"), speedup=speedup, display=settings)
     flying = asyncio.create_task(fly_demo(options, begun.set_result))
     try:
         yield await begun, flying

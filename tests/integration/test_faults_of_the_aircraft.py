@@ -9,7 +9,7 @@ from companion.mavlink.dialect import mavlink
 from companion.model import Layer
 from companion.traffic import TrafficParams
 from sim.scenario import Autopilot
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both, in_turn
 from tests.support.faulty_flight import CLIMBS, MEET_AT_S, FaultyFlight, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
@@ -204,8 +204,7 @@ async def test_a_mode_change_that_is_never_done_is_told_and_asked_again(autopilo
         await flight.until(lambda: flight.guided, 15.0)
 
 
-@both
-@pytest.mark.parametrize("error_s", [-3600.0, 3600.0])
+@in_turn("error_s", [-3600.0, 3600.0, 3600.0])
 @in_virtual_time
 async def test_a_step_of_the_autopilots_clock_changes_nothing(autopilot: Autopilot, error_s: float) -> None:
     async with faulty_flight(autopilot) as flight:

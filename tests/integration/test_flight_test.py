@@ -18,6 +18,7 @@ from sim.clock import ScaledClock
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle
 from sim.vehicle.px4.telemetry import Px4Telemetry
+from tests.support.commands import call
 from tests.support.faulty_flight import free_ports
 
 pytest.importorskip("mavsdk", reason="MAVSDK's library cannot be loaded on this platform")
@@ -103,7 +104,7 @@ def test_the_fake_is_flown_judged_and_recorded(tmp_path: Path) -> None:
     ],
 )
 def test_bad_usage_is_one_line_and_exit_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    refused = flight_test(tmp_path, *options)
+    refused = call("flight-test", *options, module="sim", folder=tmp_path)
     assert refused.returncode == 2, refused.stderr
     assert words in refused.stderr
 

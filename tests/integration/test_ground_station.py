@@ -122,7 +122,7 @@ def configured(folder: Path, port: int) -> Path:
     path = folder / "companion.yaml"
     path.write_text(
         f"links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\n"
-        f"state_file: {folder / 'state'}\nsettings_file: {folder / 'settings'}\n"
+        f"web: {{enabled: false}}\nstate_file: {folder / 'state'}\nsettings_file: {folder / 'settings'}\n"
     )
     return path
 

@@ -10,6 +10,7 @@ import pytest
 
 from tests.support.installation import Installation, add_extensions, install
 from tests.support.paths import ROOT
+from tests.support.short_scenario import write_short_head_on
 
 LINK_LINE = "links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\nweb: {{enabled: false}}\n"
 
@@ -41,7 +42,8 @@ def measuring(installed: Installation) -> "subprocess.Popen[str]":
 @pytest.fixture(scope="module")
 def flown(installed: Installation) -> Path:
     """The log that a demonstration recorded."""
-    words = ("--scenario", "head-on", "--speedup", "30", "--no-web", "--report", "demo.json")
+    scenario = write_short_head_on(installed.folder)
+    words = ("--scenario", scenario.name, "--speedup", "30", "--no-web", "--report", "demo.json")
     done = installed.run("companion-sim", "demo", *words)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads((installed.folder / "demo.json").read_text())["mission_completed"]

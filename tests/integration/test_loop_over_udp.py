@@ -9,7 +9,6 @@ import socket
 import sys
 import time
 from collections.abc import AsyncIterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -26,6 +25,7 @@ from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, Mode
 from sim.world import build_world
 from tests.support.faulty_flight import free_ports
+from tests.support.short_scenario import shorter
 
 pytestmark = pytest.mark.wire
 
@@ -42,7 +42,7 @@ SOON = {
 async def test_the_demo_avoids_resumes_and_its_recording_replays_the_same(
     tmp_path: Path,
 ) -> None:
-    options = DemoOptions(load_scenario("head-on"), speedup=20.0, record=tmp_path)
+    options = DemoOptions(shorter("head-on"), speedup=20.0, record=tmp_path)
     state = await asyncio.wait_for(fly_demo(options), 60.0)
     report = state.report()
     assert state.passed
@@ -57,22 +57,9 @@ async def test_the_demo_avoids_resumes_and_its_recording_replays_the_same(
     replayed: list[str] = []
     replay(state.recording, Engine(), on_decision=replayed.append)
     flown = state.recording.with_suffix(".jsonl").read_text().splitlines()
-    assert len(flown) > 1_000
+    assert len(flown) > 800
     assert replayed == flown[: len(replayed)]
     assert len(flown) - len(replayed) <= 10, "at most the ticks after the last frame"
-
-
-def shorter(name: str) -> Scenario:
-    """The scenario with an early conflict and a short mission."""
-    scenario = load_scenario(name)
-    (conflict,) = scenario.intruders
-    ahead = replace(scenario.mission.waypoints[-1], north_m=2300.0)
-    return replace(
-        scenario,
-        duration_s=180.0,
-        intruders=(replace(conflict, meet_at_s=72.0),),
-        mission=replace(scenario.mission, waypoints=(ahead,)),
-    )
 
 
 async def test_px4_is_flown_with_a_real_clock() -> None:

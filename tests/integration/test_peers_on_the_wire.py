@@ -9,7 +9,7 @@ from contextlib import ExitStack
 import pytest
 
 from companion.links import open_link
-from companion.links.datagram import MAX_PEERS
+from companion.links.content import MAX_PEERS
 from companion.links.udp import UdpInLink
 from companion.mavlink.dialect import Encoder, mavlink
 from tests.support.inbox import Inbox, frame

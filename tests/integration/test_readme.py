@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 import signal
-import subprocess
 import time
 import tomllib
 from functools import cache
@@ -22,6 +21,7 @@ from companion.control.state_machine import SupervisorParams
 from companion.model import Role
 from companion.traffic import TrafficParams
 from sim.scenario import load_scenario, scenario_names
+from tests.support.commands import call
 from tests.support.paths import ROOT
 from tests.tools.documents import README, REFERENCE, parameter_rows, parameter_rows_in
 from tests.tools.pictures import Terminal, demo_words, panel_in, shape_of
@@ -130,11 +130,8 @@ def commands(text: str) -> list[tuple[str, ...]]:
 @cache
 def helped(program: str, command: str) -> str:
     """The help of a command."""
-    words = demo_words()[0].removesuffix("companion-sim") + program
-    environment = {**os.environ, "COLUMNS": "200", "NO_COLOR": "1"}
-    result = subprocess.run(
-        [words, command, "--help"], capture_output=True, text=True, env=environment, check=False
-    )
+    module = {"companion": "companion", "companion-sim": "sim"}[program]
+    result = call(command, "--help", module=module, COLUMNS="200", NO_COLOR="1")
     return result.stdout if result.returncode == 0 else ""
 
 

@@ -10,6 +10,7 @@ from companion.recording import parts_in, read_mcap
 from tests.integration.test_command_line import assert_one_line
 from tests.support.commands import call
 from tests.support.paths import TLOGS
+from tests.support.short_scenario import write_short_head_on
 from tests.unit.report.test_flight_report import recording
 
 
@@ -73,8 +74,8 @@ def test_errors_are_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.wire
 def test_a_flown_demonstration_is_recorded_and_reported(tmp_path: Path) -> None:
-    words = ["demo", "--scenario", "head-on", "--speedup", "20", "--record", str(tmp_path / "rec")]
-    flown = call(*words, module="sim")
+    words = ("demo", "--scenario", str(write_short_head_on(tmp_path)), "--speedup", "20")
+    flown = call(*words, "--record", str(tmp_path / "rec"), module="sim")
     assert flown.returncode == 0, flown.stdout
     (name,) = parts_in(tmp_path / "rec")
     mcap = name.path(tmp_path / "rec", ".mcap")

@@ -10,7 +10,7 @@ import pytest
 
 from companion.clock import SteadyClock
 from sim.scenario import Autopilot
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every, in_turn
 from tests.support.companion_process import aircraft
 from tests.support.faulty_flight import START_S, faulty_flight
 from tests.support.virtual_time import VirtualTimeLoop, in_virtual_time
@@ -89,8 +89,7 @@ class SteppedTime:
         return round(self._monotonic_s() * 1e9)
 
 
-@every
-@pytest.mark.parametrize("error_s", [-3600.0, 3600.0])
+@in_turn("error_s", [-3600.0, 3600.0, -3600.0])
 @in_virtual_time
 async def test_a_step_of_the_system_clock_changes_nothing(
     autopilot: Autopilot, error_s: float, monkeypatch: pytest.MonkeyPatch

@@ -1,4 +1,7 @@
-"""Every scenario of `sim/scenarios` by every way of flying over real UDP: vehicle, link and runtime."""
+"""Every scenario of `sim/scenarios` over real UDP, in one way of flying after the other.
+
+Vehicle, link and runtime; the lockstep tests fly each scenario in every way.
+"""
 
 import asyncio
 
@@ -14,7 +17,7 @@ from sim.scenario import Autopilot, load_scenario, scenario_names
 from sim.server import VehicleServer
 from sim.vehicle import Truth
 from sim.world import build_world
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, in_turn
 from tests.support.faulty_flight import START_S, Notes, free_ports
 from tests.support.virtual_time import in_virtual_time
 
@@ -24,8 +27,7 @@ pytestmark = pytest.mark.wire
 SETTLED_S = 10.0
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "px4-1.18"])
-@pytest.mark.parametrize("name", scenario_names())
+@in_turn("name", scenario_names())
 @in_virtual_time
 async def test_a_scenario_over_udp(name: str, autopilot: Autopilot) -> None:
     scenario = load_scenario(name)

@@ -33,7 +33,7 @@ def test_every_signal_has_a_decision_and_a_reason() -> None:
 async def test_a_signal_that_ends_the_service_gives_the_aircraft_back_first(
     number: signal.Signals, tmp_path: Path
 ) -> None:
-    async with aircraft("ardupilot", tmp_path) as flight:
+    async with aircraft("ardupilot", tmp_path, display=True) as flight:
         await flight.flown()
         flight.signal(number)
         flight.signal(number)  # a second one does not cut the release short
@@ -46,7 +46,7 @@ async def test_a_signal_that_ends_the_service_gives_the_aircraft_back_first(
 
 
 async def test_ignored_signals_change_nothing(tmp_path: Path) -> None:
-    async with aircraft("ardupilot", tmp_path) as flight:
+    async with aircraft("ardupilot", tmp_path, display=True) as flight:
         await flight.flown()
         for number in SOME_IGNORED:
             flight.signal(number)
@@ -63,7 +63,7 @@ async def test_ignored_signals_change_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 async def test_a_closed_terminal_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     """Its signal comes, and then every line of the log fails."""
-    async with aircraft(autopilot, tmp_path) as flight:  # type: ignore[arg-type]
+    async with aircraft(autopilot, tmp_path, display=True) as flight:  # type: ignore[arg-type]
         await flight.flown()
         flight.close_log()
         flight.signal(signal.SIGHUP)

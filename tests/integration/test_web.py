@@ -12,9 +12,12 @@ import websockets
 import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
+from companion.model import TrackState, TrafficKind
 from companion.output.notice import Condition
+from companion.traffic import Concern, ConcernKind
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS, STATIC
+from companion.web.health import ReceiverCount
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
 from companion.web.source import LiveSource
@@ -139,12 +142,51 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
     assert families["companion_up"].samples[0].value == 1.0
 
 
+async def test_metrics_of_receivers_have_their_addresses() -> None:
+    bad = (("truncated", 2), ("wrong checksum", 5))
+    one = ReceiverCount("gdl90:udpin:0.0.0.0:4000", "GDL 90", "", 70, 60, bad, 3, 4, 0.5, "no GPS fix")
+    async with site(live(replace(SNAPSHOT, health=health(receivers=(one,))))) as at:
+        text = (await at.ask("/metrics")).body.decode()
+    where = 'receiver="gdl90:udpin:0.0.0.0:4000"'
+    assert {line for line in text.splitlines() if line.startswith("companion_receiver")} == {
+        f"companion_receiver_messages_total{{{where}}} 70.0",
+        f"companion_receiver_reports_total{{{where}}} 60.0",
+        f"companion_receiver_dropped_total{{{where}}} 3.0",
+        f"companion_receiver_aircraft{{{where}}} 4.0",
+        f"companion_receiver_silent_seconds{{{where}}} 0.5",
+        f'companion_receiver_bad_total{{reason="truncated",{where}}} 2.0',
+        f'companion_receiver_bad_total{{reason="wrong checksum",{where}}} 5.0',
+        f"companion_receiver_failed{{{where}}} 1.0",
+    }
+
+
+async def test_metrics_count_aircraft_by_state_and_source() -> None:
+    (known,) = SNAPSHOT.snapshot.tracks
+    coasted = replace(known, state=TrackState.COASTED, sources=())
+    both = replace(known, sources=("ADS-B", "sbs:tcp:a:1"))
+    mast = replace(known, kind=TrafficKind.OBSTACLE)
+    shown = replace(SNAPSHOT.snapshot, tracks=(known, coasted, both, mast))
+    concern = Concern(ConcernKind.HEIGHT_UNKNOWN, "N2", 1840.0, 0.5, 0.4)
+    async with site(live(replace(SNAPSHOT, snapshot=shown, concerns=(concern,)))) as at:
+        lines = (await at.ask("/metrics")).body.decode().splitlines()
+    assert {
+        'companion_aircraft{state="tentative"} 0.0',
+        'companion_aircraft{state="confirmed"} 2.0',
+        'companion_aircraft{state="coasted"} 1.0',
+        'companion_aircraft_by_source{source="ADS-B"} 2.0',
+        'companion_aircraft_by_source{source="sbs:tcp:a:1"} 1.0',
+        'companion_traffic_concerns{kind="height unknown"} 1.0',
+        'companion_traffic_concerns{kind="lost"} 0.0',
+    } <= set(lines)
+
+
 async def test_the_example_alerts_use_existing_metrics() -> None:
     rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
     async with site(live(SNAPSHOT)) as at:
         text = (await at.ask("/metrics")).body.decode()
     there = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
-    there |= {"companion_frames_total", "companion_frames_lost_total"}  # per link; this snapshot has none
+    # Per link or receiver; this snapshot has none.
+    there |= {"companion_frames_total", "companion_frames_lost_total", "companion_receiver_failed"}
     for rule in rules:
         names = set(re.findall(r"companion_\w+", rule["expr"]))
         assert names, rule["alert"]

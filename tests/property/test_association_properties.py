@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from companion.geodesy import LocalFrame
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, Vec3, adsb_key
 from companion.traffic import Tracker, TrafficParams
-from companion.traffic.ownship_echo import OwnshipFix
+from companion.traffic.own_trail import OwnshipFix
 
 PARAMS = TrafficParams(max_tracks=6, own_uas_id="07")
-ADSB, UTM, SYSTEM = TrafficSource
+SOURCES = ADSB, UTM, SYSTEM = TrafficSource.ADSB, TrafficSource.UTM, TrafficSource.SYSTEM
 PREFIX = {ADSB: "0000", UTM: "UTM-", SYSTEM: "SYS-"}
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
@@ -31,7 +31,7 @@ def named(source: TrafficSource, number: int, **fields: Any) -> TrafficReport:
 # All within a few hundred metres, so that pairs merge and split.
 reports = st.builds(
     named,
-    st.sampled_from(TrafficSource),
+    st.sampled_from(SOURCES),
     st.integers(1, 8),
     time_s=st.floats(-10.0, 100.0) | numbers,
     lat_deg=maybe(47.0, 47.005),

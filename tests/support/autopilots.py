@@ -1,8 +1,19 @@
-"""Every way of flying: the autopilots that are simulated, and their modes."""
+"""Every way of flying: the autopilots that are simulated, their modes, and which tests need which of them.
+
+- What judges control is flown in every way of flying (`every`): take-over, hand-back, pilot overrides, modes,
+  return to the leg.
+- What judges the avoidance needs one airframe of each kind (`both`): it decides above the adapters.
+- The rows of a table that the autopilot does not change are flown in turn (`in_turn`): each row once, and all
+  ways of flying in one table. `make thorough` flies each row in every one.
+- All scenarios are flown in every way of flying in `tests/closed_loop/test_scenarios.py`, and only there.
+"""
+
+from collections.abc import Iterable, Sequence
 
 import pytest
 
 from sim.scenario import Autopilot
+from tests.support.thorough import THOROUGH
 
 ARDUPILOT: Autopilot = "ardupilot"
 PX4: Autopilot = "px4"
@@ -14,3 +25,15 @@ GUIDED_MODE: dict[Autopilot, str] = {ARDUPILOT: "GUIDED", PX4: "OFFBOARD", PX4_1
 
 both = pytest.mark.parametrize("autopilot", BOTH)
 every = pytest.mark.parametrize("autopilot", ALL)
+
+
+def in_turn(
+    name: str, rows: Iterable[object], among: Sequence[Autopilot] = ALL, *, first: int = 0
+) -> pytest.MarkDecorator:
+    """Parametrizes `autopilot` and `name` with each row, by one way of flying after the other."""
+    rows = list(rows)
+    if THOROUGH:
+        pairs = [(autopilot, row) for row in rows for autopilot in among]
+    else:
+        pairs = [(among[(first + place) % len(among)], row) for place, row in enumerate(rows)]
+    return pytest.mark.parametrize(("autopilot", name), pairs)

@@ -110,12 +110,14 @@ async def aircraft(
     options: str = "",
     stuck_log: bool = False,
     without_vehicle: bool = False,
+    display: bool = False,
 ) -> AsyncIterator[Aircraft]:
+    """An aircraft in flight and its companion; with `display`, that one starts its display too."""
     (port,) = free_ports(1)
     config = folder / "companion.yaml"
     config.write_text(
         f"links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\n"
-        f"state_file: {folder / 'state'}\n{options}"
+        f"state_file: {folder / 'state'}\nweb: {{enabled: {str(display).lower()}}}\n{options}"
     )
     flight = Aircraft(config, stuck_log=stuck_log)
     await flight.start()

@@ -50,6 +50,7 @@ from tests.support.pilots_seat import (
     T0,
     Seat,
 )
+from tests.support.thorough import THOROUGH
 
 RULES = SupervisorParams()
 EVENT_S = 1.5
@@ -322,6 +323,13 @@ def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False
     left = model.mode in model.guided_modes and model.by_us and model.state not in FLYING
     assert not left or model.claims or model.stopped, "left in the guided mode"
     return model
+
+
+def seconds_after(autopilot: int, first: str) -> list[str]:
+    """Events to follow a first one: each pair in one way of flying, or in every one (`make thorough`)."""
+    ways = list(GUIDED_MODES)
+    turn = ways.index(autopilot) + EVENTS.index(first)
+    return [event for place, event in enumerate(EVENTS, turn) if THOROUGH or place % len(ways) == 0]
 
 
 def main() -> None:

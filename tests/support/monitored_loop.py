@@ -24,6 +24,9 @@ COMMANDS = {
 }
 DO_SET_MODE, SET_INTERVAL, REQUEST_MESSAGE = 176, 511, 512
 _STEP_US = 50_000
+_HEAD_ON = load_scenario("head-on")
+# The conflict begins after a quarter of a minute, when the autopilot has answered what is asked at the start.
+SOON = replace(_HEAD_ON, intruders=tuple(replace(one, meet_at_s=72.0) for one in _HEAD_ON.intruders))
 _OPERATOR, _OPERATOR_COMPONENT = 255, 190
 
 
@@ -37,7 +40,7 @@ class MonitoredLoop(ClosedLoop):
 
     def __init__(
         self,
-        scenario: Scenario | str = "head-on",
+        scenario: Scenario | str = SOON,
         *,
         drops: Callable[[Transmit], bool] = lambda _: False,
         config: EngineConfig | None = None,
@@ -48,7 +51,7 @@ class MonitoredLoop(ClosedLoop):
         self.states: list[tuple[int, State, int]] = []
         self.drops = drops
         self.alter: Callable[[Message], Message | None] = lambda message: message
-        self._awaited: Callable[[Fact], bool] = lambda _: False
+        self._awaited: Callable[[Fact], bool] | None = None
         self._reported_us: int | None = None
         if isinstance(scenario, str):
             scenario = load_scenario(scenario)
@@ -87,8 +90,8 @@ class MonitoredLoop(ClosedLoop):
         changed = self.alter(message)
         if changed is None:
             return
-        if self._reported_us is None and self._awaited(self._fact(changed)):
-            self._reported_us = self._now_us
+        if self._awaited is not None and self._awaited(self._fact(changed)):
+            self._awaited, self._reported_us = None, self._now_us
         super()._hear(changed)
 
     def _fact(self, message: Message) -> Fact | None:

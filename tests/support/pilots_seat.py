@@ -156,12 +156,12 @@ class Seat:
             facts.append(Heartbeat(AUTOPILOT, self.vehicle_type, self.autopilot % 1_000, *mode))
         if self.intruder and self._tick % 10 == 0:
             north_m = 22.0 * (self.meet_s - T0) + 60.0 * (self.meet_s - now_s)
-            speed_mps = 60.0
+            speed_mps, course_rad = 60.0, math.pi
             if self.hovers:
-                north_m, speed_mps = 22.0 * flown_s + 800.0, 22.0
+                north_m, speed_mps, course_rad = 22.0 * flown_s + 400.0, 22.0, 0.0
             report = TrafficReport(
                 TrafficSource.ADSB, "A00001", now_s, -35.0 + north_m / 110_940.0, 149.0,
-                self.intruder_altitude_m, course_rad=math.pi, ground_speed_mps=speed_mps, climb_mps=0.0,
+                self.intruder_altitude_m, course_rad=course_rad, ground_speed_mps=speed_mps, climb_mps=0.0,
                 icao=0xA00001,
             )  # fmt: skip
             facts.append(Traffic(AUTOPILOT, report))

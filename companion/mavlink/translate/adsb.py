@@ -1,8 +1,11 @@
 """Traffic from an ADS-B receiver (ADSB_VEHICLE), and our own transponder (UAVIONIX_ADSB_OUT_CFG)."""
 
+import math
+
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, OwnTransponder, Sender, Traffic
 from companion.mavlink.translate.wire import (
+    FULL_CIRCLE_CDEG,
     INT16_MAX,
     UINT16_MAX,
     Translation,
@@ -23,6 +26,10 @@ EMITTER_KINDS = {
     21: TrafficKind.OBSTACLE,
 }
 """The kinds by emitter category; any other category is an aircraft."""
+
+_EMITTERS = {TrafficKind.UAV: 14, TrafficKind.SURFACE_VEHICLE: 18, TrafficKind.OBSTACLE: 19}
+_UNKNOWN_AGE_S = 255
+_CALLSIGN_BYTES = 8
 
 
 def _own_transponder(message: Message, sender: Sender, _received_s: float) -> Fact | None:
@@ -46,7 +53,8 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
         source=TrafficSource.ADSB,
         key=adsb_key(message.ICAO_address),
         icao=message.ICAO_address,
-        time_s=received_s - message.tslc,
+        # The largest age means an unknown one: what changes is new.
+        time_s=received_s - (0 if message.tslc == _UNKNOWN_AGE_S else message.tslc),
         lat_deg=None if position is None else position[0],
         lon_deg=None if position is None else position[1],
         altitude_m=altitude_m(message.altitude) if flags & mavlink.ADSB_FLAGS_VALID_ALTITUDE else None,
@@ -66,6 +74,50 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
         simulated=bool(flags & mavlink.ADSB_FLAGS_SIMULATED),
     )
     return Traffic(sender, report)
+
+
+def vehicle_message(report: TrafficReport, age_s: float) -> Message:
+    """ADSB_VEHICLE for a report with an address, a position and an altitude, `age_s` old.
+
+    The altitude has to be above mean sea level, as the definition of the field says. ArduPilot
+    (`AP_ADSB::get_location`) and PX4 (`AdsbConflict`) compare it with their own, whatever `altitude_type` is;
+    this says what it was measured with. Unknown values are 0 and have no flag: readers that ignore the flags
+    take the usual "invalid" values for 655 m/s.
+    """
+    lat_deg, lon_deg, height_m = report.lat_deg, report.lon_deg, report.altitude_m
+    if report.icao is None or lat_deg is None or lon_deg is None or height_m is None:
+        raise ValueError("a report without address, position or altitude cannot be sent")
+    barometric = report.altitude_reference is AltitudeReference.BAROMETRIC
+    course_rad, ground_mps, climb_mps = report.course_rad, report.ground_speed_mps, report.climb_mps
+    callsign = (report.callsign or "").encode("ascii", errors="ignore")[:_CALLSIGN_BYTES]
+    known = {
+        mavlink.ADSB_FLAGS_VALID_COORDS: True,
+        mavlink.ADSB_FLAGS_VALID_ALTITUDE: True,
+        mavlink.ADSB_FLAGS_BARO_VALID: barometric,
+        mavlink.ADSB_FLAGS_VALID_HEADING: course_rad is not None,
+        mavlink.ADSB_FLAGS_VALID_VELOCITY: ground_mps is not None,
+        mavlink.ADSB_FLAGS_VERTICAL_VELOCITY_VALID: climb_mps is not None,
+        mavlink.ADSB_FLAGS_VALID_CALLSIGN: bool(callsign),
+        mavlink.ADSB_FLAGS_VALID_SQUAWK: report.squawk is not None,
+        mavlink.ADSB_FLAGS_SIMULATED: report.simulated,
+    }
+    return mavlink.MAVLink_adsb_vehicle_message(
+        ICAO_address=report.icao,
+        lat=round(lat_deg * 1e7),
+        lon=round(lon_deg * 1e7),
+        altitude_type=(
+            mavlink.ADSB_ALTITUDE_TYPE_PRESSURE_QNH if barometric else mavlink.ADSB_ALTITUDE_TYPE_GEOMETRIC
+        ),
+        altitude=round(height_m * 1000.0),
+        heading=round(math.degrees(course_rad or 0.0) * 100.0) % FULL_CIRCLE_CDEG,
+        hor_velocity=min(round((ground_mps or 0.0) * 100.0), UINT16_MAX - 1),
+        ver_velocity=max(min(round((climb_mps or 0.0) * 100.0), INT16_MAX - 1), -INT16_MAX),
+        callsign=callsign,
+        emitter_type=_EMITTERS.get(report.kind, 0),
+        tslc=min(int(age_s), _UNKNOWN_AGE_S - 1),
+        flags=sum(flag for flag, is_known in known.items() if is_known),
+        squawk=report.squawk or 0,
+    )
 
 
 def _squawk(code: int) -> int | None:

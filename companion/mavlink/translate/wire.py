@@ -11,7 +11,7 @@ Translation = Callable[[Message, Sender, float], Fact | None]
 
 UINT16_MAX = 0xFFFF
 INT16_MAX = 0x7FFF
-_FULL_CIRCLE_CDEG = 36_000
+FULL_CIRCLE_CDEG = 36_000
 # ADS-B encodes -1,000 to 126,700 ft; altitudes far outside cannot have been measured.
 _MIN_ALTITUDE_M = -1_000.0
 _MAX_ALTITUDE_M = 40_000.0
@@ -48,7 +48,7 @@ def is_altitude(metres: float) -> bool:
 
 def angle_rad(angle_cdeg: int) -> float | None:
     """Centidegrees in [0, 36000) as radians; `None` for any other value (UINT16_MAX included)."""
-    return math.radians(angle_cdeg / 100.0) if angle_cdeg < _FULL_CIRCLE_CDEG else None
+    return math.radians(angle_cdeg / 100.0) if angle_cdeg < FULL_CIRCLE_CDEG else None
 
 
 def speed_mps(speed_cmps: int, unknown: int) -> float | None:

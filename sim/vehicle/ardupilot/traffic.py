@@ -28,7 +28,6 @@ _CLEAR_FOR_S = 5.0
 class _Entry:
     report: Message
     received_s: float
-    channel: int
 
 
 @dataclass(slots=True)
@@ -42,7 +41,8 @@ class _Round:
 class TrafficList:
     """Reports by ICAO address. One entry per message interval, the list at most once a second.
 
-    A report is re-sent unchanged (`tslc` is not aged) until it is five seconds old.
+    A report is re-sent unchanged (`tslc` is not aged) until it is five seconds old, on every channel with a
+    rate, also to where it came from (`AP_ADSB::send_adsb_vehicle`).
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -50,7 +50,7 @@ class TrafficList:
         self._entries: dict[int, _Entry] = {}
         self._rounds: dict[int, _Round] = {}
 
-    def receive(self, report: Message, here: GeoPoint, now_s: float, channel: int) -> None:
+    def receive(self, report: Message, here: GeoPoint, now_s: float) -> None:
         """Store a report; an unusable one removes its aircraft from the list."""
         if self._parameters["ADSB_TYPE"] != _FROM_RECEIVER:
             return
@@ -67,12 +67,12 @@ class TrafficList:
         if unusable:
             self._entries.pop(icao, None)
         elif icao in self._entries or len(self._entries) < self._parameters["ADSB_LIST_MAX"]:
-            self._entries[icao] = _Entry(report, now_s, channel)
+            self._entries[icao] = _Entry(report, now_s)
 
     def next_for(self, channel: int, now_s: float) -> Message | None:
-        """The report to send on a channel now; a channel never gets its own reports back."""
+        """The report to send on a channel now."""
         self._drop_old(now_s)
-        entries = [e for e in self._entries.values() if e.channel != channel]
+        entries = list(self._entries.values())
         if not entries:
             return None
         turn = self._rounds.setdefault(channel, _Round())

@@ -102,8 +102,8 @@ class FakeArduPlane(FakeVehicle):
         """Lose the pilot's radio control or regain it; the parameters FS_SHORT_* and FS_LONG_* decide."""
         self._radio.lose(lost)
 
-    def _receive_report(self, report: Message, now_s: float, channel: int) -> None:
-        self._traffic.receive(report, self._flight.place, now_s, channel)
+    def _receive_report(self, report: Message, now_s: float, _channel: int) -> None:
+        self._traffic.receive(report, self._flight.place, now_s)
 
     def _reports_for(self, channel: int, now_s: float) -> list[Message]:
         report = self._traffic.next_for(channel, now_s)

@@ -91,13 +91,14 @@ class DetectAndAvoid:
         flight, values = self._flight, self._flight.parameters
         if flight.on_ground or values["DAA_EN"] < 1.0:
             return 0
+        here, ground_mps = flight.place, flight.ground_speed_mps
         levels = (("CRIT", None), ("HIGH", None), ("CRIT", "MED"), ("HIGH", "LOW"))
         for level, (size, latency) in zip((4, 3, 2, 1), levels, strict=True):
             radius_m, height_m = 2.0 * values[f"DAA_LVL_{size}_RAD"], 2.0 * values[f"DAA_LVL_{size}_HGT"]
             ahead_s = 0.0 if latency is None else values[f"DAA_LVL_{latency}_TIME"]
-            own_m = ahead_s * flight.ground_speed_mps
+            own_m = ahead_s * ground_mps
             above_m = height_m + ahead_s * (abs(flight.aircraft.climb_mps) + _CLIMB_ASSUMED_MPS)
-            if self._heard.is_within(flight.place, radius_m + own_m, above_m, now_s, ahead_s=ahead_s):
+            if self._heard.is_within(here, radius_m + own_m, above_m, now_s, ahead_s=ahead_s):
                 return level
         return 0
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.assess import is_relevant, protected_tracks
+from companion.avoidance.assess import protected_tracks
+from companion.avoidance.credible import relevant_track
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()
@@ -60,7 +61,6 @@ def test_an_unknown_height_can_only_be_passed_sideways(uncertain_m: float) -> No
 
 
 def test_an_invalid_uncertainty_does_not_count() -> None:
-    assert not is_relevant(replace(OVER, vertical_uncertainty_m=math.nan))
-    negative = replace(OVER, vertical_uncertainty_m=-500.0)
-    one, other = (protected_tracks(0.0, [track], PARAMS) for track in (OVER, negative))
-    assert one.protected_vertical_m == other.protected_vertical_m
+    for invalid_m in (math.nan, -500.0):
+        believed = relevant_track(replace(OVER, vertical_uncertainty_m=invalid_m), 0.0)
+        assert believed == OVER

@@ -275,12 +275,33 @@ def test_in_the_roles_advise_and_off_nothing_is_commanded(role: str, computed: b
     assert {m.custom_mode for m in of(sent, "HEARTBEAT")} == {int(Role[role.upper()])}
 
 
-def test_own_transponder_is_no_traffic() -> None:
-    for fact in (OwnTransponder(AUTOPILOT, 0xA00001), Parameter(AUTOPILOT, "ADSB_ICAO_ID", float(0xA00001))):
-        engine = new_engine()
-        run(engine, [heartbeat(), fact], T0)
-        fly(engine, 2.0)
-        assert engine.snapshot(T0 + 2.0).tracks == ()
+OWN_ADDRESS_FACTS = (
+    OwnTransponder(AUTOPILOT, 0xA00001),
+    Parameter(AUTOPILOT, "ADSB_ICAO_ID", float(0xA00001)),
+)
+
+
+@pytest.mark.parametrize("fact", OWN_ADDRESS_FACTS)
+def test_own_transponder_is_no_traffic(fact: Fact) -> None:
+    engine = new_engine()
+    run(engine, [heartbeat(), fact], T0)
+    for tick in range(30):
+        now_s = T0 + tick / 10.0
+        own = position(now_s)
+        # 400 m behind: too far for an echo of another address.
+        there = replace(traffic(now_s).report, lat_deg=own.lat_deg - 400.0 / 110_940.0, lon_deg=own.lon_deg)
+        run(engine, [heartbeat(), own, Traffic(AUTOPILOT, there)], now_s)
+        assert engine.snapshot(now_s).tracks == ()
+
+
+@pytest.mark.parametrize("facts", [[one] for one in OWN_ADDRESS_FACTS] + [list(OWN_ADDRESS_FACTS)])
+def test_an_address_that_is_said_to_be_ours_and_flies_elsewhere_is_traffic(facts: list[Fact]) -> None:
+    engine = new_engine()
+    run(engine, [heartbeat(), *facts], T0)
+    sent = fly(engine, 5.0)
+    assert [track.track_id for track in engine.snapshot(T0 + 4.9).tracks] == ["A00001"]
+    texts = [str(message.text) for message in of(sent, "STATUSTEXT")]
+    assert texts.count("A00001 is not our address, flies elsewhere") == 1
 
 
 def test_barometric_heights_are_compared_by_pressure() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from companion.errors import LinkDownError, LinkError
 from companion.links import Link, SerialLink, memory_pair, open_link
-from companion.links.datagram import MAX_PEERS, SILENCE_S, Peers
+from companion.links.content import MAX_PEERS
+from companion.links.datagram import SILENCE_S, Peers
 from companion.links.sockets import resolve
 from companion.links.tcp import TcpInLink, TcpOutLink
 from companion.links.udp import UdpInLink, UdpOutLink

@@ -8,7 +8,8 @@ import pytest
 
 from companion.errors import LinkDownError, LinkError
 from companion.links import LinkState, Reconnect, open_link, tcp
-from companion.links.datagram import MAX_PEERS, SILENCE_S
+from companion.links.content import MAX_PEERS
+from companion.links.datagram import SILENCE_S
 from companion.links.tcp import TcpInLink, TcpOutLink
 from companion.mavlink.dialect import Encoder, mavlink
 from tests.support.inbox import Inbox, frame, until

@@ -161,7 +161,8 @@ def test_sentinels_and_implausible_values_are_unknown_even_with_their_flag(
         ({"callsign": b" AB 12  "}, "callsign", "AB 12"),
         ({"callsign": b"AB\x00CD"}, "callsign", "AB"),
         ({"callsign": b"ABCDEFGHI"}, "callsign", "ABCDEFGHI"),
-        ({"tslc": 255}, "time_s", RECEIVED_S - 255),
+        ({"tslc": 254}, "time_s", RECEIVED_S - 254),
+        ({"tslc": 255}, "time_s", RECEIVED_S),  # unknown
         ({"tslc": 0}, "time_s", RECEIVED_S),
         ({"altitude_type": 0}, "altitude_reference", AltitudeReference.BAROMETRIC),
         ({"altitude_type": 9}, "altitude_reference", AltitudeReference.BAROMETRIC),

@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
+from companion.gcs.concern_values import concern_values
 from companion.geodesy import GeoPoint, LocalFrame
-from companion.model import Decision, Layer, Ownship, Threat, Track, TrafficKind
+from companion.model import Decision, Layer, Ownship, Threat, Track, TrackState, TrafficKind
 from companion.output.decision_record import Circumstances, decision_line
+from companion.traffic import Concern, ConcernKind
 
 FRAME = LocalFrame(-35.36, 149.16)
 HERE = GeoPoint(-35.35, 149.17, 884.0)
@@ -68,8 +70,49 @@ def test_every_track_is_relative_to_ownship() -> None:
         "ground_speed_mps": 5.0,
         "climb_mps": -2.0,
         "age_s": 0.3,
+        "state": "confirmed",
+        "sources": [],
+        "alarm": 0,
+        "position_sigma_m": None,
+        "velocity_sigma_mps": None,
+        "vertical_uncertainty_m": 0.0,
+        "reports": 0,
     }
     assert (second["icao"], second["callsign"], second["kind"]) == (None, None, "obstacle")
+
+
+def test_every_track_has_its_evidence() -> None:
+    heard = track(
+        state=TrackState.COASTED,
+        sources=("sbs:tcp:a:1", 'un"usual'),
+        alarm=2,
+        position_sigma_m=30.04,
+        velocity_sigma_mps=math.inf,
+        vertical_uncertainty_m=60.0,
+    )
+    around = Circumstances("monitor", False, "AUTO", FRAME, reports={"A00001": 812})
+    (one,) = json.loads(decision_line(5.0, Decision(Layer.CLEAR), OWN, [heard], around))["traffic"]
+    assert (one["state"], one["sources"], one["alarm"]) == ("coasted", ["sbs:tcp:a:1", 'un"usual'], 2)
+    assert (one["position_sigma_m"], one["velocity_sigma_mps"]) == (30.0, None)
+    assert (one["vertical_uncertainty_m"], one["reports"]) == (60.0, 812)
+
+
+def test_what_is_not_avoided_is_in_the_line() -> None:
+    concern = Concern(ConcernKind.HEIGHT_UNKNOWN, 'N"2', 1840.4, math.radians(-10.0), 0.44)
+    shadow = Concern(ConcernKind.TWO_PLACES, "A1")
+    values = [concern_values(one) for one in (concern, shadow)]
+    around = Circumstances("monitor", False, "AUTO", FRAME, concerns=values)
+    assert json.loads(decision_line(5.0, Decision(Layer.CLEAR), OWN, [], around))["concerns"] == [
+        {
+            "kind": "height unknown", "name": 'N"2', "avoided": False, "distance_m": 1840,
+            "bearing_deg": 350.0, "seconds": 0.4,
+        },
+        {
+            "kind": "reported in two places", "name": "A1", "avoided": True, "distance_m": None,
+            "bearing_deg": None, "seconds": 0.0,
+        },
+    ]  # fmt: skip
+    assert line()["concerns"] == []
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -132,6 +133,72 @@ def test_the_deviation_is_measured_from_the_mission_if_it_is_known() -> None:
     flight.mission = [(place.lat_deg, place.lon_deg) for place in places]
     (first, _) = encounters_of(flight)
     assert first.aside_m == pytest.approx(250.0, abs=1.0)
+
+
+def heard(one: dict[str, Any], state: str, *sources: str, **changes: Any) -> dict[str, Any]:
+    evidence = {
+        "position_sigma_m": 30.0,
+        "velocity_sigma_mps": 1.5,
+        "vertical_uncertainty_m": 0.0,
+        "alarm": 0,
+    }
+    return one | {"state": state, "sources": [*sources]} | evidence | changes
+
+
+def of_sources() -> Iterator[dict[str, Any]]:
+    """A00001 is heard by two receivers, by one from 60 s on, coasted from 120 s on, and lost at 150 s.
+
+    A00002 <b> is known by ADS-B to the end. HB1 has no height from 30 to 40 s, and comes to 900 m.
+    """
+    for second in range(200):
+        north_m = 50.0 * (60 - second)
+        both = ("gdl90:udpin:0.0.0.0:4000", "sbs:tcp:a:1")
+        traffic = [heard(track("A00002", 10_000.0, 0.0), "confirmed", "ADS-B<b>", reports=10 * second)]
+        if second < 120:
+            sources = both if second < 60 else both[:1]
+            traffic.append(heard(track("A00001", north_m, 0.0), "confirmed", *sources, reports=second))
+        elif second < 150:
+            silent = {"reports": 119, "age_s": second - 119.0, "position_sigma_m": None}
+            traffic.append(heard(track("A00001", north_m, 0.0), "coasted", **silent))
+        concern = {
+            "kind": "height unknown",
+            "name": "HB1",
+            "avoided": False,
+            "bearing_deg": 0.0,
+            "seconds": 0.4,
+        }
+        near = 30 <= second <= 40
+        concerns = [concern | {"distance_m": 900.0 + 100.0 * abs(35 - second)}] if near else []
+        yield record(second, 20.0 * second, traffic=traffic, concerns=concerns)
+
+
+def test_the_sources_and_the_end_of_each_aircraft_are_known() -> None:
+    flight = flight_of(of_sources())
+    assert flight.unusable == 0
+    first, second = flight.tracks["A00001"].sighting, flight.tracks["A00002"].sighting
+    assert first.sources == ("gdl90:udpin:0.0.0.0:4000", "sbs:tcp:a:1")
+    assert first.spans_s["sbs:tcp:a:1"] == [(0.0, 59.0)]
+    assert first.spans_s["gdl90:udpin:0.0.0.0:4000"] == [(0.0, 119.0)]
+    assert (first.last_heard_s, first.coasted_s()) == (pytest.approx(119.0, abs=0.2), 29.0)
+    assert (first.closest_m, first.closest_s, first.reports) == (0.0, 60.0, 119)
+    assert (first.state_at(199.0), second.state_at(199.0)) == ("lost", "confirmed")
+    assert second.reports == 1990
+    (concern,) = flight.concerns.values()
+    assert (concern.first_s, concern.last_s, concern.nearest_m) == (30.0, 40.0, 900.0)
+    assert (concern.kind, concern.avoided) == ("height unknown", False)
+
+
+def test_the_page_lists_aircraft_by_source_and_what_was_not_avoided() -> None:
+    text = page_of(Log(flight_of(of_sources())))
+    row = re.search(r"<tr><td><b>N1</b></td><td>gdl90:udpin:0.0.0.0:4000, sbs:tcp:a:1</td>.*?</tr>", text)
+    assert row is not None
+    assert "<td>119</td><td>±73 m</td><td>0 m</td><td>1:00</td><td>29 s</td><td>lost</td>" in row[0]
+    assert "ADS-B&lt;b&gt;" in text
+    assert "<td>HB1</td><td>height unknown</td><td>no</td><td>0:30</td><td>0:40</td><td>900 m</td>" in text
+    assert "when each source reported each aircraft" in text
+    former = page_of(Log(flight_of(avoided())))
+    assert "Not avoided, or odd" not in former
+    assert "when each source reported" not in former, "records of former versions have no sources"
 
 
 def test_advice_that_was_not_flown_has_no_action() -> None:

@@ -96,3 +96,10 @@ def test_without_receiver_type_nothing_is_forwarded() -> None:
     bench.send(adsb(), (1, 156), RECEIVER)
     bench.fly(3.0)
     assert bench.messages("ADSB_VEHICLE") == []
+
+
+def test_a_report_comes_back_on_the_channel_that_it_came_from() -> None:
+    bench = traffic_bench()
+    bench.send(adsb(), (1, 156), 0)
+    bench.fly(1.0)
+    assert bench.messages("ADSB_VEHICLE", 0)

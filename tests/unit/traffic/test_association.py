@@ -17,7 +17,7 @@ from companion.model import (
 )
 from companion.traffic import DropReason, Tracker, TrafficParams
 from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
-from companion.traffic.ownship_echo import OwnshipFix
+from companion.traffic.own_trail import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)
 FAST: Vec3 = (45.0, 20.0, 0.0)
@@ -27,7 +27,7 @@ REFERENCES = {
     TrafficSource.UTM: AltitudeReference.GEOMETRIC,
     TrafficSource.SYSTEM: AltitudeReference.SEA_LEVEL,
 }
-ADSB, UTM, SYSTEM = TrafficSource
+SOURCES = ADSB, UTM, SYSTEM = TrafficSource.ADSB, TrafficSource.UTM, TrafficSource.SYSTEM
 
 
 def report(
@@ -79,7 +79,7 @@ def test_one_aircraft_from_two_sources_becomes_one_track_after_some_reports(
 def test_three_sources_become_one_track_and_each_report_updates_it() -> None:
     tracker = Tracker()
     for second in range(12):
-        updated = [tracker.receive(report(source, float(second)), second) for source in TrafficSource]
+        updated = [tracker.receive(report(source, float(second)), second) for source in SOURCES]
     assert updated == ["4B1234"] * 3
     assert ids(tracker, 12.0) == ["4B1234"]
 
@@ -184,8 +184,10 @@ def test_a_merged_track_continues_when_one_source_falls_silent() -> None:
         (track,) = tracker.tracks(second, FRAME)
         assert track.track_id == ("4B1234" if second < 30 else "UTM-A1")
         assert track.age_s == 0.0
-    tracker.receive(replace(report(UTM, 40.0), airborne=False), 40.0)
-    assert ids(tracker, 40.0) == []
+    landed = replace(report(UTM, 40.0), ground_speed_mps=0.0, course_rad=None, airborne=False)
+    for second in range(40, 50):
+        tracker.receive(replace(landed, time_s=float(second)), second)
+    assert ids(tracker, 50.0) == []
 
 
 def test_a_merged_track_has_the_most_certain_altitude() -> None:
@@ -204,12 +206,17 @@ def test_a_merged_track_has_the_most_certain_altitude() -> None:
 
 
 def test_aircraft_on_the_ground_are_not_traffic() -> None:
-    tracker = Tracker()
-    tracker.receive(report(UTM, 0.0), 0.0)
+    tracker, slow = Tracker(), (4.0, 2.0, 0.0)
+    tracker.receive(report(UTM, 0.0, velocity_mps=slow), 0.0)
     assert ids(tracker, 0.0) == ["UTM-A1"]
-    assert tracker.receive(replace(report(UTM, 1.0), airborne=False), 1.0) is None
+    assert tracker.receive(replace(report(UTM, 1.0, velocity_mps=slow), airborne=False), 1.0) is None
     assert ids(tracker, 1.0) == []
     assert tracker.dropped == {DropReason.ON_GROUND: 1}
+
+
+def test_what_is_fast_flies_though_it_says_that_it_is_on_the_ground() -> None:
+    tracker = Tracker()
+    assert tracker.receive(replace(report(UTM, 0.0), airborne=False), 0.0) == "UTM-A1"
 
 
 # --- echoes of our own aircraft ------------------------------------------------------------------
@@ -226,7 +233,7 @@ def observe_ownship(tracker: Tracker, time_s: float) -> None:
     tracker.observe_ownship(OwnshipFix(time_s, place.lat_deg, place.lon_deg, 500.0, FAST[0], FAST[1], 0.0))
 
 
-@pytest.mark.parametrize("source", TrafficSource)
+@pytest.mark.parametrize("source", SOURCES)
 @pytest.mark.parametrize("late_s", [0, 1, 2, 3])
 def test_a_target_first_received_on_our_trail_is_an_echo_at_once(source: TrafficSource, late_s: int) -> None:
     tracker = Tracker()
@@ -255,7 +262,8 @@ def test_a_target_first_received_elsewhere_is_an_echo_only_after_several_reports
         fly_own(tracker, second - 1, second)
         off_m = (0.0, max(60.0 - 10.0 * second, 0.0), 0.0)
         is_traffic.append(tracker.receive(report(UTM, float(second), off_m), second) is not None)
-    assert all(is_traffic[:8])
+    # Beside us with our velocity it could be a shadow; not when it comes nearer.
+    assert all(is_traffic[2:8])
     assert not any(is_traffic[14:])
 
 

@@ -97,7 +97,7 @@ def test_a_gimbal_does_not_set_the_type_of_its_vehicle() -> None:
     engine = new_engine()
     engine.receive(Heartbeat(OTHER, ROVER, 3, True, 0, 4), T0)
     engine.receive(Heartbeat(Sender(7, 154), 26, 8, False, 0, 4), T0)
-    engine.receive(position(OTHER, T0, north_m=2000.0), T0)
+    engine.receive(position(OTHER, T0, north_m=2000.0, height_m=1.0), T0)
     assert [track.kind for track in tracks(engine)] == [TrafficKind.SURFACE_VEHICLE]
 
 

@@ -11,6 +11,7 @@ from companion.mavlink.framing import decode
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import to_fact
 from companion.model import (
+    TrackState,
     TrafficKind,
     TrafficReport,
 )
@@ -95,10 +96,15 @@ def test_a_track_crosses_the_date_line() -> None:
 # --- which reports become tracks, and for how long ------------------------------------------------
 
 
-def test_an_address_of_zero_is_refused_and_counted() -> None:
+def test_an_aircraft_without_an_address_is_a_track_from_its_second_report_on() -> None:
     tracker = Tracker()
-    assert not tracker.receive(report_at(START_M, 0.0, icao=0), 0.0)
-    assert tracker.dropped == {DropReason.NO_ADDRESS: 1}
+    assert tracker.receive(report_at(START_M, 0.0, VELOCITY_MPS, icao=0), 0.0) is None
+    assert tracker.tracks(0.0, FRAME) == ()
+    second = report_at(straight(START_M, VELOCITY_MPS, 1), 1.0, VELOCITY_MPS, icao=0)
+    assert tracker.receive(second, 1.0) == "ANON-1"
+    track = only(tracker.tracks(1.0, FRAME))
+    assert (track.track_id, track.icao, track.state) == ("ANON-1", None, TrackState.CONFIRMED)
+    assert not tracker.dropped
 
 
 def test_our_own_transponder_is_not_traffic() -> None:
@@ -112,7 +118,7 @@ def test_our_own_transponder_is_not_traffic() -> None:
     tracker.add_own_address(0)
     assert tracker.tracks(0.0, FRAME) == ()
     assert tracker.without_position(0.0) == 0
-    assert not tracker.receive(report_at(START_M, 1.0, icao=0xB), 1.0)
+    assert not tracker.receive(report_at((0.0, 0.0, -300.0), 1.0, icao=0xB), 1.0)
     assert tracker.dropped[DropReason.OWN] == 2
 
 

@@ -11,12 +11,15 @@ import pytest
 
 from companion.airspace.fences import FenceZone
 from companion.engine import Engine
-from companion.model import Track
+from companion.gcs.traffic_conditions import traffic_conditions
+from companion.model import Track, TrackState
+from companion.output.notice import Condition
 from companion.recording.recorder import Recorder
+from companion.traffic import Concern, ConcernKind
 from companion.web import Observers
 from companion.web import state as state_module
 from companion.web.display import pack, unpack
-from companion.web.health import Health, LinkCount, LoopTimes
+from companion.web.health import Health, LinkCount, LoopTimes, ReceiverCount
 from companion.web.live_snapshot import live_snapshot_of
 from companion.web.replay_server import RecordedSource
 from companion.web.rolling_stats import RollingStats
@@ -196,10 +199,52 @@ def test_state_md_explains_every_key() -> None:
     explained = set(re.findall(r"`(\w+)`", text)) | set(re.findall(r"\b(\w+_(?:m|deg))\b", text))
     snapshot = snapshot_after(40.0)
     zone = FenceZone(inclusion=True, centre_deg=(-35.0, 149.0), radius_m=100.0)
-    snapshot = replace(snapshot, zones=(zone,), health=health(links=(LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)))
+    links = (LinkCount("udpin:x:1", 1, 0, 0, 0, 0),)
+    receivers = (ReceiverCount("sbs:tcp:a:1", "SBS", "", 0, 0, (), 0, 0, 0.0, None),)
+    concerns = (Concern(ConcernKind.LOST, "N1"),)
+    conditions = tuple(traffic_conditions(concerns, None))
+    snapshot = replace(snapshot, concerns=concerns, conditions=conditions)
+    snapshot = replace(snapshot, zones=(zone,), health=health(links=links, receivers=receivers))
     stats = RollingStats()
     stats.add(snapshot.health)
     assert keys_of(state_of(snapshot, 1, stats)) <= explained
+
+
+def test_the_state_has_the_evidence_of_each_track_and_what_is_not_avoided() -> None:
+    snapshot = snapshot_after(40.0)
+    (track,) = snapshot.snapshot.tracks
+    sources = ("ADS-B", "flarm:udpin:0.0.0.0:1")
+    coasted = replace(
+        track,
+        state=TrackState.COASTED,
+        sources=sources,
+        position_sigma_m=math.inf,
+        velocity_sigma_mps=1.54,
+        vertical_uncertainty_m=61.23,
+        alarm=2,
+    )
+    shadow = Concern(ConcernKind.OWN_SHADOW, "S1", 40.0, math.pi, 6.0)
+    concerns = (shadow, Concern(ConcernKind.LEFT_OUT, "900"))
+    conditions = (
+        *traffic_conditions(concerns, snapshot.snapshot.ownship),
+        Condition("low", 4, "Avoidance off: low"),
+    )
+    shown = replace(snapshot.snapshot, tracks=(coasted,))
+    snapshot = replace(snapshot, snapshot=shown, concerns=concerns, conditions=conditions)
+    state = state_of(snapshot, 1, RollingStats())
+    json.dumps(state, allow_nan=False)
+    (seen,) = state["tracks"]
+    assert (seen["state"], seen["sources"], seen["alarm"]) == ("coasted", list(sources), 2)
+    assert (seen["position_sigma_m"], seen["velocity_sigma_mps"]) == (None, 1.5)
+    assert seen["vertical_uncertainty_m"] == 61.2
+    first, left_out = state["concerns"]
+    assert first == {
+        "kind": "own shadow", "name": "S1", "avoided": False, "distance_m": 40, "bearing_deg": 180.0,
+        "seconds": 6.0,
+    }  # fmt: skip
+    assert (left_out["name"], left_out["distance_m"], left_out["bearing_deg"]) == ("900", None, None)
+    of_traffic = [one.get("of_traffic") for one in state["companion"]["conditions"]]
+    assert of_traffic == [True, True, None]
 
 
 def keys_of(value: object) -> set[str]:
@@ -208,3 +253,17 @@ def keys_of(value: object) -> set[str]:
     if isinstance(value, list):
         return {key for inside in value for key in keys_of(inside)}
     return set()
+
+
+def test_receivers_are_listed_with_their_rates() -> None:
+    stats = RollingStats(clock_s=iter(range(100)).__next__)
+    one = ReceiverCount("sbs:tcp:a:1", "SBS", "speed", 0, 0, (("truncated", 2),), 3, 4, 0.25, None)
+    for second in range(4):
+        stats.add(health(receivers=(replace(one, messages=20 * second, reports=10 * second),)))
+    assert stats.receivers() == [
+        {
+            "address": "sbs:tcp:a:1", "title": "SBS", "lacks": "speed", "problem": None,
+            "messages_per_s": 20.0, "reports_per_s": 10.0, "aircraft": 4, "bad": 2,
+            "dropped": 3, "silent_s": 0.2,
+        }
+    ]  # fmt: skip

@@ -38,7 +38,7 @@ export function fitCanvas(canvas) {
   return { box, ratio };
 }
 
-/** Captions and values in a definition list; its elements are made once and reused. */
+/** Captions and values in a definition list, [caption, value, whether it takes a line of its own]; its elements are made once and reused. */
 export class Pairs {
   constructor(list) {
     this.list = list;
@@ -52,6 +52,7 @@ export class Pairs {
       if (index >= pairs.length) return;
       setText(caption, pairs[index][0]);
       setText(value, pairs[index][1]);
+      setData(pair, "wide", pairs[index][2] === true);
     });
   }
 

@@ -83,10 +83,11 @@ export class History {
     return this.shared[part].value;
   }
 
-  nameOf({ track, callsign, icao, kind }) {
+  nameOf({ track, callsign, icao, kind, state, sources }) {
     const known = this.names.get(track);
-    if (known?.callsign === callsign && known?.icao === icao && known?.kind === kind) return known;
-    const name = { track, callsign, icao, kind };
+    const same = known?.callsign === callsign && known?.icao === icao && known?.kind === kind;
+    if (same && known.state === state && known.sources.join() === sources.join()) return known;
+    const name = { track, callsign, icao, kind, state, sources };
     this.names.set(track, name);
     return name;
   }

@@ -3,6 +3,7 @@
 
 const LAYERS = ["clear", "outer", "inner"];
 const LEVELS = ["other", "proximate", "caution", "warning"];
+const STATES = ["tentative", "confirmed", "coasted"];
 const LONGEST_NAME = 12;
 const LONGEST_WORDS = 300;
 
@@ -37,10 +38,12 @@ const THREAT = [
 ];
 export const TRACK = [
   "north_m", "east_m", "altitude_m", "relative_altitude_m", "course_deg", "ground_speed_mps", "climb_mps",
-  "turn_dps", "age_s", "distance_m",
+  "turn_dps", "age_s", "distance_m", "position_sigma_m", "velocity_sigma_mps", "vertical_uncertainty_m", "alarm",
 ];
 const CONE = ["bearing_deg", "half_angle_deg", "transition_deg", "relative_course_deg"];
 const VOLUMES = ["outer_m", "inner_m", "well_clear_horizontal_m", "well_clear_vertical_m"];
+const CONCERN = ["distance_m", "bearing_deg", "seconds"];
+const RECEIVER = ["messages_per_s", "reports_per_s", "aircraft", "bad", "dropped", "silent_s"];
 const LINK = ["frames_per_s", "lost_share", "silent_s"];
 const SERVICE = ["uptime_s", "tick_ms_p99", "position_age_s"];
 
@@ -64,6 +67,8 @@ function readTrack(value) {
     icao: words(source.icao, LONGEST_NAME),
     kind: words(source.kind, 20) ?? "aircraft",
     level: among(source.level, LEVELS),
+    state: STATES.includes(source.state) ? source.state : null,
+    sources: list(source.sources).map((name) => words(name, 120)).filter(Boolean),
     ...numbers(source, TRACK),
   };
 }
@@ -94,7 +99,7 @@ function readDecision(value) {
 
 function readCondition(value) {
   const source = object(value);
-  return { severity: number(source.severity) ?? 6, text: words(source.text) };
+  return { severity: number(source.severity) ?? 6, text: words(source.text), of_traffic: flag(source.of_traffic) };
 }
 
 const point = (value) => list(value).slice(0, 2).map(number);
@@ -116,6 +121,21 @@ function readFence(value) {
 function readLink(value) {
   const source = object(value);
   return { address: words(source.address, 120) ?? "?", connected: flag(source.connected), ...numbers(source, LINK) };
+}
+
+function readConcern(value) {
+  const source = object(value);
+  const kind = words(source.kind, 40);
+  const name = words(source.name, 40) ?? "";
+  return kind === null ? null : { kind, name, avoided: flag(source.avoided), ...numbers(source, CONCERN) };
+}
+
+function readReceiver(value) {
+  const source = object(value);
+  return {
+    address: words(source.address, 120) ?? "?", title: words(source.title, 60) ?? "", lacks: words(source.lacks) ?? "",
+    problem: words(source.problem), ...numbers(source, RECEIVER),
+  };
 }
 
 function readReplay(value) {
@@ -150,7 +170,9 @@ function readParts(source) {
     tracks: list(source.tracks).map(readTrack).filter(Boolean),
     mission: readMission(source.mission),
     fences: list(source.fences).map(readFence).filter((fence) => fence.points.length > 1),
+    concerns: list(source.concerns).map(readConcern).filter(Boolean),
     links: list(source.links).map(readLink),
+    receivers: list(source.receivers).map(readReceiver),
     service: { ...numbers(service, SERVICE), recording_problem: words(service.recording_problem) },
     replay: readReplay(source.replay ?? null),
   };

@@ -1,6 +1,5 @@
 // Facts derived from the traffic of a state: order of urgency, names, bearings, closest approach.
 
-const OLD_S = 5;
 const CLIMBS_MPS = 2.5; // 500 ft/min
 const RANK = { warning: 0, caution: 1, proximate: 2, other: 3 };
 
@@ -43,9 +42,6 @@ export function namedHeight(altitude_m, own) {
   if (home_m === null || altitude_m === null) return ["Above sea", altitude_m];
   return ["Above home", altitude_m - home_m];
 }
-
-/** True when a track has not been heard for some seconds. Obstacles do not age. */
-export const isOld = (track) => track.age_s !== null && track.age_s > OLD_S && track.kind !== "obstacle";
 
 /** 1 for a climb and -1 for a descent of more than 500 ft/min, else 0. */
 export function climbDirection(track) {

@@ -63,7 +63,8 @@ export class Labels {
     return width;
   }
 
-  /** Writes text beside a symbol: right, left, or at a corner. Without room it is left out, unless `must` is set. */
+  /** Writes text beside a symbol: right, left, or at a corner. Without room it is left out, unless `must` is set.
+   * Returns whether it was written. */
   beside(key, text, [x, y], clear_px, style) {
     const font = `${style.weight ?? 500} ${style.size_px ?? 12}px ${FONT}`;
     const width = this.measure(text, font);
@@ -78,9 +79,10 @@ export class Labels {
     const order = former === undefined ? [0, 1, 2, 3, 4, 5] : [former, 0, 1, 2, 3, 4, 5];
     const fits = (side) => this.free(places[side][0] - 1, places[side][1] - height / 2, width + 2, height);
     const side = order.find(fits) ?? (style.must ? 0 : null);
-    if (side === null) return;
+    if (side === null) return false;
     if (this.sides.size > MOST_WIDTHS) this.sides.clear();
     this.sides.set(key, side);
     this.write(text, ...places[side], { ...style, align: "left" });
+    return true;
   }
 }

@@ -7,7 +7,7 @@ import { Labels } from "./labels.js";
 import { drawPlan } from "./plan.js";
 import { drawOwn, drawSelection } from "./symbols.js";
 import { drawThreats } from "./threat.js";
-import { drawAllTraffic, drawOffCanvas, drawTrend, pick, placesOf, wantedRange_m } from "./traffic.js";
+import { drawAllTraffic, drawConcerns, drawOffCanvas, drawTrend, pick, placesOf, wantedRange_m } from "./traffic.js";
 import { rangeSteps_m, View } from "./view.js";
 
 const TOUCH_PX = 26;
@@ -70,6 +70,7 @@ export class Scope {
     drawRingLabels(frame);
     this.drawOwnship(frame);
     this.tracksDrawn = drawAllTraffic(frame);
+    drawConcerns(frame);
     drawOffCanvas(frame);
     drawWind(frame);
   }

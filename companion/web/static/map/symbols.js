@@ -1,5 +1,7 @@
 // Symbols as on TCAS and CDTI. Each level has a shape of its own: colour is never the only sign.
 
+import { FONT } from "../core/palette.js";
+
 const SIZE_PX = { other: 7, proximate: 7, caution: 7.5, warning: 7.5 };
 
 function outline(pen, level, size_px) {
@@ -15,20 +17,38 @@ function outline(pen, level, size_px) {
   }
 }
 
-/** A track: hollow or filled diamond, circle, square; dashed when it is old. */
-export function drawTraffic(pen, [x, y], level, { colour, fill, ground, old }) {
+/** A track: hollow or filled diamond, circle, square; hollow and dashed when it is coasted, thin when tentative. */
+export function drawTraffic(pen, [x, y], level, { colour, fill, ground, coasted, tentative }) {
   pen.save();
   pen.translate(x, y);
   outline(pen, level, SIZE_PX[level] + 1.5);
   pen.fillStyle = ground; // separates the symbol from the lines beneath
   pen.fill();
   outline(pen, level, SIZE_PX[level]);
-  pen.lineWidth = 1.8;
+  pen.lineWidth = tentative ? 1.1 : 1.8;
   pen.strokeStyle = colour;
   pen.fillStyle = fill;
-  if (old) pen.setLineDash([2.5, 2.5]);
+  if (coasted) pen.setLineDash([2.5, 2.5]);
   else if (level !== "other") pen.fill();
   pen.stroke();
+  pen.restore();
+}
+
+/** An aircraft that is known of, but has no track: a question mark in a dotted circle. */
+export function drawUnknown(pen, [x, y], colour, ground) {
+  pen.save();
+  pen.beginPath();
+  pen.arc(x, y, 8, 0, 2 * Math.PI);
+  pen.fillStyle = ground;
+  pen.fill();
+  pen.setLineDash([2, 2]);
+  pen.lineWidth = 1.4;
+  pen.strokeStyle = pen.fillStyle = colour;
+  pen.stroke();
+  pen.font = `700 12px ${FONT}`;
+  pen.textAlign = "center";
+  pen.textBaseline = "middle";
+  pen.fillText("?", x, y + 0.5);
   pen.restore();
 }
 

@@ -1,11 +1,15 @@
 // The traffic on the map: symbol, relative height, name, and trend vector of each track.
 
 import { levelColour, levelFill } from "../core/palette.js";
-import { climbDirection, isOld, nameOf } from "../core/tracks.js";
+import {
+  accuracy_m, concernName, isCoasted, isTentative, isUnplacedTrack, silenceText, whyText,
+} from "../core/evidence.js";
+import { climbDirection, nameOf } from "../core/tracks.js";
 import { relativeHeightTag } from "../core/units.js";
-import { drawClimbArrow, drawObstacle, drawSelection, drawTraffic } from "./symbols.js";
+import { drawClimbArrow, drawObstacle, drawSelection, drawTraffic, drawUnknown } from "./symbols.js";
 
 const STEP_S = 5;
+const SYMBOL_PX = 12; // a smaller uncertainty is within the symbol
 const STRAIGHT_DPS = 0.2; // a slower turn is not visible on the display
 
 /** Pixels of each track by key; tracks without a position are left out. */
@@ -48,7 +52,7 @@ function drawHeight({ pen, palette, settings, labels, dense, selected, trafficFr
   const style = { colour: levelColour(palette, track.level), size_px: dense ? 11 : 12, weight: 600 };
   const must = track.level !== "other" || track.track === selected;
   if (!must && !labels.free(x - 12, middle - 5, 24, 10, trafficFrom)) return;
-  pen.globalAlpha = isOld(track) ? 0.6 : 1;
+  pen.globalAlpha = paleness(track);
   const width = labels.write(text, x, middle, style);
   const climb = climbDirection(track);
   if (climb === 0) return;
@@ -56,12 +60,34 @@ function drawHeight({ pen, palette, settings, labels, dense, selected, trafficFr
   labels.take(x + width / 2, middle - 6, 10, 12);
 }
 
+/** What is not heard any more, or was reported once, is paler. */
+const paleness = (track) => (isCoasted(track) ? 0.75 : isTentative(track) ? 0.55 : 1);
+
+/** The circle in which the aircraft is, with 95 % probability, where it is larger than the symbol. */
+function drawUncertainty({ pen, palette, view }, track, place) {
+  const radius_px = (accuracy_m(track) ?? 0) * view.scale_pxpm;
+  if (radius_px <= SYMBOL_PX || track.kind === "obstacle") return;
+  pen.beginPath();
+  pen.arc(...place, radius_px, 0, 2 * Math.PI);
+  pen.fillStyle = pen.strokeStyle = levelColour(palette, track.level);
+  pen.globalAlpha = 0.07;
+  pen.fill();
+  pen.globalAlpha = 0.7;
+  pen.lineWidth = 1.1;
+  pen.setLineDash(isCoasted(track) ? [3, 4] : [1.5, 3]);
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.globalAlpha = 1;
+}
+
 function drawOne(frame, track, place) {
   const { pen, palette } = frame;
   const colour = levelColour(palette, track.level);
-  const old = isOld(track);
-  pen.globalAlpha = old ? 0.6 : 1;
-  const style = { colour, fill: levelFill(palette, track.level), ground: palette.ground, old };
+  pen.globalAlpha = paleness(track);
+  const style = {
+    colour, fill: levelFill(palette, track.level), ground: palette.ground, coasted: isCoasted(track),
+    tentative: isTentative(track),
+  };
   if (track.kind === "obstacle") drawObstacle(pen, place, track.level, style);
   else drawTraffic(pen, place, track.level, style);
   frame.labels.take(place[0] - 9, place[1] - 9, 18, 18);
@@ -75,9 +101,24 @@ function drawName({ pen, palette, labels, selected }, track, place) {
     colour: alarming ? levelColour(palette, track.level) : palette.ink,
     size_px: alarming || chosen ? 12 : 11, weight: alarming || chosen ? 700 : 500, must: alarming || chosen,
   };
-  pen.globalAlpha = isOld(track) ? 0.6 : 1;
-  labels.beside(track.track, nameOf(track), place, 12, style);
+  pen.globalAlpha = alarming ? 1 : paleness(track);
+  const silent = isCoasted(track) ? `${nameOf(track)} ${silenceText(track)}` : null;
+  const written = silent !== null && labels.beside(track.track, silent, place, 12, { ...style, must: false });
+  if (!written) labels.beside(track.track, nameOf(track), place, 12, style);
   pen.globalAlpha = 1;
+}
+
+/** Aircraft that have a place, but no track: they are not avoided. */
+export function drawConcerns({ pen, palette, labels, view, state }) {
+  if (state.own === null) return;
+  for (const concern of state.concerns.filter(isUnplacedTrack)) {
+    const place = view.along(view.place([0, 0]), concern.bearing_deg, concern.distance_m * view.scale_pxpm);
+    if (!view.sees(place)) continue;
+    drawUnknown(pen, place, palette.caution, palette.ground);
+    labels.take(place[0] - 9, place[1] - 9, 18, 18);
+    const style = { colour: palette.caution, size_px: 11, weight: 600, must: true };
+    labels.beside(`concern ${concern.name}`, `${concernName(concern)} ${whyText(concern)}`, place, 12, style);
+  }
 }
 
 /** Draws all tracks and returns how many are on the canvas. Symbols: the most urgent last, so that it lies on top.
@@ -86,10 +127,11 @@ export function drawAllTraffic(frame) {
   const { view, palette, pen, places, ordered, selected } = frame;
   const seen = ordered.filter(({ track }) => places.has(track.track) && view.sees(places.get(track.track), 30));
   for (const { track } of seen) {
-    pen.globalAlpha = isOld(track) ? 0.35 : 0.75;
+    pen.globalAlpha = 0.75 * paleness(track);
     drawTrend(frame, places.get(track.track), track, levelColour(palette, track.level));
   }
   pen.globalAlpha = 1;
+  for (const { track } of seen) drawUncertainty(frame, track, places.get(track.track));
   const trafficFrom = frame.labels.taken.length;
   for (const { track } of [...seen].reverse()) drawOne(frame, track, places.get(track.track));
   for (const { track } of seen) drawHeight({ ...frame, trafficFrom }, track, places.get(track.track));

@@ -1,6 +1,9 @@
 // Details of the selected aircraft: a track, or our own.
 
 import { find, Pairs, setAttribute, setText, show } from "../core/dom.js";
+import {
+  accuracyText, heightErrorText, stateOf, stateText, velocityAccuracyText,
+} from "../core/evidence.js";
 import { bearingOf, nameOf, namedHeight, straightApproach } from "../core/tracks.js";
 import {
   climbText, climbUnit, clockHour, countdownText, courseText, distanceText, durationText, heightText,
@@ -17,7 +20,7 @@ export class DetailsPanel {
   update(state, track, threat, followed, lostName) {
     const isOwn = track === null;
     setText(find("details-title"), isOwn ? (lostName ?? "Own aircraft") : nameOf(track));
-    setText(find("details-note"), isOwn ? ownNote(state, lostName) : `${track.kind}, ${track.level}`);
+    setText(find("details-note"), isOwn ? ownNote(state, lostName) : `${track.kind}, ${track.level}, ${stateOf(track)}`);
     show(find("follow"), !isOwn);
     show(find("select-own"), !isOwn || lostName !== null || followed);
     setAttribute(find("follow"), "aria-pressed", followed);
@@ -51,6 +54,12 @@ export class DetailsPanel {
       ["Vertical miss", height(miss_vertical_m ?? null)],
       ["Last report", track.age_s === null ? UNKNOWN : `${track.age_s.toFixed(1)} s ago`],
       ["ICAO", track.icao ?? UNKNOWN],
+      ["Position", accuracyText(track, settings)],
+      ["Velocity", velocityAccuracyText(track, settings)],
+      ["Height error", heightErrorText(track, settings)],
+      ["Receiver alarm", (track.alarm ?? 0) > 0 ? `${track.alarm} of 3` : "none"],
+      ["State", stateText(track), true],
+      ["Sources", track.sources.join(", ") || "none heard", true],
     ];
   }
 

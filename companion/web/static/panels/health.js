@@ -18,7 +18,8 @@ export class HealthPanels {
 
   update(state) {
     setText(find("last-text"), state.companion.last_text || "No message yet");
-    this.fillConditions(state.companion.conditions);
+    // Those about traffic are in the list of what is not avoided.
+    this.fillConditions(state.companion.conditions.filter((condition) => !condition.of_traffic));
     const troubles = troublesOf(state);
     show(find("trouble"), troubles.length > 0);
     setText(find("trouble"), troubles.join(" · "));

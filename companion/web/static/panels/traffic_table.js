@@ -1,7 +1,8 @@
 // The table of traffic, the most urgent first. Each row belongs to one track, so that it keeps the focus when it moves.
 
 import { find, make, setAttribute, setData, setText } from "../core/dom.js";
-import { climbDirection, isOld, nameOf } from "../core/tracks.js";
+import { evidenceText, stateOf } from "../core/evidence.js";
+import { climbDirection, nameOf } from "../core/tracks.js";
 import { countdownText, courseText, distanceText, relativeHeightText } from "../core/units.js";
 
 const ALARMING = ["caution", "warning"];
@@ -39,12 +40,13 @@ export class TrafficTable {
     const row = this.rows.get(track.track) ?? this.add(track.track);
     setData(row.element, "level", track.level);
     setData(row.element, "selected", track.track === selected);
-    setData(row.element, "old", isOld(track));
+    setData(row.element, "state", stateOf(track));
     setData(row.symbol, "level", track.level);
-    setData(row.symbol, "old", isOld(track));
+    setData(row.symbol, "state", stateOf(track));
     setAttribute(row.button, "aria-pressed", track.track === selected);
-    setAttribute(row.button, "aria-label", `${nameOf(track)}, ${track.level}`);
+    setAttribute(row.button, "aria-label", `${nameOf(track)}, ${track.level}, ${stateOf(track)}`);
     setText(row.name, nameOf(track));
+    setText(row.evidence, evidenceText(track, this.settings));
     setText(row.distance, distanceText(track.distance_m, this.settings));
     setText(row.bearing, courseText(bearing(track)));
     setText(row.height, relativeHeightText(track.relative_altitude_m, this.settings));
@@ -98,7 +100,9 @@ function makeRow() {
   const button = make("button", "", symbol, name);
   button.type = "button";
   const [distance, bearing, closest] = Array.from({ length: 3 }, () => make("td"));
+  const evidence = make("td", "evidence");
   const [height, climb] = [make("span"), make("span", "climb")];
-  const element = make("tr", "", make("td", "", button), distance, bearing, make("td", "", height, climb), closest);
-  return { element, button, symbol, name, distance, bearing, height, climb, closest };
+  const heights = make("td", "", height, climb);
+  const element = make("tr", "", make("td", "", button), evidence, distance, bearing, heights, closest);
+  return { element, button, symbol, name, evidence, distance, bearing, height, climb, closest };
 }

@@ -1,0 +1,232 @@
+"""Traffic that others than the autopilot hear, sent on as ADSB_VEHICLE: which aircraft, and when.
+
+Sent are the places of the tracks: the best of all sources, above mean sea level, as of `tslc` ago. Only news
+is sent. A track that is coasted has none, and who reads our messages forgets it by itself.
+"""
+
+import math
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+from heapq import nsmallest
+from typing import Final
+
+from companion.gcs.made_up_addresses import MadeUpAddresses
+from companion.gcs.sent_reports import SentReports
+from companion.geodesy import LocalFrame
+from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import RECEIVER, Fact, Sender, Traffic
+from companion.mavlink.translate.adsb import vehicle_message
+from companion.model import AltitudeReference, Ownship, Track, TrackState, TrafficReport, TrafficSource, Vec3
+from companion.output.effects import Place
+from companion.traffic.params import Forward
+from companion.units import wrap_two_pi
+
+# At most five a second, 50 bytes each: 4 % of a radio with 57600 baud.
+_SPACING_S: Final = 0.2
+# Each aircraft at most once a second; those that may be here soon come first, the others by turns.
+_INTERVAL_S, _NEAR_S = 1.0, 60.0
+# The nearest are chosen once a second, as many as ArduPilot's list has room for.
+_NEAREST, _CHOSEN_AGAIN_S = 25, 1.0
+# What approaches slower, or flies away, counts as approaching like this: it may turn.
+_LEAST_CLOSING_MPS: Final = 5.0
+# An aircraft that is heard there, too, is not sent there for this time. A height counts as barometric for as
+# long after a barometric report.
+_THERE_S: Final = 10.0
+# And so long after the last report of others it is not sent: the track is that of other sources.
+_HEARD_S: Final = 30.0
+# Heartbeats go on for this time after the last report: PX4 may return home (COM_TRAFF_AVOID) when they end.
+_FEEDING_S: Final = 10.0
+_HEARTBEAT_INTERVAL_S: Final = 1.0
+# A rate that is not stated is known after so many reports of the place that it follows from.
+_LEAST_REPORTS: Final = 4
+_LEAST_COURSE_MPS: Final = 1.0
+_LATEST_S, _EARLY_S = 0.5, 1e-3
+
+
+@dataclass(slots=True)
+class _Heard:
+    """What is known of a track besides its motion; `measured_s` is of the place that was sent last."""
+
+    heard_s: float = -math.inf
+    there_s: float = -math.inf
+    squawk: int | None = None
+    simulated: bool = False
+    barometric_s: float = -math.inf
+    velocity_stated: bool = False
+    climb_stated: bool = False
+    reports: int = 0
+    sent_s: float = -math.inf
+    measured_s: float = -math.inf
+
+    def observe(self, report: TrafficReport | None, now_s: float) -> None:
+        """Note a report of a source that is not heard there; `None`: the position of another autopilot."""
+        self.heard_s = now_s
+        self.reports += 1
+        if report is None:
+            self.velocity_stated = self.climb_stated = True
+            return
+        self.squawk = self.squawk if report.squawk is None else report.squawk
+        self.simulated = report.simulated
+        self.velocity_stated = report.ground_speed_mps is not None and report.course_rad is not None
+        self.climb_stated = report.climb_mps is not None
+        if report.altitude_m is not None and report.altitude_reference is AltitudeReference.BAROMETRIC:
+            self.barometric_s = now_s
+
+
+class Forwarding:
+    """Chooses what is sent, and recognizes it when it comes back.
+
+    The shell sets `elsewhere`, the MAVLink senders that are not heard on the links we send to, and
+    `receiver_works`. `sent` counts reports.
+    """
+
+    def __init__(self, forward: Forward) -> None:
+        self.to: Place | None = None if forward == "off" else forward
+        self.elsewhere: Set[tuple[int, int]] = frozenset()
+        self.receiver_works = False
+        self.sent = 0
+        self._heard: dict[str, _Heard] = {}
+        self._addresses = MadeUpAddresses()
+        self._reports = SentReports()
+        self._nearest: dict[str, float] = {}  # how soon each may be here, the soonest first
+        self._chosen_s = self._sent_s = self._heartbeat_s = self._fed_s = -math.inf
+
+    # --- what is heard
+
+    def is_echo(self, fact: Fact, now_s: float) -> bool:
+        """Whether a report is one of ours that comes back."""
+        return self.sent > 0 and isinstance(fact, Traffic) and self._reports.has(fact.report, now_s)
+
+    def observe(self, fact: Fact, track_id: str | None, autopilot: Sender | None, now_s: float) -> None:
+        """Note who reported a track, and what the report says of it; `None`: a report that was not used."""
+        if self.to is None:
+            return
+        sender, report = fact.sender, fact.report if isinstance(fact, Traffic) else None
+        if sender == autopilot or (sender != RECEIVER and sender not in self.elsewhere):
+            track_id = track_id or (None if report is None else report.key)
+            if track_id and self._is_fed(now_s):
+                self._heard.setdefault(track_id, _Heard()).there_s = now_s
+        elif track_id is not None:
+            self._fed_s = now_s
+            self._heard.setdefault(track_id, _Heard()).observe(report, now_s)
+
+    # --- what is sent
+
+    def messages(
+        self, tracks: Sequence[Track], own: Ownship | None, frame: LocalFrame | None, now_s: float
+    ) -> list[Message]:
+        """The report that is due, and our heartbeat as an ADS-B receiver."""
+        if self.to is None or not self._is_fed(now_s):
+            self._heard.clear()
+            return []
+        messages = self._heartbeat(now_s)
+        fresh = bool(tracks) and now_s - tracks[0].time_s <= _LATEST_S
+        if own is None or frame is None or not fresh:
+            return messages
+        self._choose(tracks, own, now_s)
+        if self._nearest and now_s - self._sent_s >= _SPACING_S - _EARLY_S:
+            messages += self._next(tracks, frame, now_s)
+        return messages
+
+    def _is_fed(self, now_s: float) -> bool:
+        """Whether there is a source of traffic that is not heard where we send to."""
+        return self.receiver_works or now_s - self._fed_s <= _FEEDING_S
+
+    def _heartbeat(self, now_s: float) -> list[Message]:
+        if 0.0 <= now_s - self._heartbeat_s < _HEARTBEAT_INTERVAL_S - _EARLY_S:
+            return []
+        self._heartbeat_s = now_s
+        return [
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_ADSB, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+            )
+        ]
+
+    def _choose(self, tracks: Sequence[Track], own: Ownship, now_s: float) -> None:
+        """Choose the nearest in time; forget who is not heard any more."""
+        if 0.0 <= now_s - self._chosen_s < _CHOSEN_AGAIN_S - _EARLY_S:
+            return
+        self._chosen_s = now_s
+        self._reports.forget_old(now_s)
+        present = {track.track_id for track in tracks}
+        self._heard = {track_id: heard for track_id, heard in self._heard.items() if track_id in present}
+        wanted = (track for track in tracks if self._is_wanted(track, now_s))
+        reaches = nsmallest(_NEAREST, ((_reach_s(track, own), track.track_id) for track in wanted))
+        self._nearest = {track_id: reach_s for reach_s, track_id in reaches}
+
+    def _is_wanted(self, track: Track, now_s: float) -> bool:
+        heard = self._heard.get(track.track_id)
+        return (
+            heard is not None
+            and track.state is TrackState.CONFIRMED
+            and now_s - heard.there_s > _THERE_S
+            and now_s - heard.heard_s <= _HEARD_S
+        )
+
+    def _next(self, tracks: Sequence[Track], frame: LocalFrame, now_s: float) -> list[Message]:
+        """The most urgent one of those that are due and have news."""
+        best: tuple[float, Track, _Heard] | None = None
+        for track in tracks:
+            reach_s, heard = self._nearest.get(track.track_id), self._heard.get(track.track_id)
+            if reach_s is None or heard is None or not self._is_due(track, heard, now_s):
+                continue
+            # The near ones by how soon they may be here, then the others by turns.
+            urgency = reach_s if reach_s < _NEAR_S else _NEAR_S + max(heard.sent_s, 0.0) + 1e-3 * reach_s
+            if best is None or urgency < best[0]:
+                best = urgency, track, heard
+        return [] if best is None else [self._message(*best[1:], frame, now_s)]
+
+    def _is_due(self, track: Track, heard: _Heard, now_s: float) -> bool:
+        if now_s - heard.sent_s < _INTERVAL_S - _EARLY_S or not self._is_wanted(track, now_s):
+            return False
+        return track.time_s - track.age_s > heard.measured_s + _EARLY_S
+
+    def _message(self, track: Track, heard: _Heard, frame: LocalFrame, now_s: float) -> Message:
+        heard.sent_s = self._sent_s = now_s
+        heard.measured_s = track.time_s - track.age_s
+        age_s = max(now_s - heard.measured_s, 0.0)
+        tslc_s = math.floor(age_s + _EARLY_S)
+        place = frame.to_geo(*_position_m(track, now_s - tslc_s))
+        north_mps, east_mps, down_mps = track.velocity_mps
+        speed_mps = math.hypot(north_mps, east_mps)
+        velocity_known = heard.velocity_stated or heard.reports >= _LEAST_REPORTS
+        climb_known = heard.climb_stated or heard.reports >= _LEAST_REPORTS
+        course_known = velocity_known and speed_mps >= _LEAST_COURSE_MPS
+        barometric = now_s - heard.barometric_s <= _THERE_S
+        report = TrafficReport(
+            TrafficSource.ADSB,
+            track.track_id,
+            now_s - age_s,
+            place.lat_deg,
+            place.lon_deg,
+            place.altitude_m,
+            AltitudeReference.BAROMETRIC if barometric else AltitudeReference.GEOMETRIC,
+            course_rad=wrap_two_pi(math.atan2(east_mps, north_mps)) if course_known else None,
+            ground_speed_mps=speed_mps if velocity_known else None,
+            climb_mps=-down_mps if climb_known else None,
+            callsign=track.callsign,
+            squawk=heard.squawk,
+            kind=track.kind,
+            simulated=heard.simulated,
+            icao=self._addresses.of(track),
+        )
+        self._reports.note(report, now_s)
+        self.sent += 1
+        return vehicle_message(report, tslc_s)
+
+
+def _position_m(track: Track, time_s: float) -> Vec3:
+    """The place of a track at a time."""
+    later_s = time_s - track.time_s
+    north_m, east_m, down_m = track.position_m
+    north_mps, east_mps, down_mps = track.velocity_mps
+    return north_m + later_s * north_mps, east_m + later_s * east_mps, down_m + later_s * down_mps
+
+
+def _reach_s(track: Track, own: Ownship) -> float:
+    """How soon an aircraft may be here: its distance by its closing speed [s]."""
+    away_m = [there - here for there, here in zip(track.position_m, own.position_m, strict=True)]
+    rate_mps = [theirs - ours for theirs, ours in zip(track.velocity_mps, own.velocity_mps, strict=True)]
+    distance_m = math.hypot(*away_m)
+    closing_mps = -sum(map(math.prod, zip(away_m, rate_mps, strict=True))) / max(distance_m, 1.0)
+    return distance_m / max(closing_mps, _LEAST_CLOSING_MPS)

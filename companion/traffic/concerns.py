@@ -1,0 +1,142 @@
+"""What the operator should know of traffic: not avoided, contradicting itself, or not heard any more."""
+
+import math
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from companion.geodesy import LocalFrame
+from companion.model import LatLon
+from companion.traffic.contact import Contact
+from companion.traffic.own_trail import OwnTrail
+from companion.traffic.params import TrafficParams
+from companion.traffic.target import Target
+
+# What is near is looked at for this long after it was reported.
+_RECENT_S: Final = 10.0
+_MOST_OLD: Final = 64
+# Of several aircraft of a kind, the nearest are named.
+_MOST_OF_A_KIND: Final = 3
+# Two hypotheses of one key further apart than this are two places; nearer, two heights.
+_TWO_PLACES_M: Final = 300.0
+
+
+class ConcernKind(StrEnum):
+    """Why an aircraft is of concern."""
+
+    HEIGHT_UNKNOWN = "height unknown"
+    OLD_REPORTS = "old reports"
+    NOT_HEARD = "not heard"
+    LOST = "lost"
+    TWO_PLACES = "reported in two places"
+    TWO_HEIGHTS = "reported at two heights"
+    OWN_SHADOW = "own shadow"
+    OWN_ADDRESS = "own address flies elsewhere"
+    LEFT_OUT = "aircraft left out"
+
+
+class Concern(NamedTuple):
+    """One aircraft as seen from ours: `seconds` is how old, how late or how long silent it is.
+
+    Distance [m] and bearing [rad] are `None` where our own position or that of the aircraft is unknown. For
+    LEFT_OUT the name is their number.
+    """
+
+    kind: ConcernKind
+    name: str
+    distance_m: float | None = None
+    bearing_rad: float | None = None
+    seconds: float = 0.0
+
+
+class OldReport(NamedTuple):
+    """A report that was thrown away because of its age."""
+
+    received_s: float
+    age_s: float
+    place_deg: LatLon
+
+
+class ConcernedView:
+    """Places as seen from our aircraft, and which of them are near."""
+
+    def __init__(self, params: TrafficParams, trail: OwnTrail) -> None:
+        self._params, self._trail = params, trail
+        self._old: dict[str, OldReport] = {}
+
+    def note_old(self, name: str, report: OldReport) -> None:
+        """Note a report that was thrown away."""
+        self._old.pop(name, None)
+        if len(self._old) >= _MOST_OLD:
+            del self._old[next(iter(self._old))]
+        self._old[name] = report
+
+    def forget_old(self, name: str) -> None:
+        """Forget it, because the aircraft is a track."""
+        if self._old:
+            self._old.pop(name, None)
+
+    def old(self, now_s: float) -> Iterator[Concern]:
+        """Aircraft near us whose reports are too old to be used."""
+        for name, one in list(self._old.items()):
+            if now_s - one.received_s > _RECENT_S:
+                del self._old[name]
+                continue
+            seen = self.seen(ConcernKind.OLD_REPORTS, name, one.place_deg, one.age_s)
+            if self.is_near(seen):
+                yield seen
+
+    def seen(self, kind: ConcernKind, name: str, place_deg: LatLon | None, seconds: float = 0.0) -> Concern:
+        """A concern about an aircraft at a place."""
+        own = self._trail.latest
+        if own is None or place_deg is None:
+            return Concern(kind, name, None, None, seconds)
+        north_m, east_m = LocalFrame(own.lat_deg, own.lon_deg).to_north_east_m(*place_deg)
+        return Concern(kind, name, math.hypot(north_m, east_m), math.atan2(east_m, north_m), seconds)
+
+    def is_near(self, seen: Concern, reach_s: float = math.inf) -> bool:
+        """Whether it is near us, or will be soon."""
+        near = seen.distance_m is not None and seen.distance_m <= self._params.near_m
+        return near or reach_s <= self._params.near_s
+
+    def contradictions(self, contact: Contact, now_s: float) -> Iterator[Concern]:
+        """A key that several aircraft have, or that is reported at several heights."""
+        heard = [
+            one for one in contact.hypotheses if one.is_confirmed and now_s - one.measured_s <= _RECENT_S
+        ]
+        if len(heard) < 2:
+            return
+        one, other = place_of(heard[0], now_s), place_of(heard[1], now_s)
+        if one is None or other is None:
+            return
+        places = math.hypot(*LocalFrame(*one).to_north_east_m(*other)) > _TWO_PLACES_M
+        kind = ConcernKind.TWO_PLACES if places else ConcernKind.TWO_HEIGHTS
+        seen = [self.seen(kind, name_of(target), place_of(target, now_s)) for target in heard]
+        nearest = min(seen, key=lambda concern: concern.distance_m or 0.0)
+        if nearest.distance_m is None or self.is_near(nearest, min(target.reach_s for target in heard)):
+            yield nearest
+
+
+def nearest_of_each(concerns: list[Concern]) -> tuple[Concern, ...]:
+    """The nearest few of each kind, in the order of their kinds."""
+    chosen: list[Concern] = []
+    for kind in ConcernKind:
+        of_kind = [concern for concern in concerns if concern.kind is kind]
+        of_kind.sort(key=lambda concern: (concern.distance_m or 0.0, concern.name))
+        chosen += of_kind[:_MOST_OF_A_KIND]
+    return tuple(chosen)
+
+
+def name_of(target: Target) -> str:
+    """The name that people read: the callsign, otherwise the key."""
+    return target.callsign or target.key
+
+
+def place_of(target: Target, now_s: float) -> LatLon | None:
+    """Its extrapolated place."""
+    motion = target.motion
+    if motion is None:
+        return None
+    elapsed_s = now_s - motion.position_s
+    frame = LocalFrame(motion.lat_deg, motion.lon_deg)
+    return frame.to_geo(motion.north_mps * elapsed_s, motion.east_mps * elapsed_s, 0.0)[:2]

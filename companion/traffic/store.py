@@ -1,0 +1,106 @@
+"""The targets that are known, bounded in number: the one that would reach us last makes room."""
+
+from collections.abc import Iterator
+from heapq import heapify, heappop, heappush
+from operator import attrgetter
+
+from companion.traffic.grid import Grid
+from companion.traffic.target import Target
+
+# In conflict, confirmed, later to reach us (negative), and when it was reported: the smallest makes room.
+_Priority = tuple[bool, bool, float, float]
+# Keys are remembered beyond their targets: one that is heard twice in this time comes before one heard once.
+_HEARD_TWICE_S, _MOST_HEARD = 3.5, 20_000
+
+
+class TargetStore:
+    """All targets by `track_id`, and where they are; at most `most`."""
+
+    def __init__(self, most: int) -> None:
+        self.targets: dict[str, Target] = {}
+        self.grid = Grid()
+        self._most = most
+        self._ordered: list[Target] = []
+        self._heap: list[tuple[_Priority, int, str]] = []
+        self._count = 0
+        self._heard_s: dict[str, float] = {}
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the next new target needs room."""
+        return len(self.targets) >= self._most
+
+    def __iter__(self) -> Iterator[Target]:
+        """The targets in the order of their ids."""
+        if not self._ordered:
+            self._ordered = sorted(self.targets.values(), key=attrgetter("track_id"))
+        return iter(self._ordered)
+
+    def put(self, target: Target) -> list[Target]:
+        """Add or move a target; returns what made room, which may be the target itself."""
+        known = self.targets.get(target.track_id) is target
+        if not known:
+            self._ordered = []
+            self.targets[target.track_id] = target
+            self._note_key(target)
+        self.grid.move(target, target.last.lat_deg, target.last.lon_deg)
+        if known:
+            return []
+        if self._heap:
+            self._push(target)
+        return self._make_room()
+
+    def remove(self, target: Target) -> bool:
+        """Remove a target; returns whether it was there."""
+        if self.targets.get(target.track_id) is not target:
+            return False
+        del self.targets[target.track_id]
+        self._ordered = []
+        self.grid.remove(target.track_id)
+        return True
+
+    def _note_key(self, target: Target) -> None:
+        """Confirm a target whose key was heard just before, though its target has made room since."""
+        now_s = target.measured_s
+        heard_s = self._heard_s.pop(target.key, None)
+        if heard_s is not None and 0.0 < now_s - heard_s <= _HEARD_TWICE_S and target.number == 1:
+            target.heard_before = True
+        self._heard_s[target.key] = now_s
+        if len(self._heard_s) > _MOST_HEARD:
+            del self._heard_s[next(iter(self._heard_s))]
+
+    def _make_room(self) -> list[Target]:
+        removed: list[Target] = []
+        while len(self.targets) > self._most:
+            if len(self._heap) < len(self.targets) or len(self._heap) > 4 * self._most:
+                self._heap = []
+                for target in self.targets.values():
+                    self._push(target)
+                heapify(self._heap)
+            least = self._least()
+            if least is None:
+                return removed
+            self.remove(least)
+            removed.append(least)
+        return removed
+
+    def _least(self) -> Target | None:
+        """The target with the lowest priority; priorities that have changed since are corrected."""
+        while self._heap:
+            priority, _, track_id = heappop(self._heap)
+            target = self.targets.get(track_id)
+            if target is None:
+                continue
+            if _priority(target) == priority:
+                return target
+            self._push(target)
+        return None
+
+    def _push(self, target: Target) -> None:
+        self._count += 1
+        heappush(self._heap, (_priority(target), self._count, target.track_id))
+
+
+def _priority(target: Target) -> _Priority:
+    confirmed = target.is_confirmed or target.heard_before
+    return target.threat, confirmed, -target.reach_s, target.measured_s

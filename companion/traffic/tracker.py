@@ -1,0 +1,366 @@
+"""The tracker: reports in, tracks out. Each report updates a target, and each target is judged again."""
+
+import math
+from collections import Counter
+
+from companion.geodesy import LocalFrame
+from companion.model import LatLon, Track, TrafficKind, TrafficReport
+from companion.traffic.altitude_datums import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
+from companion.traffic.anonymous import AnonymousContacts
+from companion.traffic.association import Association
+from companion.traffic.coasting import Coasting
+from companion.traffic.concern_finder import ConcernFinder, Known
+from companion.traffic.concerns import Concern, ConcernedView, OldReport
+from companion.traffic.contact import Assignment, Contact
+from companion.traffic.kind import UNKNOWN, Surroundings
+from companion.traffic.measurement import (
+    DropReason,
+    Measurement,
+    RepeatFilter,
+    content_of,
+    is_possible,
+    measure,
+)
+from companion.traffic.monotonic_clock import MonotonicClock
+from companion.traffic.own_identity import OwnIdentity
+from companion.traffic.own_trail import OwnshipFix, OwnTrail
+from companion.traffic.ownship_echo import OwnshipEcho
+from companion.traffic.params import TrafficParams
+from companion.traffic.store import TargetStore
+from companion.traffic.target import Target, stale_after_s
+from companion.traffic.tracks import TrackMaker
+
+# Our own positions are kept for the last reports of a slow shadow and its delay.
+_TRAIL_S = 60.0
+# Keys that are remembered though all their reports were too old: their ages may turn out to be wrong.
+_MOST_IDLE = 256
+
+
+class Tracker:
+    """All traffic received recently, one track for each aircraft however many sources report it.
+
+    The same calls give the same tracks, bit for bit. Altitudes are stored as reported; `offsets` make them
+    comparable with ours.
+
+    `dropped` counts reports, and parts of them, that were not used, by reason; `evicted` counts targets that
+    were dropped because there were too many.
+    """
+
+    def __init__(self, params: TrafficParams | None = None) -> None:
+        self.params = params = params or TrafficParams()
+        self.dropped: Counter[DropReason] = Counter()
+        self.evicted = 0
+        self.surroundings: Surroundings = UNKNOWN
+        self._clock = MonotonicClock()
+        self._trail = OwnTrail(_TRAIL_S)
+        self._own = OwnIdentity(params, self._trail)
+        self._echo = OwnshipEcho(params.own_echo, self._trail)
+        self._association = Association(params.association)
+        self._store = TargetStore(params.max_tracks)
+        self._contacts: dict[str, Contact] = {}
+        self._idle: dict[str, None] = {}  # the keys of contacts that never had a target, the oldest first
+        self._anonymous = AnonymousContacts(params, self._store.grid)
+        self._coasting = Coasting(params, self._trail)
+        self._unplaced_received_s: dict[str, float] = {}  # the longest silence first
+        self._concerns = ConcernFinder(
+            Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
+            ConcernedView(params, self._trail),
+        )
+        self._evicted_s = -math.inf
+        self._threats: set[str] = set()
+        self._offsets = AS_REPORTED
+
+    # --- our own aircraft
+
+    def add_own_address(self, icao: int) -> None:
+        """Take an address as that of our own transponder, unless it flies elsewhere. Zero means unknown."""
+        key = self._own.claim(icao)
+        if key is None:
+            return
+        self._unplaced_received_s.pop(key, None)
+        for target in () if key not in self._contacts else self._contacts[key].hypotheses:
+            self._identify(target)
+
+    def observe_ownship(self, fix: OwnshipFix) -> None:
+        """Store our own position; what was received before is compared with it when it is known again."""
+        began = self._trail.observe(OwnshipFix(self._clock.advance(fix.time_s), *fix[1:]))
+        self.surroundings = self.surroundings._replace(own_altitude_m=fix.altitude_m)
+        if began:
+            for target in list(self._store.grid.near(fix.lat_deg, fix.lon_deg)):
+                self._identify(target)
+
+    def own_distance_m(self, time_s: float, place_deg: LatLon) -> float | None:
+        """How far a place is from where we were at a time; `None` if that is unknown."""
+        if not math.isfinite(time_s) or not all(map(math.isfinite, place_deg)):
+            return None
+        own = self._trail.at(self._clock.convert(time_s))
+        if own is None:
+            return None
+        return math.hypot(*LocalFrame(own.lat_deg, own.lon_deg).to_north_east_m(*place_deg))
+
+    def note_threats(self, track_ids: list[str], now_s: float) -> None:
+        """Note which tracks are in conflict with us: they are kept, and coasted when they fall silent."""
+        monotonic_s = self._clock.advance(now_s)
+        self._coasting.note_threats(track_ids, self._store.targets, monotonic_s)
+        threats = {key for track_id in track_ids for key in self._association.group_of(track_id)}
+        for key in self._threats - threats:
+            if key in self._store.targets:
+                self._store.targets[key].threat = False
+        for key in threats:
+            if key in self._store.targets:
+                self._store.targets[key].threat = True
+        self._threats = threats
+
+    # --- reports
+
+    def receive(self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED) -> str | None:
+        """Process a report; returns the id of the track that it updates, `None` if there is none."""
+        monotonic_s = self._clock.advance(now_s)
+        self._offsets = offsets
+        if not is_possible(report):
+            self.dropped[DropReason.BAD_NUMBER] += 1
+            return None
+        time_s = self._clock.convert(report.time_s)
+        place_deg, report = self._place_of(report, time_s)
+        if place_deg is None:
+            own = self._own.is_claimed(report)
+            if not own:
+                self._note_unplaced(report.key, monotonic_s)
+            self.dropped[DropReason.OWN if own else DropReason.NO_POSITION] += 1
+            return None
+        if not report.key or (report.icao is not None and report.icao <= 0):
+            assignment = self._assign_anonymous(report, place_deg, time_s, monotonic_s)
+        else:
+            assignment = self._assign(report, place_deg, time_s, monotonic_s)
+        for reason in assignment.dropped:
+            self.dropped[reason] += 1
+        for removed in assignment.removed:
+            self._forget(removed)
+        target = assignment.target
+        if target is None or not self._keep(target, monotonic_s):
+            return None
+        return self._identify(target, new=True)
+
+    def _place_of(self, report: TrafficReport, time_s: float) -> tuple[LatLon | None, TrafficReport]:
+        """Where it is, also of a report relative to us, which gets an altitude relative to ours."""
+        if report.lat_deg is not None and report.lon_deg is not None:
+            return (report.lat_deg, report.lon_deg), report
+        own = None if report.relative_m is None else self._trail.at(time_s)
+        if own is None or report.relative_m is None:
+            return None, report
+        return self._trail.placed(report, own)
+
+    def _assign_anonymous(
+        self, report: TrafficReport, place_deg: LatLon, time_s: float, monotonic_s: float
+    ) -> Assignment:
+        if self._is_repeat(self._anonymous.repeats, report, monotonic_s, moves=False):
+            return Assignment(None, [DropReason.REPEATED], [])
+        if monotonic_s - time_s > stale_after_s(report.kind, self.params):
+            return self._too_old("anonymous", place_deg, time_s, monotonic_s)
+        measurement = measure(report, time_s, monotonic_s, *place_deg, self.params)
+        return self._anonymous.assign(measurement, self._reach_s)
+
+    def _assign(
+        self, report: TrafficReport, place_deg: LatLon, stated_s: float, monotonic_s: float
+    ) -> Assignment:
+        contact = self._contacts.get(report.key)
+        if contact is None:
+            contact = self._new_contact(report.key)
+        contact.heard_s = monotonic_s
+        for target in contact.hypotheses:
+            if monotonic_s > target.expires_s:
+                self._expire(target, monotonic_s)
+                self._contacts.setdefault(contact.key, contact)
+        observer = contact.observers.named(report.heard_by or report.source.value)
+        hypotheses = contact.hypotheses
+        moves = bool(hypotheses) and hypotheses[0].evidence.moves
+        if self._is_repeat(contact.repeats, report, monotonic_s, moves=moves):
+            if hypotheses and (report.ground_speed_mps or 0.0) <= self.params.hovering_mps:
+                self._note_standing(hypotheses[0], monotonic_s)
+            return Assignment(None, [DropReason.REPEATED], [])
+        time_s = observer.time_of(stated_s, monotonic_s)
+        if monotonic_s - time_s > stale_after_s(report.kind, self.params):
+            return self._too_old(report.callsign or report.key, place_deg, time_s, monotonic_s)
+        self._concerns.note_fresh(report.callsign or report.key)
+        measurement = measure(report, time_s, monotonic_s, *place_deg, self.params)
+        if self._idle:
+            self._idle.pop(contact.key, None)
+        assignment = contact.assign(measurement, observer, self._reach_s)
+        if len(contact.hypotheses) > 1:
+            self._concerns.note_contested(contact.key)
+        return assignment
+
+    def _is_repeat(
+        self, repeats: RepeatFilter, report: TrafficReport, monotonic_s: float, *, moves: bool
+    ) -> bool:
+        speed_mps = report.ground_speed_mps
+        may_stand_still = report.kind is TrafficKind.OBSTACLE or (
+            not moves if speed_mps is None else speed_mps <= self.params.hovering_mps
+        )
+        return repeats.is_repeat(content_of(report), monotonic_s, may_stand_still=may_stand_still)
+
+    def _note_standing(self, target: Target, monotonic_s: float) -> None:
+        """A repetition shows that a parked aircraft stands still."""
+        target.evidence.observe_again()
+        target.judge_kind(monotonic_s, self._altitude_of(target), self.surroundings)
+
+    def _too_old(self, name: str, place_deg: LatLon, time_s: float, monotonic_s: float) -> Assignment:
+        self._concerns.note_old(name, OldReport(monotonic_s, monotonic_s - time_s, place_deg))
+        return Assignment(None, [DropReason.STALE], [])
+
+    def _new_contact(self, key: str) -> Contact:
+        """A contact without a target; of those only the newest are remembered."""
+        self._idle[key] = None
+        if len(self._idle) > _MOST_IDLE:
+            idle = next(iter(self._idle))
+            del self._idle[idle], self._contacts[idle]
+        contact = self._contacts[key] = Contact(key, self.params)
+        return contact
+
+    def _reach_s(self, measurement: Measurement) -> float:
+        """How soon a report's aircraft could be near us."""
+        altitude_m = None
+        if measurement.altitudes:
+            reference, altitude_m, _ = measurement.altitudes[0]
+            altitude_m += self._offsets[reference].offset_m
+        place_deg = measurement.lat_deg, measurement.lon_deg
+        return self._trail.reach_s(measurement.time_s, place_deg, measurement.velocity_mps, altitude_m)
+
+    def _keep(self, target: Target, monotonic_s: float) -> bool:
+        """Store a target, if there is room for it; it may be another that makes room."""
+        if self._store.is_full and target.track_id not in self._store.targets:
+            target.reach_s = self._reach_s(target.last)
+        for other in self._store.put(target):
+            self.evicted += 1
+            self._evicted_s = monotonic_s
+            self._end(other)
+            if other is target:
+                self.dropped[DropReason.FULL] += 1
+                return False
+        return True
+
+    def _altitude_of(self, target: Target) -> SeaLevelAltitude | None:
+        motion = target.motion
+        return None if motion is None else to_sea_level(motion.altitudes, self._offsets, motion.position_s)
+
+    def _identify(self, target: Target, *, new: bool = False) -> str | None:
+        """Decide what a target is; returns the id of its track, `None` if it has none."""
+        altitude = self._altitude_of(target)
+        target.judge_kind(target.last.received_s, altitude, self.surroundings)
+        if target.motion is not None:
+            place_deg = target.motion.lat_deg, target.motion.lon_deg
+            height_m = None if altitude is None else altitude.altitude_m
+            velocity_mps = target.motion.north_mps, target.motion.east_mps
+            target.reach_s = self._trail.reach_s(target.measured_s, place_deg, velocity_mps, height_m)
+        self._concerns.note_altitude(target.track_id, known=altitude is not None)
+        if not target.evidence.stated_airborne and target.evidence.on_ground:
+            self.dropped[DropReason.ON_GROUND] += new
+            self._association.remove(target.track_id)
+            return None
+        if self._echo.classify(target, altitude, self._own.identify(target, altitude)):
+            self.dropped[DropReason.OWN] += new
+            self._association.remove(target.track_id)
+            return None
+        self._association.update(target, self._store, self._offsets)
+        track_id = self._association.group_of(target.track_id)[0]
+        return track_id if target.shown else None
+
+    # --- tracks
+
+    def tracks(
+        self, now_s: float, frame: LocalFrame, offsets: DatumOffsets = AS_REPORTED
+    ) -> tuple[Track, ...]:
+        """All tracks with a known position and altitude, extrapolated to `now_s`, ordered by `track_id`."""
+        monotonic_s = self._clock.advance(now_s)
+        self._offsets = offsets
+        self._remove_expired(monotonic_s)
+        maker = TrackMaker(now_s, monotonic_s, frame, offsets)
+        tracks = []
+        for target in self._store:
+            if target.track_id in self._echo.keys or not target.shown:
+                continue
+            if target.evidence.on_ground and not target.evidence.stated_airborne:
+                continue
+            group = self._association.groups.get(target.track_id)
+            if group is None:
+                contact = self._contacts.get(target.key)
+                track = maker.track(target, None if contact is None else contact.observers)
+            elif group[0] == target.track_id:
+                members = [self._store.targets[key] for key in group if key in self._store.targets]
+                track = maker.track_of_group(target, members)
+            else:
+                continue
+            if track is not None:
+                tracks.append(track)
+        return tuple(tracks)
+
+    def without_position(self, now_s: float) -> int:
+        """The number of aircraft received without a position or an altitude.
+
+        They are not avoided: without an altitude, every aircraft far above us would be a conflict.
+        """
+        monotonic_s = self._clock.advance(now_s)
+        self._remove_expired(monotonic_s)
+        unplaced = sum(key not in self._contacts for key in self._unplaced_received_s)
+        return unplaced + sum(
+            self._identifies_track(target)
+            and target.motion is not None
+            and to_sea_level(target.motion.altitudes, AS_REPORTED, monotonic_s) is None
+            for target in self._store
+        )
+
+    def _identifies_track(self, target: Target) -> bool:
+        if target.track_id in self._echo.keys or target.evidence.on_ground or not target.shown:
+            return False
+        return self._association.group_of(target.track_id)[0] == target.track_id
+
+    def unheard(self, now_s: float) -> tuple[str, float] | None:
+        """Name and silence [s] of the last threat, if it is not heard any more."""
+        return self._coasting.unheard(self._store.targets, self._clock.advance(now_s))
+
+    def concerns(self, now_s: float) -> tuple[Concern, ...]:
+        """What the operator should know of traffic, the nearest of each kind."""
+        return self._concerns.find(self._threats, self._evicted_s, self.evicted, self._clock.advance(now_s))
+
+    # --- forgetting
+
+    def _note_unplaced(self, key: str, monotonic_s: float) -> None:
+        self._unplaced_received_s.pop(key, None)
+        if len(self._unplaced_received_s) >= self.params.max_tracks:
+            del self._unplaced_received_s[next(iter(self._unplaced_received_s))]
+        self._unplaced_received_s[key] = monotonic_s
+
+    def _remove_expired(self, monotonic_s: float) -> None:
+        for target in [target for target in self._store if monotonic_s > target.expires_s]:
+            self._expire(target, monotonic_s)
+        oldest_s = monotonic_s - self.params.stale_s
+        for key in [key for key, received_s in self._unplaced_received_s.items() if received_s < oldest_s]:
+            del self._unplaced_received_s[key]
+
+    def _expire(self, target: Target, monotonic_s: float) -> None:
+        """Drop a target that is not heard any more, unless it is coasted."""
+        altitude = None
+        if target.motion is not None:
+            altitude = to_sea_level(target.motion.altitudes, self._offsets, monotonic_s, coast=True)
+        is_echo = target.track_id in self._echo.keys
+        if not is_echo and self._coasting.keeps(target, altitude, monotonic_s):
+            return
+        self._coasting.note_lost(target, monotonic_s)
+        self._end(target)
+
+    def _end(self, target: Target) -> None:
+        """Remove a target, and its contact if it was the only one."""
+        self._forget(target)
+        contact = self._contacts.get(target.key)
+        if contact is None:
+            return
+        contact.hypotheses = [one for one in contact.hypotheses if one is not target]
+        if not contact.hypotheses:
+            del self._contacts[target.key]
+
+    def _forget(self, target: Target) -> None:
+        """Remove a target from everything but its contact."""
+        if self._store.remove(target):
+            self._association.remove(target.track_id)
+            self._echo.remove(target.track_id)
+            self._concerns.note_altitude(target.track_id, known=True)

@@ -1,0 +1,96 @@
+"""Facts of receivers that do not speak MAVLink, in the engine."""
+
+import pytest
+
+from companion.engine import Engine, Stepper
+from companion.engine.stepper import FACTS_AT_ONCE, MOST_FACTS_WAITING, SHORTEST_PROMPT_US
+from companion.mavlink.facts import RECEIVER, Fact, ReceiverOwnship, Traffic
+from companion.model import TrafficReport, TrafficSource
+
+NOW_US = 1_750_000_000_000_000
+
+
+def report(key: str = "A00001") -> TrafficReport:
+    return TrafficReport(TrafficSource.ADSB, key, NOW_US / 1e6, 48.0, 11.0, 500.0, heard_by="gdl90:udpin:x:1")
+
+
+def test_a_report_of_a_receiver_is_traffic() -> None:
+    engine = Engine()
+    assert engine.receive(Traffic(RECEIVER, report()), NOW_US / 1e6) is False
+    assert engine.tracker.without_position(NOW_US / 1e6) == 0
+    assert not engine.tracker.dropped
+    assert engine.foreign == 0
+
+
+def test_where_a_receiver_is_goes_to_the_picture_and_is_no_autopilot(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = Engine()
+    seen: list[tuple[ReceiverOwnship, float]] = []
+    monkeypatch.setattr(
+        engine._picture, "observe_receiver", lambda *fact_and_time: seen.append(fact_and_time)
+    )
+    fact = ReceiverOwnship(RECEIVER, report())
+    assert engine.receive(fact, NOW_US / 1e6) is False
+    assert seen == [(fact, NOW_US / 1e6)]
+    assert engine.aircraft.sender is None
+
+
+class AlwaysUrgent(Engine):
+    """Wants a tick after every fact."""
+
+    def receive(self, fact: Fact, now_s: float, true_s: float | None = None) -> bool:
+        super().receive(fact, now_s, true_s)
+        return True
+
+
+def test_facts_that_came_together_prompt_one_tick_and_a_flood_few() -> None:
+    ticked: list[int] = []
+    stepper = Stepper(AlwaysUrgent(), lambda time_us, _effects: ticked.append(time_us))
+    stepper.advance(NOW_US)
+    ticked.clear()
+    facts = [Traffic(RECEIVER, report(f"A0000{number}")) for number in range(9)]
+    stepper.receive_together(facts, NOW_US + 1)
+    assert ticked == [NOW_US + 1]
+    for after_us in range(2, SHORTEST_PROMPT_US, 100):
+        stepper.receive_together(facts, NOW_US + after_us)
+    assert ticked == [NOW_US + 1]
+    stepper.receive_together(facts, NOW_US + 1 + SHORTEST_PROMPT_US)
+    assert len(ticked) == 2
+    stepper.receive_together([], NOW_US + 90_000)
+    assert len(ticked) == 2
+
+
+class Counting(Engine):
+    """Remembers the facts of each tick."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.facts: list[Fact] = []
+
+    def receive(self, fact: Fact, now_s: float, true_s: float | None = None) -> bool:
+        del now_s, true_s
+        self.facts.append(fact)
+        return False
+
+
+def test_many_facts_at_once_are_taken_in_over_the_next_ticks() -> None:
+    engine, taken = Counting(), []
+    stepper = Stepper(engine, lambda _time_us, _effects: taken.append(len(engine.facts)))
+    stepper.advance(NOW_US)
+    facts = [Traffic(RECEIVER, report(f"{number:06X}")) for number in range(3 * FACTS_AT_ONCE - 100)]
+    stepper.receive_together(facts, NOW_US + 1)
+    assert len(engine.facts) == FACTS_AT_ONCE
+    stepper.receive_together(facts[:1], NOW_US + 2)
+    assert len(engine.facts) == FACTS_AT_ONCE + 1, "another receiver does not wait"
+    stepper.advance(NOW_US + 400_000)
+    assert taken == [0, 2 * FACTS_AT_ONCE + 1, len(facts) + 1, len(facts) + 1, len(facts) + 1]
+    assert engine.facts[:FACTS_AT_ONCE] + engine.facts[FACTS_AT_ONCE + 1 :] == facts
+    assert stepper.dropped_facts == 0
+
+
+def test_of_too_many_facts_the_oldest_are_dropped_and_counted() -> None:
+    engine = Counting()
+    stepper = Stepper(engine, lambda _time_us, _effects: None)
+    facts = [Traffic(RECEIVER, report(f"{number:06X}")) for number in range(MOST_FACTS_WAITING)]
+    for _ in range(2):
+        stepper.receive_together(facts, NOW_US + 1)
+    assert stepper.dropped_facts == MOST_FACTS_WAITING - 2 * FACTS_AT_ONCE
