@@ -27,6 +27,8 @@ _SPACING_S: Final = 0.2
 _INTERVAL_S, _NEAR_S = 1.0, 60.0
 # The nearest are chosen once a second, as many as ArduPilot's list has room for.
 _NEAREST, _CHOSEN_AGAIN_S = 25, 1.0
+# Among so many of the nearest: some of them are heard there, too.
+_SORTED: Final = 250
 # What approaches slower, or flies away, counts as approaching like this: it may turn.
 _LEAST_CLOSING_MPS: Final = 5.0
 # An aircraft that is heard there, too, is not sent there for this time. A height counts as barometric for as
@@ -148,11 +150,19 @@ class Forwarding:
             return
         self._chosen_s = now_s
         self._reports.forget_old(now_s)
-        present = {track.track_id for track in tracks}
-        self._heard = {track_id: heard for track_id, heard in self._heard.items() if track_id in present}
-        wanted = (track for track in tracks if self._is_wanted(track, now_s))
-        reaches = nsmallest(_NEAREST, ((_reach_s(track, own), track.track_id) for track in wanted))
-        self._nearest = {track_id: reach_s for reach_s, track_id in reaches}
+        if len(self._heard) > 2 * len(tracks) + _NEAREST:
+            present = {track.track_id for track in tracks}
+            self._heard = {track_id: heard for track_id, heard in self._heard.items() if track_id in present}
+        heard = self._heard
+        known = [track for track in tracks if track.track_id in heard]
+        near = zip(_reaches_s(known, own), range(len(known)), strict=True)
+        chosen: dict[str, float] = {}
+        for reach_s, index in nsmallest(_SORTED, near):
+            if self._is_wanted(known[index], now_s):
+                chosen[known[index].track_id] = reach_s
+                if len(chosen) == _NEAREST:
+                    break
+        self._nearest = chosen
 
     def _is_wanted(self, track: Track, now_s: float) -> bool:
         heard = self._heard.get(track.track_id)
@@ -223,10 +233,20 @@ def _position_m(track: Track, time_s: float) -> Vec3:
     return north_m + later_s * north_mps, east_m + later_s * east_mps, down_m + later_s * down_mps
 
 
-def _reach_s(track: Track, own: Ownship) -> float:
-    """How soon an aircraft may be here: its distance by its closing speed [s]."""
-    away_m = [there - here for there, here in zip(track.position_m, own.position_m, strict=True)]
-    rate_mps = [theirs - ours for theirs, ours in zip(track.velocity_mps, own.velocity_mps, strict=True)]
-    distance_m = math.hypot(*away_m)
-    closing_mps = -sum(map(math.prod, zip(away_m, rate_mps, strict=True))) / max(distance_m, 1.0)
-    return distance_m / max(closing_mps, _LEAST_CLOSING_MPS)
+def _reaches_s(tracks: Sequence[Track], own: Ownship) -> list[float]:
+    """How soon each aircraft may be here: its distance by its closing speed [s]."""
+    own_north_m, own_east_m, own_down_m = own.position_m
+    own_north_mps, own_east_mps, own_down_mps = own.velocity_mps
+    reaches_s = []
+    for track in tracks:  # by components: there may be thousands
+        north_m, east_m, down_m = track.position_m
+        north_mps, east_mps, down_mps = track.velocity_mps
+        north_m, east_m, down_m = north_m - own_north_m, east_m - own_east_m, down_m - own_down_m
+        distance_m = math.sqrt(north_m * north_m + east_m * east_m + down_m * down_m)
+        approach = (
+            north_m * (own_north_mps - north_mps)
+            + east_m * (own_east_mps - east_mps)
+            + down_m * (own_down_mps - down_mps)
+        )
+        reaches_s.append(distance_m / max(approach / max(distance_m, 1.0), _LEAST_CLOSING_MPS))
+    return reaches_s

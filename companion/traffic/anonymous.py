@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Final
 
 from companion.traffic.contact import URGENT_S, Assignment
-from companion.traffic.grid import Grid
 from companion.traffic.measurement import DropReason, Measurement, RepeatFilter
 from companion.traffic.params import TrafficParams
+from companion.traffic.store import Grid
 from companion.traffic.target import Target
 
 _MOST_REPEATS: Final = 4096

@@ -5,13 +5,18 @@ from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficSource, Vec2
-from companion.traffic.accuracy import RANK, filter_sigma_m, position_sigma_m, velocity_sigma_mps
 from companion.traffic.altitude_datums import ReportedAltitude, SeaLevelAltitude
 from companion.traffic.covariance import Moments, grown_sigmas
-from companion.traffic.kind import KindEvidence, Surroundings
-from companion.traffic.measurement import DropReason, Measurement
+from companion.traffic.evidence import NOISE_SHARE, KindEvidence, StatedRate, Surroundings
+from companion.traffic.measurement import (
+    RANK,
+    DropReason,
+    Measurement,
+    filter_sigma_m,
+    position_sigma_m,
+    velocity_sigma_mps,
+)
 from companion.traffic.params import TrafficParams
-from companion.traffic.stated_rate import NOISE_SHARE, StatedRate
 from companion.traffic.target_altitudes import TargetAltitudes
 from companion.traffic.track_filter import HorizontalFilter, HorizontalFix
 

@@ -5,9 +5,9 @@ from typing import Final, NamedTuple
 
 from companion.model import AltitudeReference
 from companion.traffic.altitude_datums import ReportedAltitude
+from companion.traffic.evidence import NOISE_SHARE, StatedRate
 from companion.traffic.measurement import DropReason, Measurement
 from companion.traffic.params import TrafficParams
-from companion.traffic.stated_rate import NOISE_SHARE, StatedRate
 from companion.traffic.track_filter import OutlierGate, VerticalFilter, VerticalFix
 
 # Errors of stated climbs below this are of no importance.

@@ -9,11 +9,9 @@ from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from companion.geodesy import LocalFrame
 from companion.model import Vec2
-from companion.traffic.along_path import AlongPath
-from companion.traffic.covariance import Covariance, Moments, grown_sigmas
+from companion.traffic.covariance import Covariance, Moments, NoiseScale, grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
-from companion.traffic.interacting_models import LateralModels
-from companion.traffic.report_noise import NoiseScale
+from companion.traffic.interacting_models import AlongPath, LateralModels
 
 # Chi-square gates of two axes and of one: one in a million true reports is outside. Errors of receivers are
 # not normal that far out, but the wrong ones are further by far.

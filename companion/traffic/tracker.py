@@ -8,11 +8,9 @@ from companion.model import LatLon, Track, TrafficKind, TrafficReport
 from companion.traffic.altitude_datums import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
 from companion.traffic.anonymous import AnonymousContacts
 from companion.traffic.association import Association
-from companion.traffic.coasting import Coasting
-from companion.traffic.concern_finder import ConcernFinder, Known
-from companion.traffic.concerns import Concern, ConcernedView, OldReport
+from companion.traffic.concerns import Concern, ConcernedView, ConcernFinder, Known, OldReport
 from companion.traffic.contact import Assignment, Contact
-from companion.traffic.kind import UNKNOWN, Surroundings
+from companion.traffic.evidence import UNKNOWN, Surroundings
 from companion.traffic.measurement import (
     DropReason,
     Measurement,
@@ -21,14 +19,42 @@ from companion.traffic.measurement import (
     is_possible,
     measure,
 )
-from companion.traffic.monotonic_clock import MonotonicClock
-from companion.traffic.own_identity import OwnIdentity
 from companion.traffic.own_trail import OwnshipFix, OwnTrail
-from companion.traffic.ownship_echo import OwnshipEcho
+from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import TargetStore
 from companion.traffic.target import Target, stale_after_s
-from companion.traffic.tracks import TrackMaker
+from companion.traffic.tracks import Coasting, TrackMaker
+
+# Smaller steps back of a clock are jitter between callers; a larger step means that the clock was set.
+_CLOCK_JITTER_S = 1.0
+
+
+class MonotonicClock:
+    """Time that stands still during jitter of the caller's clock and continues after a step back of it.
+
+    Without it, ages would be negative after a step back, until the caller's clock has caught up.
+    """
+
+    def __init__(self) -> None:
+        self._offset_s = 0.0
+        self._latest_s: float | None = None
+
+    def advance(self, now_s: float) -> float:
+        """The monotonic time of the caller's present time."""
+        monotonic_s = now_s + self._offset_s
+        if self._latest_s is not None and monotonic_s < self._latest_s:
+            if self._latest_s - monotonic_s > _CLOCK_JITTER_S:
+                self._offset_s = self._latest_s - now_s
+            return self._latest_s
+        self._latest_s = monotonic_s
+        return monotonic_s
+
+    def convert(self, time_s: float) -> float:
+        """The monotonic time of a time stamp of the caller's clock, at most the latest present time."""
+        monotonic_s = time_s + self._offset_s
+        return monotonic_s if self._latest_s is None else min(monotonic_s, self._latest_s)
+
 
 # Our own positions are kept for the last reports of a slow shadow and its delay.
 _TRAIL_S = 60.0

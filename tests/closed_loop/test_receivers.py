@@ -1,6 +1,7 @@
 """Scenarios with each format of receivers, from the encoder's bytes to the aircraft given back.
 
-The same bytes go over sockets in `tests/integration/test_receivers_on_the_wire.py`.
+Each format flies with both autopilots, each scenario with all formats; `make thorough` flies all pairs. The
+same bytes go over sockets in `tests/integration/test_receivers_on_the_wire.py`.
 """
 
 from dataclasses import replace
@@ -12,13 +13,12 @@ from sim.closed_loop import ClosedLoop, Flight
 from sim.metrics import EncounterScore
 from sim.receivers import FORMATS
 from sim.scenario import Autopilot, load_scenario
-from tests.support.autopilots import MISSION_MODE, both
+from tests.support.autopilots import BOTH, MISSION_MODE, in_turn
 
 SCENARIOS = ("head-on", "crossing-right", "two-intruders")
 # They reach an aircraft that comes head-on a minute before the meeting: 5 km for FLARM, the others more.
 IN_TIME = tuple(name for name in FORMATS if name != "remoteid")
-formats = pytest.mark.parametrize("name", IN_TIME)
-scenarios = pytest.mark.parametrize("scenario", SCENARIOS)
+ROWS = [(name, scenario) for name in IN_TIME for scenario in SCENARIOS]
 
 
 def fly(scenario: str, name: str, autopilot: Autopilot) -> Flight:
@@ -37,12 +37,11 @@ def encounters(flight: Flight) -> list[EncounterScore]:
     return list(flight.score.encounters.values())
 
 
-@both
-@scenarios
-@formats
+@in_turn("row", ROWS, BOTH)
 def test_traffic_of_a_receiver_is_avoided_and_the_mission_resumed(
-    name: str, scenario: str, autopilot: Autopilot
+    autopilot: Autopilot, row: tuple[str, str]
 ) -> None:
+    name, scenario = row
     flight = fly(scenario, name, autopilot)
     assert not any(one.nmac or one.lowc for one in encounters(flight))
     assert flight.resumed
@@ -54,10 +53,9 @@ def test_traffic_of_a_receiver_is_avoided_and_the_mission_resumed(
     assert f"Clear of traffic, back to {MISSION_MODE[autopilot]}" in flight.texts
 
 
-@both
-@scenarios
+@in_turn("scenario", SCENARIOS, BOTH, first=1)
 def test_remote_id_is_heard_too_late_to_stay_well_clear_but_there_is_no_collision(
-    scenario: str, autopilot: Autopilot
+    autopilot: Autopilot, scenario: str
 ) -> None:
     flight = fly(scenario, "remoteid", autopilot)
     assert not any(one.nmac for one in encounters(flight))

@@ -106,8 +106,9 @@ def test_a_forgotten_entry_is_named_with_its_line() -> None:
 @pytest.mark.parametrize("source", TrafficSource)
 def test_a_traffic_source_is_reported_by_some_file(source: TrafficSource) -> None:
     """A member without a file that makes reports of it is an extension that was not finished."""
-    makers = [path for path, text in sources().items() if f"source=TrafficSource.{source.name}" in text]
-    assert makers, f"no file makes a TrafficReport with source=TrafficSource.{source.name}"
+    name = f"TrafficSource.{source.name}"
+    makers = [path for path, text in sources().items() if "TrafficReport(" in text and name in text]
+    assert makers, f"no file makes a TrafficReport of {name}"
 
 
 # --- autopilots

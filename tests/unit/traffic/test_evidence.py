@@ -19,7 +19,7 @@ from companion.model import (
 )
 from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams, TrafficPicture
 from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
-from companion.traffic.kind import Surroundings
+from companion.traffic.evidence import Surroundings
 from companion.traffic.own_trail import OwnshipFix
 from tests.unit.traffic.straight_flight import FRAME, START_M, VELOCITY_MPS, follow, only, report_at, straight
 
@@ -482,3 +482,7 @@ def test_a_conflict_that_ends_while_its_aircraft_is_heard_is_clear_whatever_happ
     tracker.note_threats(["4B1234"], 5.0)
     tracker.note_threats([], 6.0)
     assert tracker.unheard(15.0) is None
+    for second in (10, 20, 26):
+        tracker.tracks(second, FRAME)
+        assert concerns(tracker, second) == []
+    assert tracker.tracks(26.0, FRAME) == ()
