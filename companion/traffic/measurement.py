@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 from companion.model import AltitudeReference, TrafficReport, TrafficSource, Vec2
 from companion.traffic.params import TrafficParams
+from companion.traffic.track_filter import HorizontalFix
 
 # Standard deviations of each horizontal axis [m] if the sender states none. ADS-B, ADS-R: NACp 8, a 95 %
 # radius of 93 m, which most installations keep (RTCA DO-260B, table 2-14). TIS-B: radar within 60 NM, a 95 %
@@ -110,7 +111,7 @@ class Measurement(NamedTuple):
     """A report of a place at `time_s`, heard at `received_s` on the tracker's clock.
 
     The stated velocity (north, east) and climb are `None` if missing or impossible. Each altitude has its
-    reference and its standard deviation, 0 if the sender states none.
+    reference and its standard deviation, 0 if the sender states none. `fix` is the place for a filter.
     """
 
     report: TrafficReport
@@ -121,7 +122,12 @@ class Measurement(NamedTuple):
     velocity_mps: Vec2 | None
     climb_mps: float | None
     altitudes: tuple[tuple[AltitudeReference, float, float], ...]
+    fix: HorizontalFix
     urgent: bool = False  # it may be near us within seconds
+
+    def valid_at(self, time_s: float) -> "Measurement":
+        """The same at another time."""
+        return self._replace(time_s=time_s, fix=self.fix._replace(time_s=time_s))
 
 
 def measure(
@@ -136,15 +142,18 @@ def measure(
     climb_mps = report.climb_mps
     if climb_mps is not None and abs(climb_mps) > params.estimate.max_climb_mps:
         climb_mps = None
+    velocity_mps = _velocity_mps(report, params.estimate.max_speed_mps)
+    sigmas = filter_sigma_m(report), velocity_sigma_mps(report)
     return Measurement(
         report,
         time_s,
         received_s,
         lat_deg,
         lon_deg,
-        _velocity_mps(report, params.estimate.max_speed_mps),
+        velocity_mps,
         climb_mps,
         _altitudes(report),
+        HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps, *sigmas),
     )
 
 

@@ -12,7 +12,6 @@ from companion.traffic.measurement import (
     RANK,
     DropReason,
     Measurement,
-    filter_sigma_m,
     position_sigma_m,
     velocity_sigma_mps,
 )
@@ -175,7 +174,7 @@ class Target:
         here = self._horizontal
         if here is None or self.kind is TrafficKind.OBSTACLE:
             return True
-        if not here.is_outlier(_fix(measurement, None)):
+        if not here.is_elsewhere(measurement.fix):
             return self.shown or self._is_near_prediction(measurement)
         # A wrong stated velocity has led the prediction astray.
         return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
@@ -202,7 +201,7 @@ class Target:
         here, stated = self._horizontal, measurement.velocity_mps
         if here is None or stated is None or not self._velocity.trusted:
             return True
-        return not here.is_outlier(_fix(measurement, stated))
+        return not here.is_outlier(measurement.fix)
 
     def distance(self, measurement: Measurement) -> float:
         """How far a measurement is from the prediction, in gates: for the nearest neighbour."""
@@ -262,7 +261,7 @@ class Target:
         self._velocity.trusted = False
         self._horizontal = None
         for one in measurements:
-            self._update_place(_fix(one, None))
+            self._update_place(one.fix._replace(velocity_mps=None))
         newest = measurements[-1]
         self._note(newest)
         self._altitudes.receive(newest, [], stands=False)
@@ -297,15 +296,16 @@ class Target:
                 velocity_mps = None
                 if trusted:
                     self._horizontal = None
-                    now = _fix(measurement, None)
+                    now = measurement.fix._replace(velocity_mps=None)
                     for place_s, *place_deg in self._velocity.places:
                         lat_deg, lon_deg = place_deg
                         self._update_place(now._replace(time_s=place_s, lat_deg=lat_deg, lon_deg=lon_deg))
                     return
-            elif here is not None and here.is_outlier(_fix(measurement, velocity_mps)):
+            elif here is not None and here.is_outlier(measurement.fix):
                 dropped.append(DropReason.VELOCITY_WRONG)
                 velocity_mps = None
-        self._update_place(_fix(measurement, velocity_mps))
+        fix = measurement.fix
+        self._update_place(fix if velocity_mps is not None else fix._replace(velocity_mps=None))
 
     def _update_place(self, fix: HorizontalFix) -> None:
         if self._horizontal is None:
@@ -340,15 +340,3 @@ class Target:
             self.motion = Motion(
                 newest.lat_deg, newest.lon_deg, self.measured_s, 0.0, 0.0, 0.0, self.sigma_m, tuple(still)
             )
-
-
-def _fix(measurement: Measurement, velocity_mps: Vec2 | None) -> HorizontalFix:
-    report = measurement.report
-    return HorizontalFix(
-        measurement.time_s,
-        measurement.lat_deg,
-        measurement.lon_deg,
-        velocity_mps,
-        filter_sigma_m(report),
-        velocity_sigma_mps(report),
-    )

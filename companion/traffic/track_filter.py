@@ -118,7 +118,11 @@ class HorizontalFilter:
         return 0.5 * (along.pp + pp), 0.5 * (along.pv + pv), 0.5 * (along.vv + vv)
 
     def is_outlier(self, fix: HorizontalFix) -> bool:
-        """Whether no aircraft could reach that position or velocity in the time since the last report.
+        """Whether no aircraft could reach that position or velocity in the time since the last report."""
+        return self.is_elsewhere(fix) or self._has_other_velocity(fix)
+
+    def is_elsewhere(self, fix: HorizontalFix) -> bool:
+        """Whether no aircraft could reach that position.
 
         Nothing is an outlier within reach of the hardest manoeuvre; what is beyond it must be noise.
         """
@@ -132,17 +136,19 @@ class HorizontalFilter:
             return True
         off_m = math.hypot(north_m - self.north_mps * dt_s, east_m - self.east_mps * dt_s)
         beyond_m = off_m - 0.5 * p.max_acceleration_mps2 * dt_s * dt_s - late_m
-        if beyond_m > 0.0 and self._is_beyond_noise(beyond_m, dt_s, fix):
-            return True
-        return fix.velocity_mps is not None and self._is_other_velocity(fix.velocity_mps, dt_s, fix)
+        return beyond_m > 0.0 and self._is_beyond_noise(beyond_m, dt_s, fix)
 
     def _is_beyond_noise(self, beyond_m: float, predicted_s: float, fix: HorizontalFix) -> bool:
         predicted_m, _ = grown_sigmas(self.moments, predicted_s, 0.0)
         sigma_m = self._position_sigma_m(fix) * max(self._position_noise.scale, 1.0)
         return beyond_m**2 > _GATE_2D * (predicted_m**2 + sigma_m**2)
 
-    def _is_other_velocity(self, velocity_mps: Vec2, dt_s: float, fix: HorizontalFix) -> bool:
-        off_mps = math.hypot(velocity_mps[0] - self.north_mps, velocity_mps[1] - self.east_mps)
+    def _has_other_velocity(self, fix: HorizontalFix) -> bool:
+        if fix.velocity_mps is None:
+            return False
+        north_mps, east_mps = fix.velocity_mps
+        dt_s = max(fix.time_s - self.time_s, 0.0)
+        off_mps = math.hypot(north_mps - self.north_mps, east_mps - self.east_mps)
         beyond_mps = off_mps - self._params.max_acceleration_mps2 * dt_s
         if beyond_mps <= 0.0:
             return False
