@@ -37,9 +37,14 @@ class Flight:
     completed_s: float | None = None
     layers: list[tuple[float, Layer]] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
-    decisions: list[str] = field(default_factory=list)
+    records: list[Record] = field(default_factory=list, repr=False)
     setpoints_sent: int = 0
     modes: list[tuple[float, str]] = field(default_factory=list)
+
+    @property
+    def decisions(self) -> list[str]:
+        """The record of the decisions so far as lines of JSON, formatted when they are read."""
+        return [record.line for record in self.records]
 
     @property
     def mission_completed(self) -> bool:
@@ -147,7 +152,7 @@ class ClosedLoop:
         assert engine is not None
         for effect in effects:
             if isinstance(effect, Record):
-                flight.decisions.append(effect.line)
+                flight.records.append(effect)
             elif isinstance(effect, Transmit) and effect.to != "station":
                 self._transmit(time_us, effect)
         layer = engine.decision.layer

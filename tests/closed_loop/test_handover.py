@@ -145,7 +145,7 @@ def test_message_rates_are_requested_again_after_a_reset() -> None:
     loop.run(10.0)
     loop.world.vehicle.add_channel(0)  # as after a reboot: default rates
     loop.run(12.0)
-    before = len(loop.flight.decisions)
+    before = len(loop.flight.records)
     positions = 0
     hear = loop._hear
 
@@ -157,7 +157,7 @@ def test_message_rates_are_requested_again_after_a_reset() -> None:
     loop._hear = counting  # type: ignore[method-assign]
     loop.run(5.0)
     assert positions >= 45
-    assert len(loop.flight.decisions) > before
+    assert len(loop.flight.records) > before
 
 
 def test_a_lost_request_for_traffic_is_repeated() -> None:

@@ -86,7 +86,7 @@ def test_advise_computes_and_reports_as_in_flight(autopilot: Autopilot) -> None:
     assert loop.engine.decision.guidance is not None
     assert any(text.startswith("Advise ") and "SUDDEN" in text for text in loop.flight.texts)
     assert sent.count("COLLISION") >= 7
-    assert len(loop.flight.decisions) > 80
+    assert len(loop.flight.records) > 80
 
 
 @every

@@ -1,6 +1,7 @@
-"""Every scenario of `sim/scenarios` in every way of flying: avoided, finished, and announced as it is flown.
+"""Every scenario of `sim/scenarios`: avoided, finished, and announced as it is flown.
 
-Each is flown once, engine and vehicle in lockstep; the tests of one flight run in one process.
+Each is flown in GUIDED_COURSE, and in turn with ArduPlane or in OFFBOARD (`make thorough`: in every way).
+Engine and vehicle fly in lockstep, once for all tests of a flight, which run in one process.
 """
 
 import math
@@ -13,23 +14,30 @@ from companion.output.notice import TEXT_BYTES
 from companion.units import wrap_pi
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, load_scenario, scenario_names
-from tests.support.autopilots import MISSION_MODE, every
+from tests.support.autopilots import ALL, BOTH, MISSION_MODE, PX4_1_18
 from tests.support.scenario_flight import MOMENT_S, scenario_flight
+from tests.support.thorough import THOROUGH
 
-CONFLICTS = [name for name in scenario_names() if name != "clear"]
+SCENARIOS = scenario_names()
+# Pairs of a scenario and a way of flying.
+FLOWN = [
+    (name, way)
+    for place, name in enumerate(SCENARIOS)
+    for way in (ALL if THOROUGH else (BOTH[place % len(BOTH)], PX4_1_18))
+]
+CONFLICTS = [(name, way) for name, way in FLOWN if name != "clear"]
 MANEUVERS = ("CLIMB", "DESCEND", "RIGHT", "LEFT", "FASTER", "SLOWER", "HOLD")
 # Changes of course and height that need no text, and the longest wait of a text in a row of many.
 SMALL_RAD, SMALL_M, LATE_S = math.radians(20.1), 15.1, 3.1
 
 
 def test_the_documented_scenarios_exist() -> None:
-    assert set(scenario_names()) >= {
+    assert set(SCENARIOS) >= {
         "head-on", "crossing-right", "crossing-left", "overtaken", "climbing", "two-intruders", "clear",
     }  # fmt: skip
 
 
-@every
-@pytest.mark.parametrize("name", CONFLICTS)
+@pytest.mark.parametrize(("name", "autopilot"), CONFLICTS)
 def test_a_conflict_is_avoided_and_the_mission_finished(name: str, autopilot: Autopilot) -> None:
     flight = scenario_flight(name, autopilot).flight
     for encounter in flight.score.encounters.values():
@@ -49,8 +57,7 @@ def test_a_conflict_is_avoided_and_the_mission_finished(name: str, autopilot: Au
     assert flight.texts[-1] == f"Clear of traffic, back to {MISSION_MODE[autopilot]}"
 
 
-@every
-@pytest.mark.parametrize("name", ["clear"])
+@pytest.mark.parametrize(("name", "autopilot"), [pair for pair in FLOWN if pair[0] == "clear"])
 def test_traffic_without_conflict_is_not_avoided(name: str, autopilot: Autopilot) -> None:
     flight = scenario_flight(name, autopilot).flight
     assert flight.mission_completed
@@ -60,8 +67,7 @@ def test_traffic_without_conflict_is_not_avoided(name: str, autopilot: Autopilot
     assert flight.score.max_deviation_m < 10.0
 
 
-@every
-@pytest.mark.parametrize("name", ["head-on"])
+@pytest.mark.parametrize(("name", "autopilot"), [pair for pair in FLOWN if pair[0] == "head-on"])
 def test_the_same_seed_gives_the_same_flight(name: str, autopilot: Autopilot) -> None:
     first = scenario_flight(name, autopilot)
     # Only the part with the avoidance.
@@ -72,8 +78,7 @@ def test_the_same_seed_gives_the_same_flight(name: str, autopilot: Autopilot) ->
     assert second.truth == first.moments[599].truth
 
 
-@every
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize(("name", "autopilot"), FLOWN)
 def test_each_change_of_what_is_flown_is_announced_in_one_message(name: str, autopilot: Autopilot) -> None:
     known: Guidance | None = None
     unannounced_s, count = 0.0, 0

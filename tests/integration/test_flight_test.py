@@ -150,7 +150,7 @@ async def test_a_mode_of_someone_else_is_left_alone(tmp_path: Path) -> None:
     running = asyncio.create_task(flight.run())
     await until(lambda: flight.judged is not None)
     vehicle.set_mode("RTL")
-    result = await asyncio.wait_for(running, 90.0)
+    result = await asyncio.wait_for(running, 240.0)
     assert result.problem is not None
     assert "RTL, which is not of this test" in result.problem
     assert vehicle.truth.mode == "RTL"

@@ -132,7 +132,7 @@ async def test_a_signal_releases_the_aircraft_before_the_service_ends(tmp_path: 
         await until_mode(vehicle, Mode.GUIDED, 20.0)
         await asyncio.sleep(0.5)
         process.send_signal(number)
-        _, errors = await asyncio.wait_for(process.communicate(), 15.0)
+        _, errors = await asyncio.wait_for(process.communicate(), 60.0)
         assert vehicle.truth.on_mission
     assert process.returncode == 0
     assert b"Traceback" not in errors
@@ -153,7 +153,7 @@ async def test_garbage_on_the_link_has_no_effect(tmp_path: Path) -> None:
                         nuisance.sendto(datagram, ("127.0.0.1", port))
                     await asyncio.sleep(0.1)
         process.terminate()
-        _, errors = await asyncio.wait_for(process.communicate(), 15.0)
+        _, errors = await asyncio.wait_for(process.communicate(), 60.0)
         assert vehicle.truth.on_mission
     assert process.returncode == 0
     assert b"Traceback" not in errors
@@ -167,7 +167,7 @@ async def test_a_port_in_use_is_reported_in_one_line(tmp_path: Path) -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         async with service(tmp_path, port) as process:
-            _, errors = await asyncio.wait_for(process.communicate(), 15.0)
+            _, errors = await asyncio.wait_for(process.communicate(), 60.0)
     assert process.returncode == 1
     assert f"udpin:127.0.0.1:{port}".encode() in errors.splitlines()[-1]
     assert b"Traceback" not in errors

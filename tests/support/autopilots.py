@@ -3,9 +3,10 @@
 - What judges control is flown in every way of flying (`every`): take-over, hand-back, pilot overrides, modes,
   return to the leg.
 - What judges the avoidance needs one airframe of each kind (`both`): it decides above the adapters.
+- Between those two, each autopilot is flown, and PX4 in one of its two ways (`ways`).
 - The rows of a table that the autopilot does not change are flown in turn (`in_turn`): each row once, and all
   ways of flying in one table. `make thorough` flies each row in every one.
-- All scenarios are flown in every way of flying in `tests/closed_loop/test_scenarios.py`, and only there.
+- `tests/closed_loop/test_scenarios.py` flies each scenario in GUIDED_COURSE and in one of the two other ways.
 """
 
 from collections.abc import Iterable, Sequence
@@ -25,6 +26,11 @@ GUIDED_MODE: dict[Autopilot, str] = {ARDUPILOT: "GUIDED", PX4: "OFFBOARD", PX4_1
 
 both = pytest.mark.parametrize("autopilot", BOTH)
 every = pytest.mark.parametrize("autopilot", ALL)
+
+
+def ways(*usual: Autopilot) -> pytest.MarkDecorator:
+    """Parametrizes `autopilot` with these ways of flying, or with every one (`make thorough`)."""
+    return pytest.mark.parametrize("autopilot", ALL if THOROUGH else usual)
 
 
 def in_turn(
