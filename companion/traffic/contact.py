@@ -190,7 +190,7 @@ class Contact:
                 observer, measurement.received_s, math.hypot(*found.velocity_mps)
             )
             if delay_s > 0.0:
-                measurement = measurement._replace(time_s=measurement.time_s - delay_s)
+                measurement = measurement.valid_at(measurement.time_s - delay_s)
             if measurement.time_s < found.measured_s:
                 return Assignment(None, [DropReason.REORDERED], [])
             assignment = Assignment(found, found.receive(measurement), self._drop_jumped(found))

@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 from companion.model import AltitudeReference, TrafficReport, TrafficSource, Vec2
 from companion.traffic.params import TrafficParams
+from companion.traffic.track_filter import HorizontalFix
 
 # Standard deviations of each horizontal axis [m] if the sender states none. ADS-B, ADS-R: NACp 8, a 95 %
 # radius of 93 m, which most installations keep (RTCA DO-260B, table 2-14). TIS-B: radar within 60 NM, a 95 %
@@ -35,6 +36,7 @@ _TYPICAL_SIGMA_MPS: Final = {
     TrafficSource.UTM: 1.5,
     TrafficSource.SYSTEM: 0.5,
 }
+_TRANSPONDERS: Final = frozenset({TrafficSource.ADSB, TrafficSource.ADSR})
 # A source with a lower rank identifies an aircraft in more places: the track takes its key.
 RANK: Final = {source: number for number, source in enumerate(TYPICAL_SIGMA_M)} | {
     TrafficSource.ADSB: 0,
@@ -63,20 +65,18 @@ def position_sigma_m(report: TrafficReport) -> float:
     return TYPICAL_SIGMA_M[report.source]
 
 
+def filter_sigma_m(report: TrafficReport) -> float | None:
+    """The same for a filter; `None`: the usual one, of transponders, which are better than typical."""
+    if report.position_sigma_m is None and report.source in _TRANSPONDERS:
+        return None
+    return position_sigma_m(report)
+
+
 def velocity_sigma_mps(report: TrafficReport) -> float:
     """The standard deviation of each horizontal axis of a stated velocity [m/s]."""
     if report.velocity_sigma_mps is not None and report.velocity_sigma_mps > 0.0:
         return min(report.velocity_sigma_mps, _WORST_MPS)
     return _TYPICAL_SIGMA_MPS[report.source]
-
-
-def grown_sigma_m(sigma_m: float, sigma_mps: float, age_s: float, manoeuvre_mps: float) -> float:
-    """The standard deviation of a position extrapolated for `age_s` [m].
-
-    White acceleration of `manoeuvre_mps` in one second (Bar-Shalom et al. 2001, 6.2.2).
-    """
-    moved2 = (sigma_mps * sigma_mps + manoeuvre_mps * manoeuvre_mps * age_s / 3.0) * age_s * age_s
-    return math.sqrt(sigma_m * sigma_m + moved2)
 
 
 # A larger stated error means the same: nothing is known.
@@ -111,7 +111,7 @@ class Measurement(NamedTuple):
     """A report of a place at `time_s`, heard at `received_s` on the tracker's clock.
 
     The stated velocity (north, east) and climb are `None` if missing or impossible. Each altitude has its
-    reference and its standard deviation, 0 if the sender states none.
+    reference and its standard deviation, 0 if the sender states none. `fix` is the place for a filter.
     """
 
     report: TrafficReport
@@ -122,7 +122,12 @@ class Measurement(NamedTuple):
     velocity_mps: Vec2 | None
     climb_mps: float | None
     altitudes: tuple[tuple[AltitudeReference, float, float], ...]
+    fix: HorizontalFix
     urgent: bool = False  # it may be near us within seconds
+
+    def valid_at(self, time_s: float) -> "Measurement":
+        """The same at another time."""
+        return self._replace(time_s=time_s, fix=self.fix._replace(time_s=time_s))
 
 
 def measure(
@@ -137,15 +142,18 @@ def measure(
     climb_mps = report.climb_mps
     if climb_mps is not None and abs(climb_mps) > params.estimate.max_climb_mps:
         climb_mps = None
+    velocity_mps = _velocity_mps(report, params.estimate.max_speed_mps)
+    sigmas = filter_sigma_m(report), velocity_sigma_mps(report)
     return Measurement(
         report,
         time_s,
         received_s,
         lat_deg,
         lon_deg,
-        _velocity_mps(report, params.estimate.max_speed_mps),
+        velocity_mps,
         climb_mps,
         _altitudes(report),
+        HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps, *sigmas),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from companion.traffic.altitude_datums import HeightParams
-from companion.traffic.track_filter import EstimateParams
+from companion.traffic.estimate_params import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]
 Forward = Literal["autopilot", "station", "off"]

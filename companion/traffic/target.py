@@ -6,22 +6,18 @@ from typing import Final, NamedTuple
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficSource, Vec2
 from companion.traffic.altitude_datums import ReportedAltitude, SeaLevelAltitude
+from companion.traffic.covariance import Moments, grown_sigmas
 from companion.traffic.evidence import NOISE_SHARE, KindEvidence, StatedRate, Surroundings
 from companion.traffic.measurement import (
     RANK,
     DropReason,
     Measurement,
-    grown_sigma_m,
     position_sigma_m,
     velocity_sigma_mps,
 )
 from companion.traffic.params import TrafficParams
 from companion.traffic.target_altitudes import TargetAltitudes
-from companion.traffic.track_filter import (
-    HorizontalFilter,
-    HorizontalFix,
-    TurnFilter,
-)
+from companion.traffic.track_filter import HorizontalFilter, HorizontalFix
 
 # Errors of stated velocities below this are of no importance.
 _SPEED_ERROR_MPS: Final = 6.0
@@ -29,8 +25,6 @@ _SPEED_ERROR_MPS: Final = 6.0
 _SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
 # The usual interval is averaged over so many reports.
 _AVERAGED_INTERVALS: Final = 4.0
-# Without a stated velocity it follows from the positions of this time.
-_POSITIONS_S: Final = 8.0
 # M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
 CONFIRMED_REPORTS: Final = 2
 # A hypothesis of one report is confirmed by a second one this near to its prediction, more by a turn.
@@ -72,8 +66,8 @@ class Target:
         "_altitudes",
         "_frame",
         "_horizontal",
+        "_moments",
         "_params",
-        "_turn",
         "_velocity",
         "alarm",
         "anonymous",
@@ -94,7 +88,6 @@ class Target:
         "reach_s",
         "reports",
         "sigma_m",
-        "sigma_mps",
         "source",
         "threat",
         "track_id",
@@ -130,7 +123,8 @@ class Target:
         self.alarm = 0
         self.threat = False  # in conflict with us, as decided last
         self.reach_s = math.inf
-        self.sigma_m, self.sigma_mps = position_sigma_m(report), velocity_sigma_mps(report)
+        self.sigma_m = position_sigma_m(report)
+        self._moments: Moments = (self.sigma_m**2, 0.0, velocity_sigma_mps(report) ** 2)
         self.motion: Motion | None = None
         self.last = measurement
         self._params = params
@@ -140,9 +134,7 @@ class Target:
         self._altitudes = TargetAltitudes(params)
 
     def _restart_rates(self) -> None:
-        estimate = self._params.estimate
-        self._turn = TurnFilter(estimate)
-        self._velocity = StatedRate(NOISE_SHARE * estimate.position_sigma_m, _SPEED_ERROR_MPS, 2)
+        self._velocity = StatedRate(NOISE_SHARE * self._params.estimate.position_sigma_m, _SPEED_ERROR_MPS, 2)
 
     @property
     def shown(self) -> bool:
@@ -167,18 +159,13 @@ class Target:
 
     @property
     def velocity_sigma_mps(self) -> float:
-        """The standard deviation of each horizontal axis of the velocity: stated, or from the positions."""
-        if self.last.velocity_mps is not None and self._velocity.trusted:
-            return self.sigma_mps
-        seen_s = min(max(self.measured_s - self.born_s, 0.0), _POSITIONS_S)
-        return max(self.sigma_mps, 2.0 * self.sigma_m / max(seen_s, self.interval_s, 0.5))
+        """The standard deviation of each horizontal axis of the estimated velocity [m/s]."""
+        return math.sqrt(self._moments[2])
 
     def position_sigma_m(self, now_s: float) -> float:
         """The standard deviation of each horizontal axis of the extrapolated position [m]."""
         age_s = max(now_s - self.measured_s, 0.0)
-        return grown_sigma_m(
-            self.sigma_m, self.velocity_sigma_mps, age_s, self._params.estimate.manoeuvre_mps
-        )
+        return grown_sigmas(self._moments, age_s, self._params.estimate.manoeuvre_mps)[0]
 
     # --- gates
 
@@ -187,8 +174,7 @@ class Target:
         here = self._horizontal
         if here is None or self.kind is TrafficKind.OBSTACLE:
             return True
-        fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, None)
-        if not here.is_outlier(fix):
+        if not here.is_elsewhere(measurement.fix):
             return self.shown or self._is_near_prediction(measurement)
         # A wrong stated velocity has led the prediction astray.
         return self._velocity.continues(measurement.time_s, (measurement.lat_deg, measurement.lon_deg))
@@ -215,8 +201,7 @@ class Target:
         here, stated = self._horizontal, measurement.velocity_mps
         if here is None or stated is None or not self._velocity.trusted:
             return True
-        fix = HorizontalFix(measurement.time_s, measurement.lat_deg, measurement.lon_deg, stated)
-        return not here.is_outlier(fix)
+        return not here.is_outlier(measurement.fix)
 
     def distance(self, measurement: Measurement) -> float:
         """How far a measurement is from the prediction, in gates: for the nearest neighbour."""
@@ -276,7 +261,7 @@ class Target:
         self._velocity.trusted = False
         self._horizontal = None
         for one in measurements:
-            self._update_place(one.time_s, one.lat_deg, one.lon_deg, None)
+            self._update_place(one.fix._replace(velocity_mps=None))
         newest = measurements[-1]
         self._note(newest)
         self._altitudes.receive(newest, [], stands=False)
@@ -297,7 +282,6 @@ class Target:
         if RANK[report.source] < RANK[self.source]:
             self.source = report.source
         self.sigma_m = position_sigma_m(report)
-        self.sigma_mps = velocity_sigma_mps(report)
 
     def _receive_place(self, measurement: Measurement, dropped: list[DropReason]) -> None:
         time_s, lat_deg, lon_deg = measurement.time_s, measurement.lat_deg, measurement.lon_deg
@@ -311,19 +295,19 @@ class Target:
                 dropped.append(DropReason.VELOCITY_WRONG)
                 velocity_mps = None
                 if trusted:
-                    self._turn = TurnFilter(self._params.estimate)
                     self._horizontal = None
+                    now = measurement.fix._replace(velocity_mps=None)
                     for place_s, *place_deg in self._velocity.places:
-                        self._update_place(place_s, place_deg[0], place_deg[1], None)
+                        lat_deg, lon_deg = place_deg
+                        self._update_place(now._replace(time_s=place_s, lat_deg=lat_deg, lon_deg=lon_deg))
                     return
-            elif here is not None and here.is_outlier(HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps)):
+            elif here is not None and here.is_outlier(measurement.fix):
                 dropped.append(DropReason.VELOCITY_WRONG)
                 velocity_mps = None
-        self._update_place(time_s, lat_deg, lon_deg, velocity_mps)
-        self._turn.receive(time_s, velocity_mps)
+        fix = measurement.fix
+        self._update_place(fix if velocity_mps is not None else fix._replace(velocity_mps=None))
 
-    def _update_place(self, time_s: float, lat_deg: float, lon_deg: float, velocity_mps: Vec2 | None) -> None:
-        fix = HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps)
+    def _update_place(self, fix: HorizontalFix) -> None:
         if self._horizontal is None:
             self._horizontal = HorizontalFilter(fix, self._params.estimate)
         else:
@@ -332,13 +316,16 @@ class Target:
     def _motion(self) -> Motion:
         here = self._horizontal
         assert here is not None
+        # Stated accuracies include errors that reports have in common, which no filter sees.
+        pp, pv, vv = here.moments
+        self._moments = max(pp, self.sigma_m * self.sigma_m), pv, vv
         return Motion(
             here.lat_deg,
             here.lon_deg,
             here.time_s,
             here.north_mps,
             here.east_mps,
-            self._turn.rate_radps,
+            here.turn_radps,
             self.sigma_m,
             self._altitudes.estimates(),
         )

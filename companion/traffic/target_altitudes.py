@@ -82,7 +82,9 @@ class TargetAltitudes:
                     if trusted:
                         self._restart_altitude(reference, sigma_m)
                         continue
-            self._update(reference, VerticalFix(time_s, altitude_m, climb_mps), sigma_m, dropped)
+            self._update(
+                reference, VerticalFix(time_s, altitude_m, climb_mps, sigma_m or None), sigma_m, dropped
+            )
 
     def _restart_altitude(self, reference: AltitudeReference, sigma_m: float) -> None:
         """Filter the last altitudes again, without the stated climbs that they contradict."""

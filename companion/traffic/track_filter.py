@@ -1,180 +1,239 @@
-"""Filters of one target: position with velocity, altitude, turn rate, each with a gate for outliers."""
+"""Filters of one target: position with velocity and turn, altitude with climb, each with a gate for outliers.
+
+An innovation is gated by its square in units of its variance (normalized innovation squared), which is
+chi-square distributed: Bar-Shalom, Li and Kirubarajan (2001), 5.4.2; Blackman and Popoli (1999), 6.3.
+"""
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Any, Generic, NamedTuple, Protocol, Self, TypeVar
-
-from annotated_types import Ge, Gt
+from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from companion.geodesy import LocalFrame
 from companion.model import Vec2
+from companion.traffic.covariance import Covariance, Moments, NoiseScale, grown_sigmas
+from companion.traffic.estimate_params import EstimateParams
+from companion.traffic.interacting_models import AlongPath, LateralModels
 
-# Largest credible deviation, in standard deviations of the report and of the estimate.
-_REPORT_SIGMAS = 6.0
-_ESTIMATE_SIGMAS = 3.0
-
+# Chi-square gates of two axes and of one: one in a million true reports is outside. Errors of receivers are
+# not normal that far out, but the wrong ones are further by far.
+_GATE_2D: Final = -2.0 * math.log(1e-6)
+_GATE_1D: Final = 23.93
+# An unknown velocity, or climb: the fastest is so many standard deviations.
+_ESTIMATE_SIGMAS: Final = 3.0
+# Bounds of stated standard deviations. Even the best receiver is displaced by its delay, and what is worse
+# than the upper bound is no position.
+_POSITION_SIGMAS_M: Final = (3.0, 2000.0)
+_VELOCITY_SIGMAS_MPS: Final = (0.3, 20.0)
+_ALTITUDE_SIGMAS_M: Final = (2.0, 200.0)
+# Standard deviation of an error that is uniform over the time stamp's.
+_LATE_SIGMA: Final = 1.0 / math.sqrt(12.0)
 # Below this speed no rate of turn is estimated: hovering aircraft swing about.
-_MIN_TURN_SPEED_MPS = 5.0
-# Aircraft in forward flight turn no faster; one that pivots on the spot stays where it is.
-_MAX_TURN_RATE_RADPS = math.radians(20.0)
-_MAX_TURN_GAP_S = 5.0
-# The noise of courses differs between senders and is rarely stated. Its variance is estimated from the
-# innovations, averaged over this many reports, and limited to these multiples of the usual sigma.
-_NOISE_AVERAGING_REPORTS = 20.0
-_MIN_NOISE_SCALE, _MAX_NOISE_SCALE = 0.5, 4.0
-# A larger squared innovation, in units of its variance, is not noise: a turn began, or the report is wrong.
-_MAX_INNOVATION2 = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class EstimateParams:
-    """Noise of reports, motion of aircraft, and limits beyond which a report is an outlier."""
-
-    # Standard deviations of a report, each axis.
-    position_sigma_m: Annotated[float, Gt(0)] = 15.0
-    velocity_sigma_mps: Annotated[float, Gt(0)] = 1.5
-    altitude_sigma_m: Annotated[float, Gt(0)] = 8.0
-    climb_sigma_mps: Annotated[float, Gt(0)] = 0.8
-    # Random change of a velocity in one second (root of q). Larger values follow turns faster, smaller ones
-    # smooth more.
-    manoeuvre_mps: Annotated[float, Gt(0)] = 2.0
-    climb_manoeuvre_mps: Annotated[float, Gt(0)] = 0.5
-    # Rate of turn: uncertainty after the first course, and random change in one second. Standard rate turns
-    # of 3 degrees a second begin and end at once, so one second must permit much of that change.
-    turn_sigma_radps: Annotated[float, Gt(0)] = math.radians(3.0)
-    turn_manoeuvre_radps: Annotated[float, Gt(0)] = math.radians(1.0)
-    # Fastest traffic: bounds an unknown velocity after the first position, and what a report may state.
-    max_speed_mps: Annotated[float, Gt(0)] = 400.0
-    max_climb_mps: Annotated[float, Gt(0)] = 60.0
-    # Hardest manoeuvre: 3 g covers aerobatics, 1 g any change of climb.
-    max_acceleration_mps2: Annotated[float, Gt(0)] = 30.0
-    max_vertical_acceleration_mps2: Annotated[float, Gt(0)] = 10.0
-    # ADSB_VEHICLE.tslc counts whole seconds, so a report may be displaced along its path by one second.
-    timestamp_error_s: Annotated[float, Ge(0)] = 1.0
+_MIN_TURN_SPEED_MPS: Final = 5.0
+# After a longer gap it may have turned and stopped turning.
+_MAX_TURN_GAP_S: Final = 5.0
+# The earth's radius is computed again after this change of latitude, about a kilometre.
+_SAME_RADIUS_DEG: Final = 0.01
 
 
 class HorizontalFix(NamedTuple):
-    """A reported position at `time_s`, with the velocity over ground (north, east) if reported."""
+    """A reported position at `time_s`, with the velocity over ground (north, east) if reported.
+
+    The sigmas are standard deviations of each axis, if stated.
+    """
 
     time_s: float
     lat_deg: float
     lon_deg: float
     velocity_mps: Vec2 | None
+    position_sigma_m: float | None = None
+    velocity_sigma_mps: float | None = None
 
 
 class VerticalFix(NamedTuple):
-    """A reported altitude at `time_s`, with the climb (positive up) if reported."""
+    """A reported altitude at `time_s`, with climb (positive up) and standard deviation if reported."""
 
     time_s: float
     altitude_m: float
     climb_mps: float | None
-
-
-class Covariance:
-    """Covariance of position [m] and velocity [m/s] along one axis. Updates return the Kalman gains."""
-
-    __slots__ = ("pp", "pv", "vv")
-
-    def __init__(self, position_sigma_m: float, velocity_sigma_mps: float) -> None:
-        self.pp = position_sigma_m**2
-        self.pv = 0.0
-        self.vv = velocity_sigma_mps**2
-
-    def predict(self, dt_s: float, manoeuvre_mps: float) -> None:
-        """Propagate by `dt_s` with process noise."""
-        q = manoeuvre_mps**2
-        self.pp += dt_s * (2.0 * self.pv + dt_s * self.vv) + q * dt_s**3 / 3.0
-        self.pv += dt_s * self.vv + q * dt_s**2 / 2.0
-        self.vv += q * dt_s
-
-    def update_position(self, sigma_m: float) -> tuple[float, float]:
-        """Gains of position and velocity for a measured position."""
-        innovation_m2 = self.pp + sigma_m**2
-        k_p, k_v = self.pp / innovation_m2, self.pv / innovation_m2
-        self.vv -= k_v * self.pv
-        self.pv *= 1.0 - k_p
-        self.pp *= 1.0 - k_p
-        return k_p, k_v
-
-    def update_velocity(self, sigma_mps: float) -> tuple[float, float]:
-        """Gains of position and velocity for a measured velocity."""
-        innovation_m2ps2 = self.vv + sigma_mps**2
-        k_p, k_v = self.pv / innovation_m2ps2, self.vv / innovation_m2ps2
-        self.pp -= k_p * self.pv
-        self.pv *= 1.0 - k_v
-        self.vv *= 1.0 - k_v
-        return k_p, k_v
+    altitude_sigma_m: float | None = None
 
 
 class HorizontalFilter:
-    """Latitude, longitude [deg] and velocity over ground (north, east) [m/s] at `time_s`."""
+    """Latitude, longitude [deg] and velocity over ground (north, east) [m/s] at `time_s`.
 
-    __slots__ = ("_covariance", "_frame", "_params", "east_mps", "lat_deg", "lon_deg", "north_mps", "time_s")
+    `turn_radps` is the rate of turn, positive to the right, exactly 0 in straight flight. Along the path the
+    motion is nearly constant velocity; across it, interacting models of straight flight and turn.
+    """
+
+    __slots__ = (
+        "_along",
+        "_east_m_per_deg",
+        "_lateral",
+        "_north_m_per_deg",
+        "_params",
+        "_position_noise",
+        "_radius_m_per_deg",
+        "_scaled_lat_deg",
+        "_speed_mps",
+        "_velocity_noise",
+        "east_mps",
+        "lat_deg",
+        "lon_deg",
+        "north_mps",
+        "time_s",
+        "turn_radps",
+    )
 
     def __init__(self, fix: HorizontalFix, params: EstimateParams) -> None:
         self._params = params
-        self._frame = LocalFrame(fix.lat_deg, fix.lon_deg)  # its origin is the estimated position
-        self.time_s = fix.time_s
-        self.lat_deg = fix.lat_deg
-        self.lon_deg = fix.lon_deg
+        self.time_s, self.lat_deg, self.lon_deg = fix.time_s, fix.lat_deg, fix.lon_deg
+        self._scale()
         self.north_mps, self.east_mps = fix.velocity_mps or (0.0, 0.0)
+        self._speed_mps = math.hypot(self.north_mps, self.east_mps)
+        self.turn_radps = 0.0
+        self._position_noise, self._velocity_noise = NoiseScale(), NoiseScale()
         known = fix.velocity_mps is not None
-        velocity_sigma_mps = params.velocity_sigma_mps if known else params.max_speed_mps / _ESTIMATE_SIGMAS
-        self._covariance = Covariance(params.position_sigma_m, velocity_sigma_mps)
+        velocity_sigma_mps = (
+            self._velocity_sigma_mps(fix) if known else params.max_speed_mps / _ESTIMATE_SIGMAS
+        )
+        moments = self._position_sigma_m(fix) ** 2, 0.0, velocity_sigma_mps**2
+        self._along = AlongPath(moments)
+        self._lateral = LateralModels(moments, params)
+
+    def _scale(self) -> None:
+        """Lengths of a degree here: `LocalFrame` has them for each place, but this is faster."""
+        self._scaled_lat_deg = self.lat_deg if abs(self.lat_deg) < 89.0 else math.inf  # each time at a pole
+        north_m, east_m = LocalFrame(self.lat_deg, 0.0).metres_per_degree
+        self._north_m_per_deg = north_m
+        self._east_m_per_deg = east_m
+        self._radius_m_per_deg = east_m / max(math.cos(math.radians(self.lat_deg)), 1e-9)
 
     def restart(self, fix: HorizontalFix) -> Self:
         """A new filter that starts from `fix`."""
         return type(self)(fix, self._params)
 
+    @property
+    def moments(self) -> Moments:
+        """Covariance of position and velocity: the mean of both axes."""
+        along, (pp, pv, vv) = self._along, self._lateral.moments
+        return 0.5 * (along.pp + pp), 0.5 * (along.pv + pv), 0.5 * (along.vv + vv)
+
     def is_outlier(self, fix: HorizontalFix) -> bool:
         """Whether no aircraft could reach that position or velocity in the time since the last report."""
-        p = self._params
-        dt_s = max(fix.time_s - self.time_s, 0.0)
-        north_m, east_m = self._frame.to_north_east_m(fix.lat_deg, fix.lon_deg)
-        velocity_slack_mps = _ESTIMATE_SIGMAS * math.sqrt(self._covariance.vv)
-        slack_m = _REPORT_SIGMAS * p.position_sigma_m + p.timestamp_error_s * math.hypot(
-            self.north_mps, self.east_mps
-        )
-        if math.hypot(north_m, east_m) > p.max_speed_mps * dt_s + slack_m:
+        return self.is_elsewhere(fix) or self._has_other_velocity(fix)
+
+    def is_elsewhere(self, fix: HorizontalFix) -> bool:
+        """Whether no aircraft could reach that position.
+
+        Nothing is an outlier within reach of the hardest manoeuvre; what is beyond it must be noise.
+        """
+        p, dt_s = self._params, fix.time_s - self.time_s
+        if dt_s < 0.0:
+            dt_s = 0.0
+        north_m, east_m = self._from_here_m(fix)
+        late_m = p.timestamp_error_s * self._speed_mps
+        beyond_m = math.hypot(north_m, east_m) - p.max_speed_mps * dt_s - late_m
+        if beyond_m > 0.0 and self._is_beyond_noise(beyond_m, 0.0, fix):
             return True
-        allowed_m = velocity_slack_mps * dt_s + p.max_acceleration_mps2 * dt_s**2 / 2.0 + slack_m
-        if math.hypot(north_m - self.north_mps * dt_s, east_m - self.east_mps * dt_s) > allowed_m:
-            return True
+        off_m = math.hypot(north_m - self.north_mps * dt_s, east_m - self.east_mps * dt_s)
+        beyond_m = off_m - 0.5 * p.max_acceleration_mps2 * dt_s * dt_s - late_m
+        return beyond_m > 0.0 and self._is_beyond_noise(beyond_m, dt_s, fix)
+
+    def _is_beyond_noise(self, beyond_m: float, predicted_s: float, fix: HorizontalFix) -> bool:
+        predicted_m, _ = grown_sigmas(self.moments, predicted_s, 0.0)
+        sigma_m = self._position_sigma_m(fix) * max(self._position_noise.scale, 1.0)
+        return beyond_m**2 > _GATE_2D * (predicted_m**2 + sigma_m**2)
+
+    def _has_other_velocity(self, fix: HorizontalFix) -> bool:
         if fix.velocity_mps is None:
             return False
-        allowed_mps = (
-            _REPORT_SIGMAS * p.velocity_sigma_mps + velocity_slack_mps + p.max_acceleration_mps2 * dt_s
-        )
         north_mps, east_mps = fix.velocity_mps
-        return math.hypot(north_mps - self.north_mps, east_mps - self.east_mps) > allowed_mps
+        dt_s = max(fix.time_s - self.time_s, 0.0)
+        off_mps = math.hypot(north_mps - self.north_mps, east_mps - self.east_mps)
+        beyond_mps = off_mps - self._params.max_acceleration_mps2 * dt_s
+        if beyond_mps <= 0.0:
+            return False
+        sigma_mps = self._velocity_sigma_mps(fix) * max(self._velocity_noise.scale, 1.0)
+        return beyond_mps**2 > _GATE_2D * (self.moments[2] + sigma_mps**2)
 
     def update(self, fix: HorizontalFix) -> None:
         """Process a report that is not older than the estimate."""
-        p = self._params
-        dt_s = max(fix.time_s - self.time_s, 0.0)
-        reported_north_m, reported_east_m = self._frame.to_north_east_m(fix.lat_deg, fix.lon_deg)
-        north_m, east_m = self.north_mps * dt_s, self.east_mps * dt_s
+        dt_s = fix.time_s - self.time_s
+        if dt_s < 0.0:
+            dt_s = 0.0
+        lateral, gap = self._lateral, dt_s > _MAX_TURN_GAP_S
+        if gap:
+            lateral.restart(lateral.moments)
+        moved_m = self._predict(dt_s)
+        self._correct(fix, moved_m)
+        if gap:
+            lateral.restart(lateral.moments)
+        self.time_s += dt_s
+        self.turn_radps = lateral.turn_radps if self._speed_mps > _MIN_TURN_SPEED_MPS else 0.0
 
-        self._covariance.predict(dt_s, p.manoeuvre_mps)
-        k_p, k_v = self._covariance.update_position(p.position_sigma_m)
-        innovation_north_m, innovation_east_m = reported_north_m - north_m, reported_east_m - east_m
-        north_m += k_p * innovation_north_m
-        east_m += k_p * innovation_east_m
-        self.north_mps += k_v * innovation_north_m
-        self.east_mps += k_v * innovation_east_m
+    def _predict(self, dt_s: float) -> Vec2:
+        """Propagate the velocity and the covariance by `dt_s`; returns the path flown, north and east [m]."""
+        self._along.predict(dt_s, self._params.manoeuvre_mps)
+        half_rad = 0.5 * dt_s * self._lateral.begin(dt_s, self._speed_mps)
+        cos, sin = math.cos(half_rad), math.sin(half_rad)
+        north_mps, east_mps = self.north_mps, self.east_mps
+        north_mps, east_mps = north_mps * cos - east_mps * sin, north_mps * sin + east_mps * cos
+        self.north_mps, self.east_mps = north_mps * cos - east_mps * sin, north_mps * sin + east_mps * cos
+        return north_mps * dt_s, east_mps * dt_s
 
+    def _correct(self, fix: HorizontalFix, moved_m: Vec2) -> None:
+        """Process the measurements, relative to the path flown and along its direction."""
+        along, lateral, speed_mps = self._along, self._lateral, self._speed_mps
+        north, east = (self.north_mps / speed_mps, self.east_mps / speed_mps) if speed_mps else (1.0, 0.0)
+        north_m, east_m = self._from_here_m(fix)
+        north_m -= moved_m[0]
+        east_m -= moved_m[1]
+        sigma_m = self._position_sigma_m(fix) * self._position_noise.scale
+        late_m = _LATE_SIGMA * self._params.timestamp_error_s * speed_mps
+        along_sigma_m = math.sqrt(sigma_m * sigma_m + late_m * late_m)
+        variance_m2 = along.measure_position(north_m * north + east_m * east, along_sigma_m)
+        variance_m2 += lateral.update_position(east_m * north - north_m * east, sigma_m)
+        self._position_noise.observe(north_m, east_m, 0.5 * variance_m2, sigma_m * sigma_m)
         if fix.velocity_mps is not None:
-            k_p, k_v = self._covariance.update_velocity(p.velocity_sigma_mps)
-            innovation_north_mps = fix.velocity_mps[0] - self.north_mps
-            innovation_east_mps = fix.velocity_mps[1] - self.east_mps
-            north_m += k_p * innovation_north_mps
-            east_m += k_p * innovation_east_mps
-            self.north_mps += k_v * innovation_north_mps
-            self.east_mps += k_v * innovation_east_mps
+            north_mps, east_mps = fix.velocity_mps
+            north_mps -= self.north_mps
+            east_mps -= self.east_mps
+            sigma_mps = self._velocity_sigma_mps(fix) * self._velocity_noise.scale
+            variance = along.measure_velocity(north_mps * north + east_mps * east, sigma_mps)
+            variance += lateral.update_velocity(east_mps * north - north_mps * east, sigma_mps)
+            self._velocity_noise.observe(north_mps, east_mps, 0.5 * variance, sigma_mps * sigma_mps)
+        (along_m, along_mps), (across_m, across_mps) = along.end(), lateral.end()
+        self._move(
+            moved_m[0] + along_m * north - across_m * east, moved_m[1] + along_m * east + across_m * north
+        )
+        self.north_mps += along_mps * north - across_mps * east
+        self.east_mps += along_mps * east + across_mps * north
+        self._speed_mps = math.hypot(self.north_mps, self.east_mps)
 
-        self.lat_deg, self.lon_deg, _ = self._frame.to_geo(north_m, east_m, 0.0)
-        self._frame = LocalFrame(self.lat_deg, self.lon_deg)
-        self.time_s = max(fix.time_s, self.time_s)
+    def _from_here_m(self, fix: HorizontalFix) -> Vec2:
+        """North and east of a reported position from the estimated one."""
+        dlon_deg = (fix.lon_deg - self.lon_deg + 180.0) % 360.0 - 180.0
+        return (fix.lat_deg - self.lat_deg) * self._north_m_per_deg, dlon_deg * self._east_m_per_deg
+
+    def _move(self, north_m: float, east_m: float) -> None:
+        self.lat_deg += north_m / self._north_m_per_deg
+        self.lon_deg = (self.lon_deg + east_m / self._east_m_per_deg + 180.0) % 360.0 - 180.0
+        moved_deg = self.lat_deg - self._scaled_lat_deg
+        if -_SAME_RADIUS_DEG < moved_deg < _SAME_RADIUS_DEG:
+            self._east_m_per_deg = self._radius_m_per_deg * math.cos(math.radians(self.lat_deg))
+        else:
+            self._scale()
+
+    def _position_sigma_m(self, fix: HorizontalFix) -> float:
+        stated_m = fix.position_sigma_m
+        return self._params.position_sigma_m if stated_m is None else _bounded(stated_m, _POSITION_SIGMAS_M)
+
+    def _velocity_sigma_mps(self, fix: HorizontalFix) -> float:
+        stated_mps = fix.velocity_sigma_mps
+        return (
+            self._params.velocity_sigma_mps
+            if stated_mps is None
+            else _bounded(stated_mps, _VELOCITY_SIGMAS_MPS)
+        )
 
 
 class VerticalFilter:
@@ -189,40 +248,47 @@ class VerticalFilter:
         self.climb_mps = fix.climb_mps or 0.0
         known = fix.climb_mps is not None
         climb_sigma_mps = params.climb_sigma_mps if known else params.max_climb_mps / _ESTIMATE_SIGMAS
-        self._covariance = Covariance(params.altitude_sigma_m, climb_sigma_mps)
+        self._covariance = Covariance(self._altitude_sigma_m(fix), climb_sigma_mps)
 
     def restart(self, fix: VerticalFix) -> Self:
         """A new filter that starts from `fix`."""
         return type(self)(fix, self._params)
 
+    @property
+    def moments(self) -> Moments:
+        """Covariance of altitude and climb."""
+        here = self._covariance
+        return here.pp, here.pv, here.vv
+
     def is_outlier(self, fix: VerticalFix) -> bool:
         """Whether no aircraft could reach that altitude or climb in the time since the last report."""
-        p = self._params
-        dt_s = max(fix.time_s - self.time_s, 0.0)
-        climb_slack_mps = _ESTIMATE_SIGMAS * math.sqrt(self._covariance.vv)
-        allowed_m = (
-            _REPORT_SIGMAS * p.altitude_sigma_m
-            + climb_slack_mps * dt_s
-            + p.max_vertical_acceleration_mps2 * dt_s**2 / 2.0
-            + p.timestamp_error_s * abs(self.climb_mps)
-        )
-        if abs(fix.altitude_m - self.altitude_m - self.climb_mps * dt_s) > allowed_m:
+        p, dt_s = self._params, fix.time_s - self.time_s
+        if dt_s < 0.0:
+            dt_s = 0.0
+        beyond_m = abs(fix.altitude_m - self.altitude_m - self.climb_mps * dt_s)
+        beyond_m -= 0.5 * p.max_vertical_acceleration_mps2 * dt_s * dt_s
+        beyond_m -= p.timestamp_error_s * abs(self.climb_mps)
+        if beyond_m > 0.0 and self._is_beyond_noise(beyond_m, dt_s, fix):
             return True
         if fix.climb_mps is None:
             return False
-        allowed_mps = (
-            _REPORT_SIGMAS * p.climb_sigma_mps + climb_slack_mps + p.max_vertical_acceleration_mps2 * dt_s
-        )
-        return abs(fix.climb_mps - self.climb_mps) > allowed_mps
+        beyond_mps = abs(fix.climb_mps - self.climb_mps) - p.max_vertical_acceleration_mps2 * dt_s
+        return beyond_mps > 0.0 and beyond_mps**2 > _GATE_1D * (self._covariance.vv + p.climb_sigma_mps**2)
+
+    def _is_beyond_noise(self, beyond_m: float, dt_s: float, fix: VerticalFix) -> bool:
+        predicted_m, _ = grown_sigmas(self.moments, dt_s, 0.0)
+        return beyond_m**2 > _GATE_1D * (predicted_m**2 + self._altitude_sigma_m(fix) ** 2)
 
     def update(self, fix: VerticalFix) -> None:
         """Process a report that is not older than the estimate."""
-        p = self._params
-        dt_s = max(fix.time_s - self.time_s, 0.0)
+        p, dt_s = self._params, fix.time_s - self.time_s
+        if dt_s < 0.0:
+            dt_s = 0.0
+        self.time_s += dt_s
         self.altitude_m += self.climb_mps * dt_s
 
         self._covariance.predict(dt_s, p.climb_manoeuvre_mps)
-        k_p, k_v = self._covariance.update_position(p.altitude_sigma_m)
+        k_p, k_v = self._covariance.update_position(self._altitude_sigma_m(fix))
         innovation_m = fix.altitude_m - self.altitude_m
         self.altitude_m += k_p * innovation_m
         self.climb_mps += k_v * innovation_m
@@ -232,7 +298,14 @@ class VerticalFilter:
             innovation_mps = fix.climb_mps - self.climb_mps
             self.altitude_m += k_p * innovation_mps
             self.climb_mps += k_v * innovation_mps
-        self.time_s = max(fix.time_s, self.time_s)
+
+    def _altitude_sigma_m(self, fix: VerticalFix) -> float:
+        stated_m = fix.altitude_sigma_m
+        return self._params.altitude_sigma_m if stated_m is None else _bounded(stated_m, _ALTITUDE_SIGMAS_M)
+
+
+def _bounded(sigma: float, bounds: Vec2) -> float:
+    return min(max(sigma, bounds[0]), bounds[1])
 
 
 _Fix = TypeVar("_Fix")
@@ -269,57 +342,3 @@ class OutlierGate(Generic[_FilterT, _Fix]):
         self._suspect = None
         self.estimate.update(fix)
         return True
-
-
-class TurnFilter:
-    """Rate of turn [rad/s, positive to the right] from velocities over ground (north, east) [m/s]."""
-
-    __slots__ = ("_course_rad", "_covariance", "_noise_scale2", "_params", "_rate_radps", "_time_s")
-
-    def __init__(self, params: EstimateParams) -> None:
-        self._params = params
-        self._time_s = -math.inf
-        self._course_rad = 0.0
-        self._rate_radps = 0.0
-        self._covariance = Covariance(0.0, 0.0)
-        self._noise_scale2 = 1.0  # variance of the noise relative to the usual variance
-
-    @property
-    def rate_radps(self) -> float:
-        """The rate if it is significant: 0 up to one standard deviation, all of it from two on."""
-        sigma_radps = math.sqrt(self._covariance.vv)
-        if abs(self._rate_radps) <= sigma_radps:
-            return 0.0
-        weight = min(abs(self._rate_radps) / sigma_radps - 1.0, 1.0)
-        return min(max(weight * self._rate_radps, -_MAX_TURN_RATE_RADPS), _MAX_TURN_RATE_RADPS)
-
-    def receive(self, time_s: float, velocity_mps: Vec2 | None) -> None:
-        """Process the velocity of a report that is not older than the last; `None`: no velocity reported."""
-        if velocity_mps is None:
-            return
-        speed_mps = math.hypot(*velocity_mps)
-        if speed_mps < _MIN_TURN_SPEED_MPS:
-            self._time_s = -math.inf
-            self._rate_radps = 0.0
-            return
-        course_rad = math.atan2(velocity_mps[1], velocity_mps[0])
-        noise_scale = min(max(math.sqrt(self._noise_scale2), _MIN_NOISE_SCALE), _MAX_NOISE_SCALE)
-        sigma_rad = noise_scale * self._params.velocity_sigma_mps / speed_mps
-        dt_s = time_s - self._time_s
-        self._time_s = time_s
-        if dt_s > _MAX_TURN_GAP_S:
-            self._course_rad, self._rate_radps = course_rad, 0.0
-            self._covariance = Covariance(sigma_rad, self._params.turn_sigma_radps)
-            return
-        self._update(course_rad, sigma_rad, noise_scale, dt_s)
-
-    def _update(self, course_rad: float, sigma_rad: float, noise_scale: float, dt_s: float) -> None:
-        self._covariance.predict(dt_s, self._params.turn_manoeuvre_radps)
-        predicted_rad = self._course_rad + self._rate_radps * dt_s
-        innovation_rad = math.remainder(course_rad - predicted_rad, math.tau)
-        innovation2 = innovation_rad**2 / (self._covariance.pp + sigma_rad**2)
-        measured_scale2 = noise_scale**2 * min(innovation2, _MAX_INNOVATION2)
-        self._noise_scale2 += (measured_scale2 - self._noise_scale2) / _NOISE_AVERAGING_REPORTS
-        k_p, k_v = self._covariance.update_position(sigma_rad)
-        self._course_rad = predicted_rad + k_p * innovation_rad
-        self._rate_radps += k_v * innovation_rad

@@ -1,16 +1,17 @@
-"""Filters: the covariance, the smoothing of noise, and the error in a turn."""
+"""Filters: the smoothing of noise, the error in a turn, and stated accuracies."""
 
 import math
 import random
 
-import numpy as np
 import pytest
 
+from companion.geodesy import LocalFrame
 from companion.model import (
     Vec3,
 )
 from companion.traffic import Tracker
-from companion.traffic.track_filter import Covariance
+from companion.traffic.estimate_params import EstimateParams
+from companion.traffic.track_filter import HorizontalFilter, HorizontalFix
 from tests.unit.traffic.straight_flight import (
     FRAME,
     only,
@@ -19,26 +20,6 @@ from tests.unit.traffic.straight_flight import (
 )
 
 STANDARD_RATE_RADPS = math.radians(3.0)
-
-
-def test_the_covariance_agrees_with_the_textbook() -> None:
-    covariance = Covariance(30.0, 12.0)
-    p = np.diag([30.0**2, 12.0**2])
-    for dt_s, q, position_sigma_m, velocity_sigma_mps in [(1.0, 2.0, 15.0, 1.5), (0.4, 0.5, 8.0, 0.8)] * 3:
-        covariance.predict(dt_s, q)
-        f = np.array([[1.0, dt_s], [0.0, 1.0]])
-        noise = q**2 * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
-        p = f @ p @ f.T + noise
-        for gains, h, sigma in (
-            (covariance.update_position(position_sigma_m), np.array([1.0, 0.0]), position_sigma_m),
-            (covariance.update_velocity(velocity_sigma_mps), np.array([0.0, 1.0]), velocity_sigma_mps),
-        ):
-            k = p @ h / (h @ p @ h + sigma**2)
-            p = (np.eye(2) - np.outer(k, h)) @ p
-            assert gains == pytest.approx(k, rel=1e-9)
-        assert (covariance.pp, covariance.pv, covariance.vv) == pytest.approx(
-            (p[0, 0], p[0, 1], p[1, 1]), rel=1e-9
-        )
 
 
 def noisy_run(velocity_sigma_mps: float, climb_sigma_mps: float) -> dict[str, float]:
@@ -95,7 +76,7 @@ def turning(time_s: float, speed_mps: float) -> tuple[Vec3, Vec3]:
     )
 
 
-@pytest.mark.parametrize(("velocity_known", "bound_m"), [(True, 4.0), (False, 35.0)])
+@pytest.mark.parametrize(("velocity_known", "bound_m"), [(True, 2.5), (False, 25.0)])
 def test_a_turning_intruder_stays_near_its_track(velocity_known: bool, bound_m: float) -> None:
     """60 m/s, 3 deg/s, one report a second; compared ten times a second."""
     tracker = Tracker()
@@ -110,3 +91,19 @@ def test_a_turning_intruder_stays_near_its_track(velocity_known: bool, bound_m: 
         if step >= 50:
             worst_m = max(worst_m, math.dist(only(tracker.tracks(now_s, FRAME)).position_m, position_m))
     assert bound_m / 2 < worst_m < bound_m
+
+
+@pytest.mark.parametrize("lat_deg", [-90.0, -89.995, 0.0, 47.0, 89.9, 90.0])
+@pytest.mark.parametrize("lon_deg", [-180.0, 8.0, 179.9999])
+def test_lengths_of_degrees_are_right_everywhere(lat_deg: float, lon_deg: float) -> None:
+    """Away from the nearer pole for a minute, at 60 m/s."""
+    north_mps = 60.0 if lat_deg < 0.0 else -60.0
+    frame = LocalFrame(lat_deg, lon_deg)
+    here = HorizontalFilter(HorizontalFix(0.0, lat_deg, lon_deg, (north_mps, 0.0)), EstimateParams())
+    for second in range(1, 61):
+        place = frame.to_geo(north_mps * second, 0.0, 0.0)
+        fix = HorizontalFix(float(second), place.lat_deg, place.lon_deg, (north_mps, 0.0))
+        assert not here.is_outlier(fix)
+        here.update(fix)
+    assert math.dist((here.north_mps, here.east_mps), (north_mps, 0.0)) < 0.01
+    assert abs(frame.to_north_east_m(here.lat_deg, here.lon_deg)[0] - 60.0 * north_mps) < 5.0
