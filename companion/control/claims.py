@@ -31,10 +31,13 @@ class Claim(NamedTuple):
 
 
 def _is_overruled(aircraft: Aircraft, data: StateData, _now_s: float) -> bool:
-    """Whether someone else changed the mode."""
-    if data.request is not None:
-        progress = data.request.progress(aircraft.custom_mode, aircraft.heartbeat_s)
-        return progress is Progress.OVERRULED
+    """Whether someone else changed the mode, or chose the one that was entered in a failsafe."""
+    request = data.request
+    if request is not None:
+        chosen = request.in_failsafe and not aircraft.flight_state.failsafe
+        if chosen and aircraft.custom_mode == request.start:
+            return True
+        return request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is Progress.OVERRULED
     return not aircraft.guided
 
 

@@ -53,6 +53,12 @@ class ControlContext:
         mode = None if adapter is None else adapter.setpoint_loss_mode()
         return None if adapter is None or mode == adapter.guided_mode else mode
 
+    @property
+    def in_loss_mode(self) -> bool:
+        """Whether the autopilot entered the present mode by itself: it reports that as a failsafe."""
+        aircraft = self.aircraft
+        return aircraft.custom_mode == self.loss_mode and aircraft.flight_state.failsafe
+
     def fell_out(self, request: ModeRequest | None) -> bool:
         """Whether a change of mode began in the mode that the autopilot enters by itself."""
         return request is not None and request.start == self.loss_mode

@@ -231,7 +231,10 @@ class Handover:
         unseen = data.guided_since_s is None and self._may_have_been_entered(request, now_s)
         if unseen:
             data.guided_since_s = data.requested_s
-        data.let_go, data.fell_out = override, context.fell_out(request)
+        # A failsafe that is shown with the mode entered in it may be the end of our setpoints alone.
+        fell = override is Event.FAILSAFE and context.in_loss_mode
+        data.let_go = Event.MODE_CHANGED if fell else override
+        data.fell_out = context.fell_out(request)
         data.seen_guided = unseen or context.aircraft.guided
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.

@@ -32,7 +32,8 @@ class ModeRequest:
     """One request, from `start` to `wanted` (custom modes), made at `now_s`.
 
     It is first sent after `delay_s`. With `settle_s`, the wanted mode counts only when it is seen that long
-    after the request was made, as an older request may still be under way.
+    after the request was made, as an older request may still be under way. `in_failsafe`: the autopilot had
+    entered the start by itself; without the failsafe, someone chose the same mode.
     """
 
     def __init__(
@@ -43,8 +44,10 @@ class ModeRequest:
         *,
         delay_s: float = 0.0,
         settle_s: float = 0.0,
+        in_failsafe: bool = False,
     ) -> None:
         self.start = start
+        self.in_failsafe = in_failsafe
         self.wanted = wanted
         self.made_s = now_s
         self.asked_s = now_s + delay_s

@@ -51,6 +51,7 @@ class Release:
             now_s,
             delay_s=adapter.exit_s if aircraft.guided else 0.0,
             settle_s=settle_s,
+            in_failsafe=context.in_loss_mode,
         )
         return self._requester.send(now_s)
 
@@ -142,5 +143,5 @@ class Release:
         if request.wanted == data.prior.mode:
             other = adapter.fallback_mode
             text = f"Avoidance: {context.prior_mode} refused, {adapter.mode_name(other)} instead"
-        data.request = ModeRequest(request.start, other, now_s)
+        data.request = ModeRequest(request.start, other, now_s, in_failsafe=request.in_failsafe)
         return [*self._requester.send(now_s), Notice(mavlink.MAV_SEVERITY_CRITICAL, text)]

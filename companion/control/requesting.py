@@ -56,7 +56,11 @@ class ModeRequester:
         answered = request.refusals + request.postponements >= request.tries
         if entering and answered and adapter.fall_back(request.postponements if postponed else 0):
             self._context.data.request = ModeRequest(
-                request.start, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+                request.start,
+                adapter.guided_mode,
+                now_s,
+                delay_s=adapter.entry_s,
+                in_failsafe=request.in_failsafe,
             )
         elif entering and not postponed:
             adapter.guided_mode_unsupported |= fact.result == mavlink.MAV_RESULT_UNSUPPORTED

@@ -54,7 +54,11 @@ class TakeOver:
         data.guided_since_s = None
         self._claims.begin(data, OVERRIDES)
         data.request = ModeRequest(
-            context.aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+            context.aircraft.custom_mode,
+            adapter.guided_mode,
+            now_s,
+            delay_s=adapter.entry_s,
+            in_failsafe=context.in_loss_mode,
         )
         text = "Avoidance: attitude setpoint lost, recovering"
         return [*self._requester.send(now_s), Notice(mavlink.MAV_SEVERITY_CRITICAL, text)]
@@ -63,7 +67,11 @@ class TakeOver:
         """Enter the guided mode again after a gap of ours, with the setpoints that it is entered with."""
         context, data, adapter = self._context, self._context.data, self._context.adapter
         data.request = ModeRequest(
-            context.aircraft.custom_mode, adapter.guided_mode, now_s, delay_s=adapter.entry_s
+            context.aircraft.custom_mode,
+            adapter.guided_mode,
+            now_s,
+            delay_s=adapter.entry_s,
+            in_failsafe=context.in_loss_mode,
         )
         return self._requester.send(now_s)
 

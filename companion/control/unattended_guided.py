@@ -58,8 +58,9 @@ class UnattendedGuided:
             if data.away_s is None:
                 data.away_s = aircraft.heartbeat_s
             return
-        if data.away_s is not None and aircraft.heartbeat_s - data.away_s > FLICKER_S:
-            data.seen_guided = data.fell_out = False  # chosen by someone
+        chosen = not aircraft.flight_state.failsafe  # the end of our setpoints is reported as one
+        if chosen or (data.away_s is not None and aircraft.heartbeat_s - data.away_s > FLICKER_S):
+            data.seen_guided = data.fell_out = False
         data.away_s = None
         data.fell_out |= data.seen_guided
 
@@ -114,8 +115,9 @@ class UnattendedGuided:
             or aircraft.flight_state.landing
             or aircraft.identity.is_ambiguous(now_s)
         )
-        # Who moved the sticks may have chosen the mode, too, that the autopilot enters by itself.
-        attended |= data.fell_out and data.let_go is Event.STICKS
+        # Who moved the sticks may have chosen the mode, too, that the autopilot enters by itself; and with a
+        # failsafe of another kind, its choice cannot be told from that entry.
+        attended |= data.fell_out and data.let_go in (Event.STICKS, Event.FAILSAFE)
         if attended or data.unattended_since_s is None:
             data.unattended_since_s = now_s
         abandoned = now_s - data.unattended_since_s >= context.params.abandoned_s

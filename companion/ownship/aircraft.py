@@ -175,10 +175,13 @@ class Aircraft:
     def left_guided_by_itself(self, now_s: float) -> bool:
         """Whether our setpoints stopped arriving, and the mode is the one that is entered then.
 
-        The same mode while they arrive is someone's choice.
+        The same mode while they arrive is someone's choice, and so is one without a failsafe: PX4 reports the
+        end of the setpoints as a failsafe until somebody chooses a mode, also when it is the same one.
         """
         adapter = self.adapter
         if adapter is None or self.guided or self.custom_mode != adapter.setpoint_loss_mode():
+            return False
+        if not self.flight_state.failsafe:
             return False
         seen_now = now_s - self.mode_since_s <= _JUDGED_WITHIN_S
         without = self.mode_since_s - adapter.last_setpoint_s >= _SETPOINTS_LOST_S

@@ -164,9 +164,10 @@ def pid_of(flight: Aircraft) -> int:
         ("ardupilot", Mode.MANUAL),
         ("ardupilot", Mode.RTL),
         ("px4", "POSCTL"),
+        ("px4", "HOLD"),  # PX4 has entered the same mode by itself a second before
         ("px4-1.18", "POSCTL"),
     ],
-    ids=["MANUAL", "RTL", "POSCTL", "POSCTL on 1.18"],
+    ids=["MANUAL", "RTL", "POSCTL", "HOLD", "POSCTL on 1.18"],
 )
 @pytest.mark.parametrize("while_flying", [True, False], ids=["while flying", "before"])
 async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alone(

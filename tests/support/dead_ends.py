@@ -42,6 +42,7 @@ from tests.support.pilots_seat import (
     GUIDED_COURSE,
     GUIDED_MODES,
     HOLD,
+    LOITER,
     MISSION,
     MOVED_US,
     OFFBOARD,
@@ -72,6 +73,7 @@ EVENTS = (
     "conflict begins",
     "pilot takes over",
     "pilot resumes mission",
+    "pilot holds",
     "flicker",
     "flicker to mission",
     "fly here",
@@ -126,7 +128,7 @@ class Model(Seat):
         self.pulses = CENTERED_US
         self.landed = 2
         self.fell = self.failing = False
-        self.attended_until_s = self.redirected_s = self.sticks_s = T0
+        self.attended_until_s = self.redirected_s = self.sticks_s = self.held_s = T0
 
     # --- the world
 
@@ -153,6 +155,7 @@ class Model(Seat):
             wanted = round(message.param2)
             mode = wanted if self.autopilot == ARDUPILOT else wanted << 16 | round(message.param3) << 24
             self.by_us = mode in self.guided_modes
+            self.claims.discard("pilot holds")  # not heard yet when this was sent, or it is a fault
             if self.by_us:
                 self._is_here(884.0)
         if getattr(message, "command", None) == CHANGE_ALTITUDE and self.mode == GUIDED_COURSE:
@@ -166,9 +169,10 @@ class Model(Seat):
 
     def chooses(self, mode: int) -> None:
         """The pilot or the autopilot changes the mode."""
-        if mode != self.mode:
+        if mode != self.mode or self.fell:
             self.by_us = False
-        self.mode = mode
+        self.mode, self.fell = mode, False
+        self.claims.discard("pilot holds")
 
     def receive(self, fact: object) -> None:
         if not getattr(self, "receives", True):
@@ -207,6 +211,8 @@ class Model(Seat):
                 self.redirected_s = self.now_s
             if self.now_s - self.redirected_s < _REDIRECTED_S:
                 claimed.discard("fly here")
+            if self._heard is None or self._heard[0] <= self.held_s or self.failing:
+                claimed.discard("pilot holds")  # not heard yet, or the same as what a failsafe shows
             if self.now_s - self.sticks_s > _STICKS_REST_S:
                 claimed.discard("sticks")
             sent = self.fly(0.1)
@@ -235,9 +241,9 @@ class Model(Seat):
             return
         attended = self.claims & {"sticks", "landing", "fly here"} or self.now_s < self.attended_until_s
         # On the ground, or when every mode is refused, the service may end at once; in Hold, the pilot who
-        # moved the sticks is only warned.
+        # moved the sticks, or has a failsafe, is only warned.
         ended = self.stopped and bool(self.claimed & {"landing", "modes refused"})
-        warned = self.mode == HOLD and "sticks" in self.claimed
+        warned = self.mode == HOLD and bool(self.claimed & {"sticks", "failsafe"})
         works = self.receives and self.transmits and self.accepts and not (attended or ended or warned)
         self.unattended_s = self.unattended_s + 0.1 if works else 0.0
         limit_s = RULES.abandoned_s + _GIVEN_BACK_S
@@ -256,6 +262,10 @@ class Model(Seat):
                 self.avoider.conflict = event == "conflict begins"
             case "pilot takes over":
                 self.chooses(FBWA if self.autopilot == ARDUPILOT else 3 << 16)
+            case "pilot holds":  # also where PX4 has entered the same mode by itself
+                self.chooses(LOITER if self.autopilot == ARDUPILOT else HOLD)
+                self.claims.add("pilot holds")
+                self.held_s = self.now_s
             case "pilot resumes mission":
                 self.claims -= {"sticks", "fly here"}  # the mission flies
                 self.chooses(AUTO if self.autopilot == ARDUPILOT else MISSION)

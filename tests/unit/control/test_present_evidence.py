@@ -257,9 +257,24 @@ def test_px4_that_falls_out_of_offboard_after_a_flicker_is_given_back() -> None:
     seat.fly(0.2)
     seat.mode = OFFBOARD
     seat.fly(1.0)
-    seat.mode = HOLD  # as no setpoints came
+    seat.mode, seat.status = HOLD, 5  # as no setpoints came
     seat.fly(8.0)
     assert seat.mode == MISSION
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.4, 1.5])
+def test_px4_in_the_hold_of_a_stall_that_the_pilot_chooses_is_left_alone(after_s: float) -> None:
+    """As recorded on PX4 1.16: the heartbeat is critical in the Hold of the failsafe, active in the pilot's."""
+    seat = flying(PX4, Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0))
+    seat.mode, seat.status = HOLD, 5
+    for effect in seat.engine.note_gap(4.0, seat.now_s):
+        seat._perform([effect])
+    seat.obeys = lambda _message: False
+    seat.fly(after_s)
+    seat.status = 4
+    seat.fly(0.5)
+    assert seat.fly(20.0) == []
+    assert seat.mode == HOLD
 
 
 def test_px4_in_a_hold_that_the_pilot_chose_is_left_alone() -> None:

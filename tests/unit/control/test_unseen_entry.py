@@ -51,6 +51,6 @@ def test_a_hold_that_follows_an_offboard_in_a_silence_is_given_back(silence_s: f
     seat._telemetry, seat.transmits = list, False  # type: ignore[method-assign]
     seat.fly(silence_s)
     seat._telemetry, seat.transmits = telemetry, True  # type: ignore[method-assign]
-    seat.mode, seat.obeys = HOLD, lambda _message: True
+    seat.mode, seat.status, seat.obeys = HOLD, 5, lambda _message: True
     seat.fly(12.0)
     assert MISSION in modes(seat.sent)
