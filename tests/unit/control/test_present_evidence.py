@@ -264,7 +264,7 @@ def test_px4_that_falls_out_of_offboard_after_a_flicker_is_given_back() -> None:
 
 @pytest.mark.parametrize("after_s", [0.0, 0.4, 1.5])
 def test_px4_in_the_hold_of_a_stall_that_the_pilot_chooses_is_left_alone(after_s: float) -> None:
-    """As recorded on PX4 1.16: the heartbeat is critical in Hold after a failsafe, and active in the pilot's."""
+    """As recorded on PX4 1.16: critical in Hold after a failsafe, active in the pilot's Hold."""
     seat = flying(PX4, Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0))
     seat.mode, seat.status = HOLD, 5
     for effect in seat.engine.note_gap(4.0, seat.now_s):
