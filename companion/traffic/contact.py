@@ -144,6 +144,8 @@ _UNCONFIRMED_S: Final = 12.0
 _JUMPED_S, _JUMPED_IN_CONFLICT_S, _JUMPED_INTERVALS = 3.0, 5.0, 4.0
 _BOTH_HEARD_S, _BOTH_HEARD_INTERVALS = 10.0, 8.0
 _REPLACING_REPORTS: Final = 3
+# Two hypotheses are one aircraft when one is silent this near the other, with this difference of velocities.
+_SAME_S, _SAME_INTERVALS, _SAME_M, _SAME_MPS = 2.0, 2.5, 250.0, 10.0
 # An aircraft that may be near us within this time is a track at its first report.
 URGENT_S: Final = 10.0
 # Three positions on a line: within this of each other's prediction, and further apart than noise.
@@ -193,7 +195,9 @@ class Contact:
                 measurement = measurement.valid_at(measurement.time_s - delay_s)
             if measurement.time_s < found.measured_s:
                 return Assignment(None, [DropReason.REORDERED], [])
-            assignment = Assignment(found, found.receive(measurement), self._drop_jumped(found))
+            dropped = found.receive(measurement)
+            removed = [*self._drop_jumped(found), *self._drop_same(found, measurement)]
+            assignment = Assignment(found, dropped, removed)
         if assignment.target is not None:
             self._recent.append((measurement, assignment.target))
         return assignment
@@ -297,6 +301,26 @@ class Contact:
                 # Two aircraft: a conflict with one of them is coasted.
                 ended = not other.threat and other.is_silent(now_s, _BOTH_HEARD_INTERVALS, _BOTH_HEARD_S)
             if ended:
+                removed.append(other)
+        if removed:
+            self._remove(removed)
+            heard.first |= not any(one.first for one in self.hypotheses)
+        return removed
+
+    def _drop_same(self, heard: Target, measurement: Measurement) -> list[Target]:
+        """Drop hypotheses that are silent beside this one, with its motion: they are the same aircraft.
+
+        So ends what a burst begins: reports that waited somewhere, and arrive at once with the same time.
+        """
+        if len(self.hypotheses) == 1 or heard.reports < _REPLACING_REPORTS:
+            return []
+        removed = []
+        for other in self.hypotheses:
+            if other is heard or not other.is_silent(measurement.time_s, _SAME_INTERVALS, _SAME_S):
+                continue
+            beside_m = math.dist(other.offset_m(measurement), heard.offset_m(measurement))
+            apart_mps = math.dist(other.velocity_mps, heard.velocity_mps)
+            if beside_m <= _SAME_M and apart_mps <= _SAME_MPS and other.explains_altitude(measurement):
                 removed.append(other)
         if removed:
             self._remove(removed)

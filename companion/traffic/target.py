@@ -23,6 +23,8 @@ from companion.traffic.track_filter import HorizontalFilter, HorizontalFix
 _SPEED_ERROR_MPS: Final = 6.0
 # A track is coasted after a silence of so many of its usual intervals, and of this time.
 _SILENT_INTERVALS, _SILENT_S = 3.0, 5.0
+# Reports that arrive within this time are one scan: they may have waited somewhere, and agree by chance.
+_SCAN_S: Final = 0.15
 # The usual interval is averaged over so many reports.
 _AVERAGED_INTERVALS: Final = 4.0
 # M of N initiation (Blackman and Popoli 1999, 6.2): confirmed by 2 consistent reports of the last 3 scans.
@@ -87,6 +89,7 @@ class Target:
         "number",
         "reach_s",
         "reports",
+        "scans",
         "sigma_m",
         "source",
         "threat",
@@ -117,6 +120,7 @@ class Target:
         self.expires_s = math.inf
         self.interval_s = 1.0
         self.reports = 0
+        self.scans = 0  # reports at different times; those of a burst are one
         self.first = False
         self.heard_before = False  # its key was, by a target that made room
         self.urgent = measurement.urgent
@@ -139,12 +143,12 @@ class Target:
     @property
     def shown(self) -> bool:
         """Whether the avoidance gets its track."""
-        return self.first or self.urgent or self.reports >= CONFIRMED_REPORTS or self.alarm > 0
+        return self.first or self.urgent or self.is_confirmed or self.alarm > 0
 
     @property
     def is_confirmed(self) -> bool:
         """Whether several reports agree."""
-        return self.reports >= CONFIRMED_REPORTS
+        return self.scans >= CONFIRMED_REPORTS
 
     @property
     def rank(self) -> int:
@@ -271,6 +275,7 @@ class Target:
     def _note(self, measurement: Measurement) -> None:
         """What the report says of itself and of its accuracy."""
         report = measurement.report
+        self.scans += not self.reports or measurement.received_s - self.last.received_s >= _SCAN_S
         self.reports += 1
         if self.reports > 1:
             passed_s = min(max(measurement.time_s - self.measured_s, 0.0), 30.0)

@@ -74,9 +74,10 @@ class PilotActions:
         if judged.claim is not None and action.mode == "mission":
             judged.claim.ended = True
         if action.claims:
-            # What is not shown by a mode is shown as soon as it is done.
+            # What is not shown by a mode, or by the present one, is shown as soon as it is done.
             mode = None if action.mode is None else mode_name(self._observer, action.mode)
-            judged.claim = Claim(mode, shown_s=now_s if mode is None else None)
+            shown = mode is None or judged.modes[-1:] == [mode]
+            judged.claim = Claim(mode, shown_s=now_s if shown else None)
         if action.releases:
             judged.release_asked_s = now_s
         task = asyncio.create_task(self._do(action), name="pilot")

@@ -90,10 +90,11 @@ async def test_traffic_that_is_heard_no_more_is_forgotten_and_the_aircraft_given
         silent_s = flight.now_s
         await flight.fly(6.0)
         assert flight.engine.supervisor.flying
-        await flight.resumed(65.0)
-        # ArduPlane repeats a report for five seconds; then those that hold before the return, and the return.
-        assert flight.now_s - silent_s < 8.0 + 5.0 + 4.0 + 6.0 + 40.0
+        await flight.resumed(200.0)
+        # It is coasted past its meeting; ArduPlane repeats a report for five seconds; then the return.
+        assert flight.now_s - silent_s < config.traffic.coast_s + 5.0 + 60.0
         assert flight.engagements == 1
+        assert any("not heard for" in text for text in flight.notes.texts())
 
 
 @pytest.mark.parametrize(

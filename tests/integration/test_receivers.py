@@ -243,7 +243,7 @@ async def test_a_flood_leaves_ticks_on_time_and_drops_are_counted() -> None:
             flown.receiver.link.arrived("station", datagram)  # type: ignore[attr-defined]
             await asyncio.sleep(0.01)
         lasted_s = loop.time() - began_s
-        assert flown.receiver.receiver.counters.messages > 1000
+        assert flown.receiver.receiver.counters.messages > 100
         assert flown.receiver.link.counters.dropped > 0
         # On a busy machine some are skipped; without a bound there would be none.
         assert flown.runtime._stepper.ticks - ticks >= int(lasted_s * 10) // 2

@@ -73,10 +73,10 @@ class TwinSeat(Seat):
         self.compare(twin, expected, plain(outgoing))
         return outgoing
 
-    def step(self, decision: Decision, orders: Orders, now_s: float) -> object:
+    def step(self, decision: Decision, orders: Orders, now_s: float, unheard: str | None = None) -> object:
         twin = self.twin()
-        expected = plain(twin.step(decision, orders, now_s))
-        outgoing = self._step(decision, orders, now_s)
+        expected = plain(twin.step(decision, orders, now_s, unheard))
+        outgoing = self._step(decision, orders, now_s, unheard)
         self.compare(twin, expected, plain(outgoing))
         return outgoing
 

@@ -222,6 +222,26 @@ def test_a_jump_that_persists_is_a_second_track_which_replaces_the_first() -> No
     assert math.dist(track.velocity_mps, VELOCITY_MPS) < 0.05
 
 
+def test_after_a_burst_of_reports_that_waited_it_is_one_track_again() -> None:
+    """As seen on a real link: sixteen reports of as many seconds arrive at once, each as of now.
+
+    The autopilot sends each of them again, without the climb. The aircraft is a threat, and coasted as such.
+    """
+    tracker = Tracker()
+    for without_climb in (False, True):
+        for second in range(16):
+            report = report_at(straight(START_M, VELOCITY_MPS, second), 16.0, VELOCITY_MPS)
+            tracker.receive(replace(report, climb_mps=None) if without_climb else report, 16.0)
+    for second in range(17, 32):
+        tracker.note_threats([track.track_id for track in tracker.tracks(second, FRAME)], second)
+        report = report_at(straight(START_M, VELOCITY_MPS, second), second, VELOCITY_MPS)
+        tracker.receive(report, second)
+        tracker.receive(replace(report, climb_mps=None), second)
+    track = only(tracker.tracks(31.0, FRAME))
+    assert math.dist(track.position_m, straight(START_M, VELOCITY_MPS, 31)) < 20.0
+    assert math.dist(track.velocity_mps, VELOCITY_MPS) < 2.0
+
+
 def test_two_outliers_at_different_places_do_not_confirm_each_other() -> None:
     tracker = Tracker()
     follow(tracker, 5)
@@ -257,6 +277,8 @@ def test_first_positions_further_apart_than_any_aircraft_flies_are_rejected() ->
     tracker = Tracker()
     tracker.receive(report_at((0.0, 0.0, -300.0), 0.0), 0.0)
     assert not tracker.receive(report_at((900.0, 0.0, -300.0), 2.0 - 0.05), 1.95)
+    tracker = Tracker()
+    tracker.receive(report_at((0.0, 0.0, -300.0), 0.0), 0.0)
     assert tracker.receive(report_at((800.0, 0.0, -300.0), 2.0), 2.0)
 
 
