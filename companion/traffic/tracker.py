@@ -152,6 +152,7 @@ class Tracker:
             own = self._own.is_claimed(report)
             if not own:
                 self._note_unplaced(report.key, monotonic_s)
+                self._note_name(report)
             self.dropped[DropReason.OWN if own else DropReason.NO_POSITION] += 1
             return None
         if not report.key or (report.icao is not None and report.icao <= 0):
@@ -349,6 +350,12 @@ class Tracker:
         return self._concerns.find(self._threats, self._evicted_s, self.evicted, self._clock.advance(now_s))
 
     # --- forgetting
+
+    def _note_name(self, report: TrafficReport) -> None:
+        """A name may come in a report of its own, without a position."""
+        contact = self._contacts.get(report.key)
+        for target in () if contact is None else contact.hypotheses:
+            target.callsign = report.callsign or target.callsign
 
     def _note_unplaced(self, key: str, monotonic_s: float) -> None:
         self._unplaced_received_s.pop(key, None)

@@ -74,7 +74,6 @@ def test_remote_id_heard_from_afar_keeps_well_clear(monkeypatch: pytest.MonkeyPa
     assert flight.resumed
 
 
-@pytest.mark.xfail(strict=True, reason="companion.traffic drops reports that hold a name and no position")
 def test_the_name_of_an_aircraft_that_is_heard_by_remote_id(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(FORMATS, "remoteid", replace(FORMATS["remoteid"], range_m=20_000.0))
     loop = ClosedLoop(load_scenario("head-on"), Engine(), receivers=["remoteid"])

@@ -113,15 +113,23 @@ def test_a_prior_flight_state_names_what_to_return_to() -> None:
     assert (before.course_rad, before.altitude_m, before.airspeed_mps) == (0.0, 700.0, 20.0)
 
 
-@pytest.mark.parametrize(("mode", "by_itself"), [(HOLD, True), (4 << 16 | 5 << 24, False), (OFFBOARD, False)])
+@pytest.mark.parametrize(
+    ("mode", "status", "by_itself"),
+    [
+        (HOLD, mavlink.MAV_STATE_CRITICAL, True),
+        (HOLD, mavlink.MAV_STATE_ACTIVE, False),
+        (4 << 16 | 5 << 24, mavlink.MAV_STATE_CRITICAL, False),
+        (OFFBOARD, mavlink.MAV_STATE_ACTIVE, False),
+    ],
+)
 def test_after_a_silence_the_lost_stream_mode_was_entered_by_the_autopilot_itself(
-    mode: int, by_itself: bool
+    mode: int, status: int, by_itself: bool
 ) -> None:
     ours = Aircraft()
     ours.observe(heartbeat(OFFBOARD, px4=True), 0.0)
     assert ours.adapter is not None
     ours.adapter.observe(Parameter(AUTOPILOT, "COM_OBL_RC_ACT", 5.0), 0.0)
-    ours.observe(heartbeat(mode, px4=True), 4.0)
+    ours.observe(heartbeat(mode, status=status, px4=True), 4.0)
     assert ours.left_guided_by_itself(4.5) is by_itself
     assert not ours.left_guided_by_itself(7.0)
 
