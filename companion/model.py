@@ -74,7 +74,7 @@ class TrackState(StrEnum):
     TENTATIVE = "tentative"  # reported once
     CONFIRMED = "confirmed"
     COASTED = "coasted"  # not reported for several of its usual intervals, and extrapolated
-    LOST = "lost"  # not reported for so long that it is no track any more
+    LOST = "lost"  # silent for too long to be a track
 
 
 def adsb_key(icao: int) -> str:

@@ -34,7 +34,7 @@ _LEAST_CLOSING_MPS: Final = 5.0
 # An aircraft that is heard there, too, is not sent there for this time. A height counts as barometric for as
 # long after a barometric report.
 _THERE_S: Final = 10.0
-# And so long after the last report of others it is not sent: the track is that of other sources.
+# It is not sent for this time after the last report of others: the track is that of other sources.
 _HEARD_S: Final = 30.0
 # Heartbeats go on for this time after the last report: PX4 may return home (COM_TRAFF_AVOID) when they end.
 _FEEDING_S: Final = 10.0

@@ -31,7 +31,7 @@ class SentReports:
             del self._sent[address]
 
     def has(self, report: TrafficReport, now_s: float) -> bool:
-        """Whether a report is one of these, whoever sends it; with a made-up address it always is."""
+        """Whether a report is one of these, from any sender; with a made-up address it always is."""
         sent = self._sent.get(report.icao or 0)
         if not sent or _is_old(sent, now_s):
             return False

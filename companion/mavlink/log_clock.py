@@ -1,6 +1,6 @@
 """The clock of a log: its time stamps, or the autopilot's boot clock where the stamps make no clock.
 
-Stamps are written by whoever recorded the log. Some step back by half a minute when the computer's clock is
+The program that recorded the log wrote the stamps. Some step back by half a minute when the computer's clock is
 set, others are zero, in milliseconds, or in the wrong byte order. A replay whose time stands still would see
 nothing.
 """

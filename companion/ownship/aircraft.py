@@ -176,7 +176,7 @@ class Aircraft:
         """Whether our setpoints stopped arriving, and the mode is the one that is entered then.
 
         The same mode while they arrive is someone's choice, and so is one without a failsafe: PX4 reports the
-        end of the setpoints as a failsafe until somebody chooses a mode, also when it is the same one.
+        end of the setpoints as a failsafe until a mode is chosen, also when it is the same one.
         """
         adapter = self.adapter
         if adapter is None or self.guided or self.custom_mode != adapter.setpoint_loss_mode():

@@ -7,7 +7,7 @@ from typing import Final, Generic, TypeVar
 State = TypeVar("State")
 Key = TypeVar("Key", bound=Hashable)
 
-# An aircraft that was not heard for so long starts again: its address may belong to another flight.
+# After this silence an aircraft starts again: its address may belong to another flight.
 FORGET_S: Final = 120.0
 _CAPACITY: Final = 2048
 _ESTABLISHED_AFTER: Final = 4

@@ -181,7 +181,7 @@ _NAMELESS: Final = frozenset({TrafficSource.TISB, TrafficSource.ADSR})
 
 
 class OwnIdentity:
-    """The addresses that are ours as far as is known, and those that are not, whoever says so."""
+    """The addresses that are ours as far as is known, and those that are not, whatever claims them."""
 
     def __init__(self, params: TrafficParams, trail: OwnTrail) -> None:
         self._trail = trail

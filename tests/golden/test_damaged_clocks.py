@@ -1,4 +1,4 @@
-"""Logs whose time stamps make no clock, and logs of several vehicles: a real recording, stamped anew."""
+"""Logs whose time stamps make no clock, and logs of several vehicles: a real recording with other stamps."""
 
 import json
 import struct

@@ -78,7 +78,7 @@ class Flight:
         self.station.sendto(data, ("127.0.0.1", port))
 
     async def meet(self) -> None:
-        """Say that somebody comes until we avoid."""
+        """Report an intruder until we avoid it."""
         async with asyncio.timeout(15.0):
             step = 0
             while not self.runtime.engine.supervisor.flying:
@@ -216,7 +216,7 @@ async def test_a_frame_that_imitates_the_record_is_not_recorded(tmp_path: Path) 
         async with asyncio.timeout(5.0):
             while not flown.runtime._receiving.imitated:  # noqa: ASYNC110 - no event is set
                 await asyncio.sleep(0.02)
-    assert len(tunnels_in(tmp_path)) == 1, "the other one is somebody's own"
+    assert len(tunnels_in(tmp_path)) == 1, "the other one is not ours"
     assert replay(log_in(tmp_path), new_engine()).receivers == []
 
 

@@ -194,7 +194,7 @@ async def until(condition: Callable[[], bool]) -> None:
 
 
 class Kept(MemoryLink):
-    """A link whose other end nobody reads; `sent` are the datagrams with the time they were sent."""
+    """A link whose other end is not read; `sent` are the datagrams with the time they were sent."""
 
     def __init__(self) -> None:
         super().__init__("memory:kept", random.Random(0), 0.0, 0.0, 0.0)
