@@ -1,8 +1,8 @@
 """The clock of a log: its time stamps, or the autopilot's boot clock where the stamps make no clock.
 
-The program that recorded the log wrote the stamps. Some step back by half a minute when the computer's clock is
-set, others are zero, in milliseconds, or in the wrong byte order. A replay whose time stands still would see
-nothing.
+The program that recorded the log wrote the stamps. Some step back by half a minute when the computer's clock
+is set, others are zero, in milliseconds, or in the wrong byte order. A replay whose time stands still would
+see nothing.
 """
 
 import struct
