@@ -101,7 +101,8 @@ class TrafficReport:
     `geometric_altitude_m` is above the ellipsoid, sent in addition to a barometric `altitude_m`.
 
     `relative_m` (north, east, up) is the position relative to our own, of receivers that send nothing else.
-    `alarm` is the receiver's own collision alarm, 0 (none) to 3. `heard_by` names the receiver.
+    `alarm` is the receiver's own collision alarm, 0 (none) to 3. `heard_by` names the receiver. The age from
+    which `time_s` follows was cut off to whole steps of `age_step_s`.
     """
 
     source: TrafficSource
@@ -129,6 +130,7 @@ class TrafficReport:
     relative_m: Vec3 | None = None
     alarm: int = 0
     heard_by: str = ""
+    age_step_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from companion.mavlink.own_frames import OwnFrames
 from companion.recording.pieces import is_piece
 from companion.recording.recorder import Recorder
 from companion.sources.receiver import Piece, Receiver
+from companion.traffic_queue import TrafficQueue
 
 
 class Receiving:
@@ -30,6 +31,7 @@ class Receiving:
     ) -> None:
         """`advance(now_us)` makes the ticks that are due."""
         self.intake = Intake(stepper.engine.sender.component_id)
+        self.queue = TrafficQueue(stepper.engine.urgency)
         self.own_frames = OwnFrames()
         self.imitated = 0
         self.arrived_s: float | None = None
@@ -41,8 +43,8 @@ class Receiving:
         # Frames that the engine has not processed yet. When it fails, the emergency release processes them.
         self._unheard: deque[Frame] = deque()
 
-    def queue(self, frames: Sequence[Frame]) -> None:
-        """Queue frames that arrived."""
+    def add(self, frames: Sequence[Frame]) -> None:
+        """Add frames that arrived."""
         self._unheard.extend(frames)
 
     def take_in(self) -> None:
@@ -52,13 +54,26 @@ class Receiving:
         while self._unheard:
             # The ticks that are due come before this frame, in the record too.
             self._advance(now_us)
-            frame = self._unheard[0]
-            self._record(now_us, frame)
-            received = self._received(frame, now_us / 1e6)
-            self._unheard.popleft()  # from here on the engine has it
-            if received is not None:
-                self._stepper.receive(received.fact, now_us, received.true_s)
+            if self.queue.takes(self._unheard[0], now_us):
+                self._unheard.popleft()
+            else:
+                self.queue.process(self._unheard[0], partial(self._process, now_us))
         self.arrived_s = None
+
+    def after_tick(self, now_us: int) -> None:
+        """Take in the traffic that had to wait, as far as there is time for it."""
+        self.queue.begin(now_us)
+        while (frame := self.queue.next()) is not None:
+            self._unheard.appendleft(frame)
+            self.queue.process(frame, partial(self._process, now_us))
+
+    def _process(self, now_us: int, frame: Frame) -> None:
+        """Process the first of the unheard frames."""
+        self._record(now_us, frame)
+        received = self._received(frame, now_us / 1e6)
+        self._unheard.popleft()  # from here on the engine has it
+        if received is not None:
+            self._stepper.receive(received.fact, now_us, received.true_s)
 
     def is_echo(self, frame: Frame) -> bool:
         """Whether this is traffic that we sent on, come back; a receiver may have the same address."""

@@ -33,12 +33,14 @@ from companion.errors import CompanionError, ungrouped
 from companion.links import Link, ReceiverLink, Reconnect, open_all
 from companion.links.receiver_link import conditions_of
 from companion.links.sides import Sides
+from companion.load import Load
 from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.facts import Sender
 from companion.mavlink.framing import Frame, FrameSplitter
 from companion.mavlink.intake import Intake
 from companion.model import Role
 from companion.output.effects import Place
+from companion.output.notice import Condition
 from companion.output.persisted_state import PersistedState
 from companion.receiving import Receiving
 from companion.recording.recorder import Recorder
@@ -100,6 +102,7 @@ class Runtime:
             display.on_role = self._request_role
         self._observers = Observers(display, recorder)
         self._times = LoopTimes()
+        self._load = Load()
         self._started_s = time.monotonic()
         self._settings = settings
         self._encoder = Encoder()
@@ -224,10 +227,25 @@ class Runtime:
         self.engine.shell_conditions = (
             *(one for file in files for one in file.conditions()),
             *conditions_of(self.receivers, now_us / 1e6),
+            *self._overload(now_us / 1e6),
         )
         self._note_sources(now_us / 1e6)
         self._advance(now_us)
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
+
+    def _overload(self, now_s: float) -> list[Condition]:
+        """The condition that the service does not keep up, if that is so."""
+        stepper = self._stepper
+        dropped = self._dropped_reports + sum(link.counters.dropped for link in self._all_links)
+        held = self._load.condition(
+            now_s, ticks=stepper.ticks, skipped=stepper.skipped_ticks, dropped=dropped
+        )
+        return [] if held is None else [held]
+
+    @property
+    def _dropped_reports(self) -> int:
+        """Reports that came faster than they were processed, after their links."""
+        return self._stepper.dropped_facts + self._receiving.queue.dropped
 
     def _note_sources(self, now_s: float) -> None:
         """Note which traffic may be sent on: that of working receivers, and what is heard elsewhere."""
@@ -238,12 +256,15 @@ class Runtime:
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""
-        ticks, begun_s = self._stepper.ticks, time.perf_counter()
-        self._stepper.advance(now_us)
-        if self._stepper.ticks > ticks:
+        stepper = self._stepper
+        due_us, ticks, begun_s = stepper.next_tick_us(now_us), stepper.ticks, time.perf_counter()
+        stepper.advance(now_us)
+        if stepper.ticks > ticks:
             self._note_autopilot()
             self._times.observe(time.perf_counter() - begun_s)
+            self._load.note_tick(now_us - due_us)
             self._observers.look(self.engine, now_us, self._health)
+            self._receiving.after_tick(now_us)
 
     def _note_autopilot(self) -> None:
         """Pass the autopilot's address to the links when it becomes known."""
@@ -266,7 +287,8 @@ class Runtime:
             repeated=self.intake.repeated,
             unsent=self.unsent,
             setpoints_sent=self.setpoints_sent,
-            dropped_reports=self._stepper.dropped_facts,
+            dropped_reports=self._dropped_reports,
+            late_ticks=self._load.late_ticks,
             recording_problem=self._recording_problem,
         )
 
@@ -349,7 +371,7 @@ class Runtime:
         self._hear(frames)
 
     def _hear(self, frames: list[Frame]) -> None:
-        self._receiving.queue(frames)
+        self._receiving.add(frames)
         if self._failure is None:
             self._guarded(self._receiving.take_in)
         elif self._release is not None:

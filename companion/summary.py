@@ -15,7 +15,8 @@ def summary(
         heard = link.counters
         yield (
             f"{link.address}: {heard.frames} frames in ({heard.bad_bytes} bad bytes, {heard.lost} lost, "
-            f"{heard.unknown} unknown), {heard.sent_frames} out ({heard.send_errors} errors)"
+            f"{heard.unknown} unknown, {heard.dropped} datagrams dropped), "
+            f"{heard.sent_frames} out ({heard.send_errors} errors)"
         )
     for one in receivers:
         counted = one.receiver.counters
@@ -28,5 +29,6 @@ def summary(
         f"{health.unusable} unusable messages, {health.past} too late, {health.of_others} of another vehicle "
         f"with a known address, {engine.foreign} from others, {health.repeated} copies of requests ignored, "
         f"{engine.tracker.dropped.total()} traffic reports refused, {health.dropped_reports} dropped, "
-        f"{health.unsent} messages not sent after a stall"
+        f"{health.unsent} messages not sent after a stall, {health.late_ticks} ticks late, "
+        f"{health.skipped_ticks} skipped"
     )

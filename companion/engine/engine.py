@@ -59,7 +59,7 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Concern, Tracker, TrafficPicture
+from companion.traffic import Concern, Tracker, TrafficPicture, Urgency
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
@@ -256,6 +256,14 @@ class Engine:
         return self._emit([Notice(mavlink.MAV_SEVERITY_WARNING, text)], now_s)
 
     # --- sense
+
+    def urgency(self, fact: Fact, now_s: float) -> Urgency | None:
+        """How soon a fact is to be processed, while too much arrives; `None`: at once, as it is of us."""
+        if isinstance(fact, ReceiverOwnship) and self._is_of_another_vehicle(fact):
+            fact = Traffic(fact.sender, fact.report)
+        if isinstance(fact, Traffic) or (isinstance(fact, OwnPosition) and self._is_of_another_system(fact)):
+            return self._picture.urgency(fact, now_s)
+        return None
 
     def receive(self, fact: Fact, now_s: float, true_s: float | None = None) -> bool:
         """Take a fact in; true when it should be acted upon at once, by a tick at the same time.

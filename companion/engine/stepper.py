@@ -4,11 +4,11 @@ A tick at time T sees exactly the facts received before T, whenever its timer fi
 flight, replayed by the time stamps of its log, makes the decisions that were flown.
 """
 
-from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import islice
 
 from companion.engine.engine import Engine
-from companion.mavlink.facts import Fact
+from companion.mavlink.facts import Fact, Traffic
 from companion.output.effects import Effect
 
 TICK_US = 100_000
@@ -21,11 +21,12 @@ WATCHDOG_S = 3.0
 # A log has no record of our stalls. Its longer gaps are of a machine that was suspended.
 LONGEST_GAP_IN_LOG_US = 5_000_000
 
-# Facts that came together prompt one tick, not more often than this: a flood must not be answered one by one.
+# Traffic prompts a tick not more often than this: a flood must not be answered one by one.
 SHORTEST_PROMPT_US = 20_000
 # Of facts that came together so many are taken in at once, and before each following tick: a document of
-# thousands of aircraft must not delay a tick. Of those that wait, the oldest are dropped.
-FACTS_AT_ONCE, MOST_FACTS_WAITING = 500, 10_000
+# thousands of aircraft must not delay a tick. The most urgent come first. Of those that wait, the oldest are
+# dropped.
+FACTS_AT_ONCE, MOST_FACTS_WAITING = 200, 10_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
 
@@ -46,7 +47,7 @@ class Stepper:
         self._longest_stall_us = longest_stall_us
         self._next_tick_us: int | None = None
         self._prompted_us: int | None = None
-        self._waiting: deque[Fact] = deque()
+        self._waiting: dict[object, Fact] = {}
         self.dropped_facts = 0
 
     def next_tick_us(self, now_us: int) -> int:
@@ -80,23 +81,50 @@ class Stepper:
         `true_s` is when the fact was true; by default, now.
         """
         self.advance(now_us)
-        if self.engine.receive(fact, now_us / 1e6, true_s):
+        prompts = self.engine.receive(fact, now_us / 1e6, true_s)
+        if prompts and (not isinstance(fact, Traffic) or self._may_prompt(now_us)):
             self._perform(now_us, self.engine.tick(now_us / 1e6))
 
     def receive_together(self, facts: Sequence[Fact], now_us: int) -> None:
         """Make the ticks that are due, take facts in, and tick once at once when one of them cannot wait."""
         self.advance(now_us)
+        if len(facts) > FACTS_AT_ONCE:
+            facts = sorted(facts, key=lambda fact: self.engine.urgency(fact, now_us / 1e6) or 0)
+        if self._waiting:
+            for fact in facts[:FACTS_AT_ONCE]:
+                self.dropped_facts += self._waiting.pop(_key_of(fact), None) is not None
         prompts = [self.engine.receive(fact, now_us / 1e6) for fact in facts[:FACTS_AT_ONCE]]
-        self._waiting.extend(facts[FACTS_AT_ONCE:])
-        while len(self._waiting) > MOST_FACTS_WAITING:
-            self._waiting.popleft()
-            self.dropped_facts += 1
-        last_us = self._prompted_us
-        if any(prompts) and (last_us is None or now_us - last_us >= SHORTEST_PROMPT_US):
-            self._prompted_us = now_us
+        for fact in facts[FACTS_AT_ONCE:]:
+            self._wait(fact)
+        if any(prompts) and self._may_prompt(now_us):
             self._perform(now_us, self.engine.tick(now_us / 1e6))
+
+    def _may_prompt(self, now_us: int) -> bool:
+        """Whether traffic may prompt a tick now; if so, it does."""
+        last_us = self._prompted_us
+        if last_us is not None and 0 <= now_us - last_us < SHORTEST_PROMPT_US:
+            return False
+        self._prompted_us = now_us
+        return True
+
+    def _wait(self, fact: Fact) -> None:
+        """Let a fact wait; it replaces an older one of the same aircraft from the same receiver."""
+        key = _key_of(fact)
+        self.dropped_facts += self._waiting.pop(key, None) is not None
+        self._waiting[key] = fact
+        if len(self._waiting) > MOST_FACTS_WAITING:
+            del self._waiting[next(iter(self._waiting))]
+            self.dropped_facts += 1
 
     def _take_in_waiting(self, now_us: int) -> None:
         """Take in the next facts that came together with others; the tick follows anyway."""
-        for _ in range(min(FACTS_AT_ONCE, len(self._waiting))):
-            self.engine.receive(self._waiting.popleft(), now_us / 1e6)
+        for key in list(islice(self._waiting, FACTS_AT_ONCE)):
+            self.engine.receive(self._waiting.pop(key), now_us / 1e6)
+
+
+def _key_of(fact: Fact) -> object:
+    """What a newer fact replaces: a report of the same aircraft, or its name, from the same receiver."""
+    report = fact.report if isinstance(fact, Traffic) else None
+    if report is None or not report.key:
+        return fact
+    return report.heard_by, report.key, report.lat_deg is None and report.relative_m is None

@@ -122,7 +122,7 @@ class Forwarding:
             self._heard.clear()
             return []
         messages = self._heartbeat(now_s)
-        fresh = bool(tracks) and now_s - tracks[0].time_s <= _LATEST_S
+        fresh = bool(tracks) and now_s - max(track.time_s for track in tracks) <= _LATEST_S
         if own is None or frame is None or not fresh:
             return messages
         self._choose(tracks, own, now_s)

@@ -75,6 +75,11 @@ class QueuedLink(Link, Generic[Source]):
             self._waiting_bytes = waiting_bytes
             self._changed.set()
 
+    @property
+    def has_room(self) -> bool:
+        """Whether the next datagram would not be dropped."""
+        return len(self._waiting) < self.content.max_waiting and self._waiting_bytes < _MAX_WAITING_BYTES
+
     def failed(self, reason: str) -> None:
         """The link is lost: `run` raises `LinkDownError` when the queue is empty."""
         self._failure = reason

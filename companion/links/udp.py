@@ -9,6 +9,7 @@ from collections.abc import Callable
 from companion.errors import LinkError
 from companion.links.content import MAVLINK, Content
 from companion.links.datagram import DatagramLink
+from companion.links.datagram_socket import DatagramSocket
 from companion.links.sockets import SocketAddress, error_text, resolve
 
 
@@ -62,15 +63,26 @@ class UdpLink(DatagramLink[SocketAddress]):
 
     async def _connect(self) -> None:
         self.congested = False
-        self._transport = await self._make_transport(await resolve(self._host, self._port, socket.SOCK_DGRAM))
+        address = await resolve(self._host, self._port, socket.SOCK_DGRAM)
+        opened = DatagramSocket()
+        try:
+            self._open_socket(opened, address)
+            transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+                lambda: _Protocol(self, opened), sock=opened.socket
+            )
+        except BaseException:
+            opened.socket.close()
+            raise
+        self._transport = transport
 
     def _disconnect(self) -> None:
         transport, self._transport = self._transport, None
         if transport is not None:
             transport.close()
 
+    @staticmethod
     @abstractmethod
-    async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport: ...
+    def _open_socket(opened: DatagramSocket, address: SocketAddress) -> None: ...
 
     @abstractmethod
     def _receivers(self) -> list[SocketAddress] | list[None]:
@@ -80,10 +92,9 @@ class UdpLink(DatagramLink[SocketAddress]):
 class UdpInLink(UdpLink):
     """Bound to a port; sends to every peer heard lately."""
 
-    async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport:
-        loop = asyncio.get_running_loop()
-        transport, _ = await loop.create_datagram_endpoint(lambda: _Protocol(self), local_addr=address[:2])
-        return transport
+    @staticmethod
+    def _open_socket(opened: DatagramSocket, address: SocketAddress) -> None:
+        opened.bind(address)
 
     def _receivers(self) -> list[SocketAddress]:
         return self.peers.present()
@@ -92,25 +103,33 @@ class UdpInLink(UdpLink):
 class UdpOutLink(UdpLink):
     """Connected to one address: the kernel accepts datagrams from there only."""
 
-    async def _make_transport(self, address: SocketAddress) -> asyncio.DatagramTransport:
-        loop = asyncio.get_running_loop()
-        transport, _ = await loop.create_datagram_endpoint(lambda: _Protocol(self), remote_addr=address[:2])
-        return transport
+    @staticmethod
+    def _open_socket(opened: DatagramSocket, address: SocketAddress) -> None:
+        opened.connect(address)
 
     def _receivers(self) -> list[None]:
         return [None]
 
 
 class _Protocol(asyncio.DatagramProtocol):
-    def __init__(self, link: UdpLink) -> None:
+    def __init__(self, link: UdpLink, opened: DatagramSocket) -> None:
         self._link = link
+        self._socket = opened
         self._transport: asyncio.BaseTransport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = transport
 
     def datagram_received(self, data: bytes, addr: SocketAddress) -> None:
-        self._link.arrived(addr, data)
+        link = self._link
+        link.arrived(addr, data)
+        # The event loop reads one datagram in a turn: of a flood, the kernel would drop most.
+        while link.has_room and not link.closed:
+            received = self._socket.receive()
+            if received is None:
+                break
+            link.arrived(*received)
+        link.counters.dropped += self._socket.take_dropped()
 
     def error_received(self, exc: Exception) -> None:  # noqa: ARG002 - an unreachable port may open later
         self._link.counters.send_errors += 1

@@ -33,7 +33,8 @@ def decision_line(
 ) -> str:
     """One line without the newline; the same decision gives the same bytes.
 
-    `traffic` lists all tracks, with `north_m` and `east_m` relative to `own`; `tracks` is their number.
+    `traffic` lists the tracks, of many the nearest, with `north_m` and `east_m` relative to `own`; `tracks`
+    is the number of all.
     """
     place = None if around.frame is None else around.frame.to_geo(*own.position_m)
     north_mps, east_mps, down_mps = own.velocity_mps
@@ -61,7 +62,7 @@ def decision_line(
     }
     text = json.dumps(record, separators=(",", ":"), allow_nan=False)
     threats = ",".join(map(threat_text, decision.threats))
-    traffic = _traffic(tracks, own.position_m, around.reports)
+    traffic = _traffic(_nearest(tracks, own.position_m), own.position_m, around.reports)
     concerns = json.dumps(around.concerns, separators=(",", ":"), allow_nan=False)
     return f'{text[:-1]},"threats":[{threats}],"traffic":[{traffic}],"concerns":{concerns}}}'
 
@@ -86,6 +87,8 @@ _TRACK = (
     '%s,"north_m":%.1f,"east_m":%.1f,"altitude_m":%.1f,"course_deg":%.1f,"ground_speed_mps":%.1f,'
     '"climb_mps":%.1f,"age_s":%.1f,%s,%s,"vertical_uncertainty_m":%.1f,"reports":%d}'
 )
+# Further tracks are only counted in `tracks`.
+_MOST_TRACKS = 200
 _SIGMAS = '"position_sigma_m":%.1f,"velocity_sigma_mps":%.1f'
 
 
@@ -102,6 +105,16 @@ def threat_text(threat: Threat) -> str:
     _insist_on_finite(sum(values))
     to_closest = f"{threat.time_to_closest_s:.1f}" if math.isfinite(threat.time_to_closest_s) else "null"
     return _THREAT % (_quoted(threat.track_id), *values[:4], to_closest, *values[4:], threat.layer)
+
+
+def _nearest(tracks: Sequence[Track], own_m: Vec3) -> Sequence[Track]:
+    """The tracks that are recorded, in their order: a flood must not fill the disk ten times a second."""
+    if len(tracks) <= _MOST_TRACKS:
+        return tracks
+    distances_m = [math.dist(track.position_m, own_m) for track in tracks]
+    furthest_m = sorted(distances_m)[_MOST_TRACKS - 1]
+    near = zip(tracks, distances_m, strict=True)
+    return [track for track, distance_m in near if distance_m <= furthest_m][:_MOST_TRACKS]
 
 
 def _traffic(tracks: Sequence[Track], own_m: Vec3, reports: Mapping[str, int]) -> str:

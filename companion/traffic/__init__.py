@@ -6,6 +6,7 @@ from companion.traffic.measurement import DropReason
 from companion.traffic.params import TrafficParams
 from companion.traffic.picture import TrafficPicture
 from companion.traffic.tracker import Tracker
+from companion.traffic.triage import Urgency
 
 __all__ = [
     "Concern",
@@ -15,4 +16,5 @@ __all__ = [
     "Tracker",
     "TrafficParams",
     "TrafficPicture",
+    "Urgency",
 ]

@@ -52,7 +52,5 @@ class AnonymousContacts:
     def _is_same_batch(target: Target, measurement: Measurement) -> bool:
         last = target.last
         return (
-            abs(measurement.received_s - last.received_s) < _BATCH_S
-            and last.report.heard_by == measurement.report.heard_by
-            and last.report.source is measurement.report.source
+            abs(measurement.received_s - last.received_s) < _BATCH_S and last.observer == measurement.observer
         )

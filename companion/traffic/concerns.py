@@ -20,8 +20,9 @@ _RECENT_S: Final = 10.0
 _MOST_OLD: Final = 64
 # Of several aircraft of a kind, the nearest are named.
 _MOST_OF_A_KIND: Final = 3
-# Two hypotheses of one key further apart than this are two places; nearer, two heights.
-_TWO_PLACES_M: Final = 300.0
+# Two hypotheses of one key further apart than this are two places. Nearer, they are two heights if those
+# differ by this, otherwise two places all the same.
+_TWO_PLACES_M, _TWO_HEIGHTS_M = 300.0, 50.0
 
 
 class ConcernKind(StrEnum):
@@ -112,12 +113,26 @@ class ConcernedView:
         one, other = place_of(heard[0], now_s), place_of(heard[1], now_s)
         if one is None or other is None:
             return
-        places = math.hypot(*LocalFrame(*one).to_north_east_m(*other)) > _TWO_PLACES_M
-        kind = ConcernKind.TWO_PLACES if places else ConcernKind.TWO_HEIGHTS
+        apart_m = math.hypot(*LocalFrame(*one).to_north_east_m(*other))
+        heights = apart_m <= _TWO_PLACES_M and _heights_apart_m(heard[0], heard[1]) > _TWO_HEIGHTS_M
+        kind = ConcernKind.TWO_HEIGHTS if heights else ConcernKind.TWO_PLACES
         seen = [self.seen(kind, name_of(target), place_of(target, now_s)) for target in heard]
         nearest = min(seen, key=lambda concern: concern.distance_m or 0.0)
         if nearest.distance_m is None or self.is_near(nearest, min(target.reach_s for target in heard)):
             yield nearest
+
+
+def _heights_apart_m(one: Target, other: Target) -> float:
+    """How far two targets are apart in a reference that both report; 0 if there is none."""
+    if one.motion is None or other.motion is None:
+        return 0.0
+    heights_m = {height.reference: height.altitude_m for height in one.motion.altitudes}
+    apart_m = [
+        abs(height.altitude_m - heights_m[height.reference])
+        for height in other.motion.altitudes
+        if height.reference in heights_m
+    ]
+    return max(apart_m, default=0.0)
 
 
 def nearest_of_each(concerns: list[Concern]) -> tuple[Concern, ...]:

@@ -11,7 +11,7 @@ without saying so, count as older by its delay: otherwise the track would jump b
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
@@ -34,6 +34,8 @@ _AVERAGED_REPORTS, _LEAST_REPORTS = 6.0, 3
 _LEAST_DELAY_S, _LEAST_DELAY_M = 0.5, 30.0
 _MOST_DELAY_S: Final = 10.0
 _LEAST_SPEED_MPS: Final = 10.0
+# A source is named for this time.
+_NAMED_S: Final = 10.0
 
 
 class Observer:
@@ -91,17 +93,17 @@ class Observer:
 
 
 class Observers:
-    """The observers of one key, by name."""
+    """The observers of one key, by name and sender."""
 
     __slots__ = ("_by_name",)
 
     def __init__(self) -> None:
-        self._by_name: dict[str, Observer] = {}
+        self._by_name: dict[tuple[str, str], Observer] = {}
 
     def __len__(self) -> int:
         return len(self._by_name)
 
-    def named(self, name: str) -> Observer:
+    def named(self, name: tuple[str, str]) -> Observer:
         """The observer with this name; the longest silence is forgotten if there are too many."""
         observer = self._by_name.get(name)
         if observer is None:
@@ -129,12 +131,17 @@ class Observers:
             observer.note_offset(-along_m, speed_mps)
 
     def names(self, now_s: float) -> tuple[str, ...]:
-        """The names of those that were heard in the last seconds, in alphabetical order."""
+        """Who was heard in the last seconds, in alphabetical order; in a silence, who was heard last.
+
+        Of several that send the same kind of report, the sender is named, too.
+        """
         if len(self._by_name) == 1:
-            return tuple(self._by_name)
-        return tuple(
-            sorted(name for name, other in self._by_name.items() if now_s - other.received_s <= 10.0)
-        )
+            return tuple(name for name, _ in self._by_name)
+        newest_s = max((other.received_s for other in self._by_name.values()), default=now_s)
+        since_s = min(now_s, newest_s) - _NAMED_S
+        heard = [each for each, other in self._by_name.items() if other.received_s >= since_s]
+        counts = Counter(name for name, _ in heard)
+        return tuple(sorted(name if counts[name] == 1 else f"{name} {sender}" for name, sender in heard))
 
 
 # A hypothesis that is not confirmed in this time is dropped: three scans of a slow receiver.
@@ -225,7 +232,7 @@ class Contact:
             speed_mps = math.hypot(north_mps, east_mps)
             if speed_mps < 1.0 or not target.is_confirmed or not target.explains_altitude(measurement):
                 continue
-            if target.last.report.heard_by == measurement.report.heard_by:
+            if target.last.observer == measurement.observer:
                 continue
             north_m, east_m = target.offset_m(measurement)
             late_s = -(north_m * north_mps + east_m * east_mps) / speed_mps**2

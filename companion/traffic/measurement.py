@@ -124,6 +124,12 @@ class Measurement(NamedTuple):
     altitudes: tuple[tuple[AltitudeReference, float, float], ...]
     fix: HorizontalFix
     urgent: bool = False  # it may be near us within seconds
+    sender: str = ""  # of several that send the same kind of report
+
+    @property
+    def observer(self) -> tuple[str, str]:
+        """The receiver, or the kind of surveillance and who sends it."""
+        return self.report.heard_by or self.report.source.value, self.sender
 
     def valid_at(self, time_s: float) -> "Measurement":
         """The same at another time."""
@@ -137,6 +143,7 @@ def measure(
     lat_deg: float,
     lon_deg: float,
     params: TrafficParams,
+    sender: str = "",
 ) -> Measurement:
     """The measurement that a report at this place is."""
     climb_mps = report.climb_mps
@@ -154,6 +161,7 @@ def measure(
         climb_mps,
         _altitudes(report),
         HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps, *sigmas),
+        sender=sender,
     )
 
 

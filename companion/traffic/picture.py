@@ -22,6 +22,7 @@ from companion.traffic.mavlink_traffic import MavlinkTraffic
 from companion.traffic.own_trail import OwnshipFix
 from companion.traffic.params import TrafficParams
 from companion.traffic.tracker import Tracker
+from companion.traffic.triage import Urgency
 
 # A receiver on board is where we are, and reports it within this time. Its pressure altitude is used while
 # our autopilot sends none.
@@ -73,6 +74,15 @@ class TrafficPicture:
         if report.altitude_reference is AltitudeReference.BAROMETRIC and math.isfinite(report.altitude_m):
             self._own_altitudes.observe_pressure_altitude(report.altitude_m, now_s)
 
+    def urgency(self, fact: Fact, now_s: float) -> Urgency | None:
+        """How soon a report is to be processed, while there are too many; `None` for other facts."""
+        report = fact.report if isinstance(fact, Traffic) else None
+        if isinstance(fact, OwnPosition):
+            report = self._mavlink_traffic.observe(fact, now_s)
+        if report is None:
+            return None
+        return self.tracker.urgency(report, now_s, self._own_altitudes.offsets(now_s))
+
     def receive(self, fact: Fact, now_s: float) -> str | None:
         """Process a traffic report, or a fact of another MAVLink system.
 
@@ -81,7 +91,8 @@ class TrafficPicture:
         report = fact.report if isinstance(fact, Traffic) else self._mavlink_traffic.observe(fact, now_s)
         if report is None:
             return None
-        return self.tracker.receive(report, now_s, self._own_altitudes.offsets(now_s))
+        sender = "" if report.heard_by else "{}/{}".format(*fact.sender)
+        return self.tracker.receive(report, now_s, self._own_altitudes.offsets(now_s), sender)
 
     def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
         """All tracks in the local frame, extrapolated to `now_s`, ordered by `track_id`."""

@@ -24,7 +24,8 @@ from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import TargetStore
 from companion.traffic.target import Target, stale_after_s
-from companion.traffic.tracks import Coasting, TrackMaker
+from companion.traffic.tracks import Coasting, FarTracks, TrackMaker
+from companion.traffic.triage import Triage, Urgency
 
 # Smaller steps back of a clock are jitter between callers; a larger step means that the clock was set.
 _CLOCK_JITTER_S = 1.0
@@ -87,6 +88,8 @@ class Tracker:
         self._idle: dict[str, None] = {}  # the keys of contacts that never had a target, the oldest first
         self._anonymous = AnonymousContacts(params, self._store.grid)
         self._coasting = Coasting(params, self._trail)
+        self._far = FarTracks()
+        self._triage = Triage(self._contacts, self._trail)
         self._unplaced_received_s: dict[str, float] = {}  # the longest silence first
         self._concerns = ConcernFinder(
             Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
@@ -139,8 +142,17 @@ class Tracker:
 
     # --- reports
 
-    def receive(self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED) -> str | None:
-        """Process a report; returns the id of the track that it updates, `None` if there is none."""
+    def urgency(self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED) -> Urgency:
+        """How soon a report is to be processed, while there are more than can be."""
+        return self._triage.urgency(report, self._clock.advance(now_s), offsets)
+
+    def receive(
+        self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED, sender: str = ""
+    ) -> str | None:
+        """Process a report; returns the id of the track that it updates, `None` if there is none.
+
+        `sender` tells several apart that send the same kind of report, each with a delay of its own.
+        """
         monotonic_s = self._clock.advance(now_s)
         self._offsets = offsets
         if not is_possible(report):
@@ -156,9 +168,9 @@ class Tracker:
             self.dropped[DropReason.OWN if own else DropReason.NO_POSITION] += 1
             return None
         if not report.key or (report.icao is not None and report.icao <= 0):
-            assignment = self._assign_anonymous(report, place_deg, time_s, monotonic_s)
+            assignment = self._assign_anonymous(report, place_deg, time_s, monotonic_s, sender)
         else:
-            assignment = self._assign(report, place_deg, time_s, monotonic_s)
+            assignment = self._assign(report, place_deg, time_s, monotonic_s, sender)
         for reason in assignment.dropped:
             self.dropped[reason] += 1
         for removed in assignment.removed:
@@ -178,17 +190,17 @@ class Tracker:
         return self._trail.placed(report, own)
 
     def _assign_anonymous(
-        self, report: TrafficReport, place_deg: LatLon, time_s: float, monotonic_s: float
+        self, report: TrafficReport, place_deg: LatLon, time_s: float, monotonic_s: float, sender: str
     ) -> Assignment:
         if self._is_repeat(self._anonymous.repeats, report, monotonic_s, moves=False):
             return Assignment(None, [DropReason.REPEATED], [])
         if monotonic_s - time_s > stale_after_s(report.kind, self.params):
             return self._too_old("anonymous", place_deg, time_s, monotonic_s)
-        measurement = measure(report, time_s, monotonic_s, *place_deg, self.params)
+        measurement = measure(report, time_s, monotonic_s, *place_deg, self.params, sender)
         return self._anonymous.assign(measurement, self._reach_s)
 
     def _assign(
-        self, report: TrafficReport, place_deg: LatLon, stated_s: float, monotonic_s: float
+        self, report: TrafficReport, place_deg: LatLon, stated_s: float, monotonic_s: float, sender: str
     ) -> Assignment:
         contact = self._contacts.get(report.key)
         if contact is None:
@@ -198,7 +210,7 @@ class Tracker:
             if monotonic_s > target.expires_s:
                 self._expire(target, monotonic_s)
                 self._contacts.setdefault(contact.key, contact)
-        observer = contact.observers.named(report.heard_by or report.source.value)
+        observer = contact.observers.named((report.heard_by or report.source.value, sender))
         hypotheses = contact.hypotheses
         moves = bool(hypotheses) and hypotheses[0].evidence.moves
         if self._is_repeat(contact.repeats, report, monotonic_s, moves=moves):
@@ -209,7 +221,7 @@ class Tracker:
         if monotonic_s - time_s > stale_after_s(report.kind, self.params):
             return self._too_old(report.callsign or report.key, place_deg, time_s, monotonic_s)
         self._concerns.note_fresh(report.callsign or report.key)
-        measurement = measure(report, time_s, monotonic_s, *place_deg, self.params)
+        measurement = measure(report, time_s, monotonic_s, *place_deg, self.params, sender)
         if self._idle:
             self._idle.pop(contact.key, None)
         assignment = contact.assign(measurement, observer, self._reach_s)
@@ -297,11 +309,15 @@ class Tracker:
     def tracks(
         self, now_s: float, frame: LocalFrame, offsets: DatumOffsets = AS_REPORTED
     ) -> tuple[Track, ...]:
-        """All tracks with a known position and altitude, extrapolated to `now_s`, ordered by `track_id`."""
+        """All tracks with a known position and altitude, ordered by `track_id`.
+
+        They are extrapolated to `now_s`; of many, those far away to a time up to a second before.
+        """
         monotonic_s = self._clock.advance(now_s)
         self._offsets = offsets
         self._remove_expired(monotonic_s)
         maker = TrackMaker(now_s, monotonic_s, frame, offsets)
+        self._far.begin(frame, len(self._store.targets), now_s - monotonic_s)
         tracks = []
         for target in self._store:
             if target.track_id in self._echo.keys or not target.shown:
@@ -310,8 +326,11 @@ class Tracker:
                 continue
             group = self._association.groups.get(target.track_id)
             if group is None:
-                contact = self._contacts.get(target.key)
-                track = maker.track(target, None if contact is None else contact.observers)
+                track = self._far.known(target, monotonic_s)
+                if track is None:
+                    contact = self._contacts.get(target.key)
+                    track = maker.track(target, None if contact is None else contact.observers)
+                    self._far.keep(target, track, monotonic_s)
             elif group[0] == target.track_id:
                 members = [self._store.targets[key] for key in group if key in self._store.targets]
                 track = maker.track_of_group(target, members)
@@ -396,4 +415,5 @@ class Tracker:
         if self._store.remove(target):
             self._association.remove(target.track_id)
             self._echo.remove(target.track_id)
+            self._far.remove(target.track_id)
             self._concerns.note_altitude(target.track_id, known=True)

@@ -26,6 +26,7 @@ _RECENT_S: Final = 20.0
 _MOST_LOST: Final = 32
 # Losses are shown for this long.
 _SHOWN_S: Final = 30.0
+_TOLERANCE_S: Final = 1e-3
 
 
 class Lost(NamedTuple):
@@ -122,6 +123,52 @@ class Coasting:
             return None
         silent_s, name = max(silent)
         return name, silent_s
+
+
+# Of more tracks than this, those that cannot be near us within this time are made again once a second only.
+_MANY, _FAR_S, _MADE_AGAIN_S = 200, 90.0, 1.0
+
+
+class FarTracks:
+    """The last tracks of far aircraft, while there are many: each tick makes a tenth of them."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Track] = {}
+        self._frame: LocalFrame | None = None
+        self._offset_s = 0.0
+
+    def begin(self, frame: LocalFrame, targets: int, offset_s: float) -> None:
+        """Begin the tracks of a moment; `offset_s`: the caller's clock minus the monotonic one."""
+        if targets <= _MANY or frame != self._frame or abs(offset_s - self._offset_s) > _TOLERANCE_S:
+            self._made.clear()
+        self._frame, self._offset_s = (frame if targets > _MANY else None), offset_s
+
+    def known(self, target: Target, now_s: float) -> Track | None:
+        """The track as made before, if it may be used at `now_s` on the monotonic clock."""
+        track = self._made.get(target.track_id)
+        if track is None:
+            return None
+        made_s = track.time_s - self._offset_s
+        again = now_s - made_s > _MADE_AGAIN_S - _TOLERANCE_S
+        news = abs(made_s - track.age_s - target.measured_s) > _TOLERANCE_S
+        return None if again or news or not self._is_far(target, now_s) else track
+
+    def keep(self, target: Target, track: Track | None, now_s: float) -> None:
+        """Note a track that was made."""
+        if self._frame is None:
+            return
+        if track is None or not self._is_far(target, now_s):
+            self._made.pop(target.track_id, None)
+        else:
+            self._made[target.track_id] = track
+
+    def remove(self, track_id: str) -> None:
+        """Forget a target that is not received any more."""
+        self._made.pop(track_id, None)
+
+    @staticmethod
+    def _is_far(target: Target, now_s: float) -> bool:
+        return not target.threat and target.reach_s - (now_s - target.measured_s) > _FAR_S
 
 
 # A turn is not extrapolated for longer: its end is unknown.

@@ -27,6 +27,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from companion.load import OVERLOADED
 from companion.model import Role
 from companion.ownship.autopilot_queries import UNANSWERED
 from companion.web.access_control import AccessControl, has_token
@@ -104,9 +105,10 @@ class _Handlers:
         known = snapshot is not None and snapshot.autopilot is not None
         holding = () if snapshot is None else snapshot.conditions
         unanswered = next((one.text for one in holding if one.key == UNANSWERED), None)
+        overloaded = next((one.text for one in holding if one.key == OVERLOADED), None)
         return JSONResponse(
             {
-                "status": unanswered or "ok",
+                "status": unanswered or overloaded or "ok",
                 "kind": "live",
                 "autopilot_known": known,
                 "conditions": [one.text for one in holding],

@@ -30,6 +30,8 @@ _LENGTH_BYTES = 4
 _LONGEST_OBJECT_BYTES = 16_000_000
 _LONGEST_LINE_BYTES = 4096
 _SHORTEST_INTERVAL_S = 0.08  # a simulation faster than real time makes more ticks than the eye can see
+# Snapshots with thousands of aircraft take at most this share of the flying loop's time.
+_LARGEST_SHARE, _LONGEST_INTERVAL_S = 0.05, 0.5
 _NICENESS = 10  # after all other processes
 _OOM_SCORE = "500"  # the kernel ends the display first when memory is short
 # A port in use most likely stays in use, and each start costs a small computer a second of CPU.
@@ -64,12 +66,13 @@ class Display:
         self.process_id: int | None = None  # while it runs
         self._pipe: asyncio.StreamWriter | None = None
         self._shown_s = -1.0
+        self._interval_s = _SHORTEST_INTERVAL_S
         self._backoff = Backoff(_LONGEST_WAIT_S)
 
     def is_ready(self) -> bool:
         """True when a snapshot is due and the pipe is empty. Starts the next interval; counts a full pipe."""
         pipe, wall_s = self._pipe, time.monotonic()
-        if pipe is None or wall_s - self._shown_s < _SHORTEST_INTERVAL_S:
+        if pipe is None or wall_s - self._shown_s < self._interval_s:
             return False
         self._shown_s = wall_s
         full = pipe.transport.get_write_buffer_size() > 0
@@ -79,7 +82,10 @@ class Display:
     def show(self, snapshot: LiveSnapshot) -> None:
         """Send a snapshot; call only when `is_ready`."""
         if self._pipe is not None:
+            begun_s = time.perf_counter()
             self._pipe.write(pack(snapshot))
+            took_s = time.perf_counter() - begun_s
+            self._interval_s = max(_SHORTEST_INTERVAL_S, min(took_s / _LARGEST_SHARE, _LONGEST_INTERVAL_S))
 
     async def run(self) -> None:
         """Run the display's process, and restart it whenever it ends, until cancelled."""

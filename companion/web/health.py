@@ -48,6 +48,7 @@ class LinkCount:
     bad_bytes: int
     sent_frames: int
     send_errors: int
+    dropped: int = 0  # datagrams or pieces that arrived faster than they were processed
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +108,8 @@ class ReceiverCount:
 class Health:
     """Health of the service at one moment; counts since the start.
 
-    `unusable`, `past`, `of_others` and `repeated` are those of `Intake`; `dropped_reports` of receivers came
-    faster than they were processed.
+    `unusable`, `past`, `of_others` and `repeated` are those of `Intake`; `dropped_reports` of traffic came
+    faster than they were processed. `late_ticks` were made half an interval after their time, or later.
     """
 
     uptime_s: float
@@ -118,6 +119,7 @@ class Health:
     links: tuple[LinkCount, ...]
     receivers: tuple[ReceiverCount, ...] = ()
     skipped_ticks: int = 0
+    late_ticks: int = 0
     unusable: int = 0
     past: int = 0
     of_others: int = 0
@@ -138,6 +140,7 @@ class Health:
                 counters.bad_bytes,
                 counters.sent_frames,
                 counters.send_errors,
+                counters.dropped,
             )
             for link in links
         )

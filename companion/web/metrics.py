@@ -7,6 +7,7 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.registry import Collector
 
+from companion.load import OVERLOADED
 from companion.model import Layer, TrackState, TrafficKind
 from companion.traffic import ConcernKind
 from companion.web.health import LoopTimes, ReceiverCount
@@ -44,11 +45,13 @@ class Metrics(Collector):
             buckets=list(zip(bounds, map(float, health.ticks_below), strict=True)),
             sum_value=health.ticks_total_s,
         )
+        yield _counter("ticks_late", "Ticks made half an interval after their time", health.late_ticks)
         yield _counter("ticks_skipped", "Ticks left out because they were late", health.skipped_ticks)
         for name, help_text, field in (
             ("frames", "MAVLink frames received", "frames"),
             ("frames_lost", "Frames missing by their sequence numbers", "lost"),
             ("bad_bytes", "Bytes that belong to no frame", "bad_bytes"),
+            ("link_dropped", "Datagrams that arrived faster than they were processed", "dropped"),
             ("frames_sent", "MAVLink frames sent", "sent_frames"),
             ("send_errors", "Frames that could not be sent", "send_errors"),
         ):
@@ -63,7 +66,7 @@ class Metrics(Collector):
             "messages_of_others", "Messages of another vehicle with a known address", health.of_others
         )
         yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
-        dropped = "Reports of receivers that came faster than they were processed"
+        dropped = "Reports of traffic that came faster than they were processed"
         yield _counter("reports_dropped", dropped, health.dropped_reports)
         yield _counter("messages_unsent", "Messages not sent, as they were late by a stall", health.unsent)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
@@ -78,6 +81,8 @@ class Metrics(Collector):
         yield layers
         yield _gauge("flying", "1 while the companion flies the aircraft", float(live.flying))
         yield _gauge("position_age_seconds", "Age of our own position", live.position_age_s)
+        overloaded = any(one.key == OVERLOADED for one in live.conditions)
+        yield _gauge("overloaded", "1 while ticks are late or anything is dropped", float(overloaded))
         held = Counter(one.severity for one in live.conditions)
         conditions = GaugeMetricFamily(
             "companion_conditions", "Conditions that hold, by MAV_SEVERITY", labels=["severity"]

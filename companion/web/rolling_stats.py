@@ -67,6 +67,7 @@ class RollingStats:
             "connected": silent_s is not None and silent_s < self._over_s,
             "frames_per_s": round(frames / span_s, 1),
             "lost_share": round(lost / (frames + lost), 4) if frames + lost > 0 else 0.0,
+            "dropped": link.dropped,
             "silent_s": None if silent_s is None else round(silent_s, 1),
         }
 

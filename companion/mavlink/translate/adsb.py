@@ -72,6 +72,7 @@ def _traffic(message: Message, sender: Sender, received_s: float) -> Fact:
         squawk=_squawk(message.squawk) if flags & mavlink.ADSB_FLAGS_VALID_SQUAWK else None,
         kind=EMITTER_KINDS.get(message.emitter_type, TrafficKind.AIRCRAFT),
         simulated=bool(flags & mavlink.ADSB_FLAGS_SIMULATED),
+        age_step_s=1.0,  # `tslc` counts whole seconds
     )
     return Traffic(sender, report)
 

@@ -1,11 +1,14 @@
 """Facts of receivers that do not speak MAVLink, in the engine."""
 
+from dataclasses import replace
+
 import pytest
 
 from companion.engine import Engine, Stepper
 from companion.engine.stepper import FACTS_AT_ONCE, MOST_FACTS_WAITING, SHORTEST_PROMPT_US
-from companion.mavlink.facts import RECEIVER, Fact, ReceiverOwnship, Traffic
+from companion.mavlink.facts import RECEIVER, Fact, Heartbeat, ReceiverOwnship, Sender, Traffic
 from companion.model import TrafficReport, TrafficSource
+from companion.traffic import Urgency
 
 NOW_US = 1_750_000_000_000_000
 
@@ -88,9 +91,43 @@ def test_many_facts_at_once_are_taken_in_over_the_next_ticks() -> None:
 
 
 def test_of_too_many_facts_the_oldest_are_dropped_and_counted() -> None:
+    stepper = Stepper(Counting(), lambda _time_us, _effects: None)
+    for batch in range(2):
+        keys = [f"{batch * MOST_FACTS_WAITING + number:06X}" for number in range(MOST_FACTS_WAITING)]
+        stepper.receive_together([Traffic(RECEIVER, report(key)) for key in keys], NOW_US + 1)
+    assert stepper.dropped_facts == MOST_FACTS_WAITING - 2 * FACTS_AT_ONCE
+
+
+def test_a_newer_report_replaces_one_of_the_same_aircraft_that_waits() -> None:
     engine = Counting()
     stepper = Stepper(engine, lambda _time_us, _effects: None)
-    facts = [Traffic(RECEIVER, report(f"{number:06X}")) for number in range(MOST_FACTS_WAITING)]
-    for _ in range(2):
-        stepper.receive_together(facts, NOW_US + 1)
-    assert stepper.dropped_facts == MOST_FACTS_WAITING - 2 * FACTS_AT_ONCE
+    stepper.advance(NOW_US)
+    keys = [f"{number:06X}" for number in range(FACTS_AT_ONCE + 2)]
+    stepper.receive_together([Traffic(RECEIVER, report(key)) for key in keys], NOW_US + 1)
+    newer = [Traffic(RECEIVER, replace(report(key), altitude_m=600.0)) for key in keys[-2:]]
+    stepper.receive_together(newer, NOW_US + 2)
+    stepper.advance(NOW_US + 200_000)
+    assert engine.facts[FACTS_AT_ONCE:] == newer
+    assert stepper.dropped_facts == 2
+
+
+def test_of_many_facts_at_once_the_most_urgent_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = Counting()
+    near = Traffic(RECEIVER, report("FFFFFF"))
+    monkeypatch.setattr(engine, "urgency", lambda fact, _now_s: Urgency.NEAR if fact is near else Urgency.NEW)
+    facts = [Traffic(RECEIVER, report(f"{number:06X}")) for number in range(FACTS_AT_ONCE)]
+    Stepper(engine, lambda _time_us, _effects: None).receive_together([*facts, near], NOW_US)
+    assert engine.facts == [near, *facts[:-1]]
+
+
+def test_a_flood_of_reports_of_a_threat_prompts_few_ticks() -> None:
+    ticked: list[int] = []
+    stepper = Stepper(AlwaysUrgent(), lambda time_us, _effects: ticked.append(time_us))
+    stepper.advance(NOW_US)
+    ticked.clear()
+    for after_us in range(1, SHORTEST_PROMPT_US, 100):
+        stepper.receive(Traffic(RECEIVER, report()), NOW_US + after_us)
+    assert ticked == [NOW_US + 1]
+    heartbeat = Heartbeat(Sender(1, 1), 1, 3, armed=True, custom_mode=10, system_status=4)
+    stepper.receive(heartbeat, NOW_US + SHORTEST_PROMPT_US - 1)
+    assert len(ticked) == 2, "the pilot does not wait"

@@ -139,3 +139,18 @@ def test_every_threat_is_in_the_line() -> None:
         "layer": "outer",
     }
     assert (second["time_to_closest_s"], second["layer"]) == (None, "inner")
+
+
+def test_of_thousands_of_tracks_the_nearest_are_listed() -> None:
+    crowd = [
+        track(track_id=f"T{n}", position_m=(NORTH_M + 7_919 * n % 20_011, EAST_M, DOWN_M))
+        for n in range(1000)
+    ]
+    record = line(*crowd)
+    assert record["tracks"] == 1000
+    listed = [one["north_m"] for one in record["traffic"]]
+    assert len(listed) == 200
+    assert max(listed) == sorted(7_919 * n % 20_011 for n in range(1000))[199]
+    assert [one["track"] for one in record["traffic"]] == sorted(
+        (one["track"] for one in record["traffic"]), key=lambda name: int(name[1:])
+    )

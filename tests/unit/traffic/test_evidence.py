@@ -304,6 +304,47 @@ def test_a_prompt_receiver_replaces_a_late_one() -> None:
     assert math.dist(only(tracker.tracks(40.0, FRAME)).position_m, truth_m) < 25.0
 
 
+def test_two_mavlink_senders_of_the_same_traffic_are_two_observers() -> None:
+    picture, errors_m = TrafficPicture(TrafficParams()), []
+    velocity_mps = (60.0, 0.0, 0.0)
+    for second in range(40):
+        prompt = report_at(straight(START_M, velocity_mps, second), second, velocity_mps)
+        picture.receive(Traffic(Sender(1, 156), prompt), second)
+        if second >= 10:
+            late = report_at(straight(START_M, velocity_mps, second - 3.5), second + 0.5, velocity_mps)
+            picture.receive(Traffic(Sender(7, 1), late), second + 0.5)
+        if second >= 15:
+            truth_m = straight(START_M, velocity_mps, second + 0.6)
+            errors_m.append(math.dist(only(picture.tracks(second + 0.6, FRAME)).position_m, truth_m))
+    assert max(errors_m) < 10.0
+    assert only(picture.tracks(40.0, FRAME)).sources == ("ADS-B 1/156", "ADS-B 7/1")
+
+
+def test_two_mavlink_senders_without_addresses_report_one_aircraft() -> None:
+    picture = TrafficPicture(TrafficParams())
+    for second in range(10):
+        anonymous = replace(report_at(straight(START_M, VELOCITY_MPS, second), second, VELOCITY_MPS), icao=0)
+        picture.receive(Traffic(Sender(1, 156), anonymous), second)
+        picture.receive(Traffic(Sender(7, 1), replace(anonymous, climb_mps=0.1)), second + 0.01)
+    only(picture.tracks(10.0, FRAME))
+
+
+@pytest.mark.parametrize("sources", [1, 2])
+def test_a_coasted_track_keeps_its_last_sources(sources: int) -> None:
+    tracker = Tracker()
+    own_at(tracker, 0.0)
+    for second in range(20):
+        own_at(tracker, second, 22.0 * second)
+        for number in range(sources):
+            time_s = second + 0.3 * number
+            there = report_at((6000.0 - 60.0 * time_s, 0.0, -600.0), time_s, (-60.0, 0.0, 0.0))
+            tracker.receive(replace(there, heard_by=f"{number}"), time_s)
+    names = tuple(str(number) for number in range(sources))
+    for now_s in (20.0, 35.0, 45.0):
+        own_at(tracker, now_s, 22.0 * now_s)
+        assert only(tracker.tracks(now_s, FRAME)).sources == names
+
+
 @pytest.mark.parametrize(
     ("fields", "sigma_m"),
     [

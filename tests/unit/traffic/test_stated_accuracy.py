@@ -1,9 +1,11 @@
 """Accuracies that a sender states: weights of reports, and gates."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from companion.traffic import Tracker
 from companion.traffic.covariance import grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
 from companion.traffic.track_filter import (
@@ -14,6 +16,7 @@ from companion.traffic.track_filter import (
     VerticalFix,
 )
 from tests.support.tracking_flights import FRAME
+from tests.unit.traffic.straight_flight import only, report_at
 
 PARAMS = EstimateParams()
 
@@ -95,3 +98,20 @@ def test_altitudes_are_gated_by_what_is_stated() -> None:
     assert gate(None).receive(VerticalFix(10.0, 330.0, 0.0, None))
     assert not gate(None).receive(VerticalFix(10.0, 400.0, 0.0, None))
     assert gate(40.0).receive(VerticalFix(10.0, 400.0, 0.0, 40.0))
+
+
+def test_ages_in_whole_seconds_are_part_of_the_accuracy() -> None:
+    """Measured: the errors of 40 senders, whose ages are cut off, by the fraction that each of them loses."""
+    squares_m2, stated_m2, speed_mps = [], [], 60.0
+    for number in range(40):
+        late_s, tracker = number / 40.0, Tracker()
+        for second in range(12):
+            there_m = (speed_mps * (second - late_s), 0.0, -600.0)
+            report = report_at(there_m, float(second), (speed_mps, 0.0, 0.0))
+            tracker.receive(replace(report, position_sigma_m=3.0, age_step_s=1.0), float(second))
+        track = only(tracker.tracks(11.0, FRAME))
+        squares_m2.append((track.position_m[0] - 11.0 * speed_mps) ** 2 / 2.0)
+        stated_m2.append((track.position_sigma_m or 0.0) ** 2)
+    measured_m, stated_m = (math.sqrt(sum(each) / 40.0) for each in (squares_m2, stated_m2))
+    assert measured_m == pytest.approx(24.0, abs=1.0)
+    assert stated_m == pytest.approx(measured_m, rel=0.1)

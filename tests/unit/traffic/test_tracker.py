@@ -15,7 +15,8 @@ from companion.model import (
     TrafficKind,
     TrafficReport,
 )
-from companion.traffic import DropReason, Tracker, TrafficParams
+from companion.traffic import DropReason, Tracker, TrafficParams, Urgency
+from companion.traffic.own_trail import OwnshipFix
 from tests.support.paths import TLOGS
 from tests.unit.traffic.straight_flight import (
     FRAME,
@@ -289,3 +290,60 @@ def test_intruders_of_a_recorded_flight_are_followed(name: str) -> None:
             assert math.hypot(*before.velocity_mps[:2]) == pytest.approx(report.ground_speed_mps, abs=0.5)
     assert followed > 100
     assert tracker.dropped == ({DropReason.REPEATED: repeats} if repeats else {})
+
+
+# --- many -----------------------------------------------------------------------------------------
+
+
+def crowd_at(tracker: Tracker, now_s: float) -> None:
+    """300 aircraft on a line to the east, 500 m apart, that fly north with 50 m/s, once a second."""
+    for number in range(300):
+        there_m = 50.0 * now_s, 500.0 * number, -600.0
+        tracker.receive(report_at(there_m, now_s, (50.0, 0.0, 0.0), icao=0x100000 + number), now_s)
+
+
+def test_of_many_tracks_the_far_ones_are_made_again_once_a_second() -> None:
+    tracker = Tracker()
+    for step in range(31):
+        now_s = step / 10.0
+        place = FRAME.to_geo(0.0, 0.0, -600.0)
+        tracker.observe_ownship(OwnshipFix(now_s, place.lat_deg, place.lon_deg, 600.0, 22.0, 0.0, 0.0))
+        if step % 10 == 0:
+            crowd_at(tracker, now_s)
+        tracks = tracker.tracks(now_s, FRAME)
+    assert len(tracks) == 300
+    tracker.note_threats(["10012B"], 3.0)
+    for now_s in (3.1, 3.9, 4.0, 4.1):
+        tracks = tracker.tracks(now_s, FRAME)
+        times_s = {track.track_id: track.time_s for track in tracks}
+        assert times_s["100000"] == times_s["10012B"] == now_s, "near, and a threat"
+        assert times_s["100100"] == pytest.approx(max(now_s - 1.0, 3.0) if now_s < 4.0 else 4.0)
+        for track in tracks:
+            assert track.position_m[0] == pytest.approx(50.0 * track.time_s, abs=1.0)
+            assert track.time_s - track.age_s == pytest.approx(3.0)
+
+
+def test_tracks_made_before_are_not_used_in_another_frame() -> None:
+    tracker = Tracker()
+    place = FRAME.to_geo(0.0, 0.0, -600.0)
+    tracker.observe_ownship(OwnshipFix(0.0, place.lat_deg, place.lon_deg, 600.0, 22.0, 0.0, 0.0))
+    crowd_at(tracker, 0.0)
+    tracker.tracks(0.1, FRAME)
+    moved = LocalFrame(FRAME.lat_deg + 0.05, FRAME.lon_deg)
+    assert {track.time_s for track in tracker.tracks(0.2, moved)} == {0.2}
+
+
+def test_threats_then_the_near_ones_are_urgent_and_who_is_heard_again_before_who_is_not() -> None:
+    tracker = Tracker()
+    place = FRAME.to_geo(0.0, 0.0, -600.0)
+    tracker.observe_ownship(OwnshipFix(0.0, place.lat_deg, place.lon_deg, 600.0, 22.0, 0.0, 0.0))
+    near, far = report_at((3000.0, 0.0, -600.0), 0.0), report_at((80_000.0, 0.0, -600.0), 0.0, icao=5)
+    assert [tracker.urgency(one, 0.0) for one in (near, far)] == [Urgency.NEAR, Urgency.NEW]
+    assert [tracker.urgency(one, 1.0) for one in (near, far)] == [Urgency.NEAR_AGAIN, Urgency.AGAIN]
+    assert [tracker.urgency(one, 9.0) for one in (near, far)] == [Urgency.NEAR, Urgency.NEW]
+    assert tracker.urgency(replace(far, altitude_m=math.nan), 9.1) is Urgency.NEW
+    tracker.receive(far, 9.2)
+    tracker.note_threats([far.key], 9.2)
+    assert tracker.urgency(far, 9.3) is Urgency.THREAT
+    high = report_at((500.0, 0.0, -9000.0), 20.0, icao=6)
+    assert tracker.urgency(high, 20.0) is Urgency.NEW

@@ -75,6 +75,8 @@ export class DetailsPanel {
       ["Position age", seconds(service.position_age_s)],
       ["System", aircraft.system_id === null ? UNKNOWN : String(aircraft.system_id)],
       ["Tick, p99", service.tick_ms_p99 === null ? UNKNOWN : `${service.tick_ms_p99.toFixed(1)} ms`],
+      ["Late ticks", String(service.late_ticks ?? 0)],
+      ["Reports dropped", String(service.dropped_reports ?? 0)],
       ["Uptime", durationText(service.uptime_s)],
     ];
   }

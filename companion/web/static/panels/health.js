@@ -61,7 +61,8 @@ function fill(row, link) {
   const frames = link.frames_per_s === null ? "–" : link.frames_per_s.toFixed(1);
   const lost = link.lost_share === null ? "–" : (link.lost_share * 100).toFixed(1);
   const silent = link.silent_s === null ? "no data yet" : `silent ${link.silent_s.toFixed(1)} s`;
-  setText(row.rate, `${frames} frames/s, ${lost} % lost, ${silent}`);
+  const dropped = (link.dropped ?? 0) > 0 ? `, ${link.dropped} dropped` : "";
+  setText(row.rate, `${frames} frames/s, ${lost} % lost${dropped}, ${silent}`);
 }
 
 function healthOf({ connected, silent_s, lost_share }) {
