@@ -18,7 +18,7 @@ from companion.mavlink.log_clock import LogClock
 from companion.mavlink.tlog import read_tlog
 from companion.mavlink.translate import WANTED
 from companion.model import Layer
-from companion.recording.pieces import TUNNEL, PieceReader, is_piece
+from companion.recording.pieces import NOTES, TUNNEL, HeardElsewhere, PieceReader, is_piece
 from companion.sightings import Sightings
 from companion.sources.decoder import Heard
 from companion.sources.receiver import Receiver
@@ -31,7 +31,8 @@ class Replay:
     """The result. `layers` counts decisions; `events` are (time since start [s], layer, words).
 
     `vehicles` are the system ids of the autopilots heard. `by_boot_time`: the time stamps made no clock, and
-    the time is the autopilot's; `jumps` counts the steps of the stamps that were not followed.
+    the time is the autopilot's; `jumps` counts the steps of the stamps that were not followed. `forwarded`
+    counts the reports of traffic that were sent on.
     """
 
     messages: int = 0
@@ -44,6 +45,7 @@ class Replay:
     vehicles: set[int] = field(default_factory=set)
     jumps: int = 0
     by_boot_time: bool = False
+    forwarded: int = 0
     duration_s: float = 0.0
     elapsed_s: float = 0.0
     layers: Counter[Layer] = field(default_factory=Counter)
@@ -68,6 +70,7 @@ class Replay:
             "jumps": self.jumps,
             "aircraft": self.sightings.values(),
             "aircraft_left_out": self.sightings.left_out,
+            "reports_sent_on": self.forwarded,
             "duration_s": round(self.duration_s, 3),
             "elapsed_s": round(self.elapsed_s, 3),
             "messages_per_s": round(self.messages_per_s),
@@ -87,10 +90,14 @@ def _counts(receiver: Receiver) -> dict[str, object]:
 
 
 class RecordedReceivers:
-    """The receivers of a log: what they sent, through the decoders of their formats."""
+    """The receivers of a log: what they sent, through the decoders of their formats.
+
+    `elsewhere` is the newest note about which traffic was heard on which links.
+    """
 
     def __init__(self) -> None:
         self.by_address: dict[str, Receiver] = {}
+        self.elsewhere: HeardElsewhere | None = None
         self.unknown = 0  # pieces of formats that cannot be decoded here
         self._reader = PieceReader()
 
@@ -103,6 +110,9 @@ class RecordedReceivers:
         """The facts in the piece that this frame completes."""
         piece = self._reader.add(frame)
         if piece is None:
+            return []
+        if piece.address == NOTES:
+            self.elsewhere = HeardElsewhere.of_piece(piece) or self.elsewhere
             return []
         receiver = self._receiver(piece.address)
         if receiver is None:
@@ -179,6 +189,8 @@ def replay(
         if frame.message_id == TUNNEL:
             if is_piece(frame):
                 stepper.receive_together(receivers.take(frame, now_us / 1e6), now_us)
+                if receivers.elsewhere is not None:
+                    engine.forwarding.elsewhere, engine.forwarding.receiver_works = receivers.elsewhere
             continue
         received = intake.judge(frame, now_us / 1e6)
         if received is not None:
@@ -187,7 +199,7 @@ def replay(
                 result.vehicles.add(fact.sender.system_id)
             stepper.receive(fact, now_us, received.true_s)
     result.jumps, result.by_boot_time = clock.jumps, clock.by_boot_time
-    result.unusable = intake.unusable
+    result.unusable, result.forwarded = intake.unusable, engine.forwarding.sent
     result.receivers = list(receivers.by_address.values())
     result.lost_pieces = receivers.lost
     result.messages = sum(log.messages for log in logs)

@@ -43,6 +43,7 @@ from companion.output.effects import Place
 from companion.output.notice import Condition
 from companion.output.persisted_state import PersistedState
 from companion.receiving import Receiving
+from companion.recording.pieces import HeardElsewhere
 from companion.recording.recorder import Recorder
 from companion.recording.state_file import DurableStateFile, StateFile
 from companion.sources.receiver import Piece, Receiver
@@ -229,8 +230,8 @@ class Runtime:
             *conditions_of(self.receivers, now_us / 1e6),
             *self._overload(now_us / 1e6),
         )
-        self._note_sources(now_us / 1e6)
         self._advance(now_us)
+        self._note_sources(now_us)
         self._watchdog.alive(self._stepper.ticks, time.monotonic())
 
     def _overload(self, now_s: float) -> list[Condition]:
@@ -247,12 +248,17 @@ class Runtime:
         """Reports that came faster than they were processed, after their links."""
         return self._stepper.dropped_facts + self._receiving.queue.dropped
 
-    def _note_sources(self, now_s: float) -> None:
+    def _note_sources(self, now_us: int) -> None:
         """Note which traffic may be sent on: that of working receivers, and what is heard elsewhere."""
         forwarding = self.engine.forwarding
-        if forwarding.to is not None:
-            forwarding.receiver_works = any(one.problem(now_s) is None for one in self.receivers)
-            forwarding.elsewhere = self._sides.elsewhere(forwarding.to)
+        if forwarding.to is None:
+            return
+        works = any(one.problem(now_us / 1e6) is None for one in self.receivers)
+        elsewhere = HeardElsewhere(self._sides.elsewhere(forwarding.to), works)
+        if elsewhere != (forwarding.elsewhere, forwarding.receiver_works):
+            forwarding.elsewhere, forwarding.receiver_works = elsewhere
+            if self.recorder is not None:  # the log does not say by which link a frame came
+                self.recorder.heard(now_us, elsewhere.to_piece(), self.engine.sender)
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""
@@ -289,6 +295,7 @@ class Runtime:
             setpoints_sent=self.setpoints_sent,
             dropped_reports=self._dropped_reports,
             late_ticks=self._load.late_ticks,
+            forwarded=self.engine.forwarding.sent,
             recording_problem=self._recording_problem,
         )
 

@@ -29,6 +29,7 @@ def summary(
         f"{health.unusable} unusable messages, {health.past} too late, {health.of_others} of another vehicle "
         f"with a known address, {engine.foreign} from others, {health.repeated} copies of requests ignored, "
         f"{engine.tracker.dropped.total()} traffic reports refused, {health.dropped_reports} dropped, "
+        f"{health.forwarded} sent on, "
         f"{health.unsent} messages not sent after a stall, {health.late_ticks} ticks late, "
         f"{health.skipped_ticks} skipped"
     )

@@ -4,8 +4,11 @@ The payload of each frame is a header and a part of the piece's content: the add
 by its length, and the bytes that it sent, deflated (zlib) where that makes them shorter.
 """
 
+import json
 import struct
 import zlib
+from collections.abc import Set
+from typing import NamedTuple
 
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Sender
@@ -25,6 +28,9 @@ _MAX_PARTS = 0xFFFF
 _MAX_CONTENT_BYTES = 9 << 20  # above the largest document
 # A number that is further ahead than this is of another recording, and no loss.
 _MAX_LOST = 1000
+# Pieces with this address are notes of ours: what the log cannot say about links.
+NOTES = "companion"
+_MOST_SENDERS = 1024
 
 
 def is_piece(frame: Frame) -> bool:
@@ -102,6 +108,28 @@ class PieceReader:
             self._parts = None
             self.lost += 1
         return self._parts
+
+
+class HeardElsewhere(NamedTuple):
+    """The MAVLink senders of traffic on links of their own, and whether another receiver works."""
+
+    senders: Set[tuple[int, int]]
+    receiver_works: bool
+
+    def to_piece(self) -> Piece:
+        """The same as a piece of a recording."""
+        note = {"elsewhere": sorted(self.senders)[:_MOST_SENDERS], "receiver_works": self.receiver_works}
+        return Piece(NOTES, json.dumps(note, separators=(",", ":")).encode(), begins=False)
+
+    @classmethod
+    def of_piece(cls, piece: Piece) -> "HeardElsewhere | None":
+        """What a note says; `None` if it is damaged."""
+        try:
+            note = json.loads(piece.data)
+            senders = frozenset((int(system), int(component)) for system, component in note["elsewhere"])
+            return cls(senders, note["receiver_works"] is True)
+        except (ValueError, KeyError, TypeError, RecursionError):
+            return None
 
 
 def _piece_of(content: bytes, flags: int) -> Piece | None:

@@ -156,6 +156,7 @@ class Flight:
     tracks: dict[str, TrackHistory] = field(default_factory=dict)
     concerns: dict[tuple[str, str], Concern] = field(default_factory=dict)  # by kind and name
     mission: list[tuple[float, float]] = field(default_factory=list)  # latitude and longitude [deg]
+    forwarded: int = 0  # reports of traffic that were sent on
     unusable: int = 0
     without_fix: int = 0
 

@@ -16,6 +16,7 @@ from companion.report.flight import Flight, OperatorText
 from companion.report.link import LinkLog
 
 Progress = Callable[[int], object]
+_MOST_FORWARDED = 1_000_000_000  # a larger number is damage
 
 
 @dataclass
@@ -72,8 +73,10 @@ def _add_entry(flight: Flight, entry: Entry) -> None:
         severity, text = record.get("severity"), record.get("text")
         if isinstance(severity, int) and isinstance(text, str) and flight.start_us is not None:
             flight.texts.append(OperatorText(flight.seconds_at(entry.time_us), severity, text))
-    elif entry.topic == STATE.name and not flight.mission:
-        flight.mission = _mission_of(_object(entry.data))
+    elif entry.topic == STATE.name:
+        state = _object(entry.data)
+        flight.mission = flight.mission or _mission_of(state)
+        flight.forwarded = max(flight.forwarded, _forwarded_of(state))
 
 
 def _mission_of(state: dict[str, Any]) -> list[tuple[float, float]]:
@@ -85,6 +88,13 @@ def _mission_of(state: dict[str, Any]) -> list[tuple[float, float]]:
         return []
     good = all(abs(lat) <= 90.0 and abs(lon) <= 180.0 and (lat, lon) != (0.0, 0.0) for lat, lon in positions)
     return positions if good else []
+
+
+def _forwarded_of(state: dict[str, Any]) -> int:
+    """How many reports had been sent on, in a state of the display."""
+    service = state.get("service")
+    count = service.get("forwarded_reports") if isinstance(service, dict) else None
+    return count if isinstance(count, int) and 0 <= count < _MOST_FORWARDED else 0
 
 
 def _object(data: bytes) -> dict[str, Any]:
@@ -107,6 +117,7 @@ def _from_tlog(path: Path, engine: Engine, on_progress: Progress) -> Log:
         on_progress=on_progress,
     )
     _note_missing(flight)
+    flight.forwarded = replayed.forwarded
     if replayed.bad_bytes:
         flight.notes.append(f"{replayed.bad_bytes:,} bytes of the log belong to no message")
     link = _link_of(parts, flight)

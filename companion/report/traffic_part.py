@@ -23,6 +23,8 @@ def traffic_part(flight: Flight) -> Iterator[str]:
     if aircraft:
         yield "<h2>Traffic and its sources</h2>"
         yield from _aircraft(flight, aircraft)
+    if flight.forwarded:
+        yield f"<p>Reports of traffic that were sent on: {flight.forwarded:,}.</p>"
     if flight.concerns:
         yield "<h2>Not avoided, or odd</h2>"
         yield from _concerns(list(flight.concerns.values()))

@@ -31,9 +31,9 @@ _AVERAGED_INTERVALS: Final = 4.0
 CONFIRMED_REPORTS: Final = 2
 # A hypothesis of one report is confirmed by a second one this near to its prediction, more by a turn.
 _TENTATIVE_M, _TENTATIVE_MPS2 = 90.0, 5.0
-# An age that is cut off to whole steps is too small by 0 to 1 step, evenly: the mean square of that error is a
-# third of a step's square (Widrow and Kollar, Quantization Noise, 2008, 3.5: q^2 / 12, and the square of the
-# mean q / 2). Along the path only, so that the mean of both axes has half of it.
+# An age that is cut off to whole steps is too small by 0 to 1 step, evenly: the mean square of that error is
+# a third of a step's square (Widrow and Kollar, Quantization Noise, 2008, 3.5: q^2 / 12, and the square of
+# the mean q / 2). Along the path only, so that the mean of both axes has half of it.
 _CUT_OFF: Final = 1.0 / 6.0
 # Gates by which the nearest neighbour is measured [m].
 _GATE_M, _VERTICAL_GATE_M = 60.0, 40.0

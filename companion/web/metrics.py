@@ -68,6 +68,7 @@ class Metrics(Collector):
         yield _counter("requests_repeated", "Copies of requests that were obeyed before", health.repeated)
         dropped = "Reports of traffic that came faster than they were processed"
         yield _counter("reports_dropped", dropped, health.dropped_reports)
+        yield _counter("reports_forwarded", "Reports of traffic that were sent on", health.forwarded)
         yield _counter("messages_unsent", "Messages not sent, as they were late by a stall", health.unsent)
         yield _counter("setpoints_sent", "Setpoints sent to the autopilot", health.setpoints_sent)
         yield _counter("engagements", "Times the aircraft was taken over", live.engagements)

@@ -80,6 +80,7 @@ def state_of(live: LiveSnapshot, sequence: int, stats: RollingStats) -> dict[str
             "tick_ms_p99": stats.tick_ms_p99(),
             "late_ticks": live.health.late_ticks + live.health.skipped_ticks,
             "dropped_reports": live.health.dropped_reports,
+            "forwarded_reports": live.health.forwarded,
             "position_age_s": _or_none(live.position_age_s, 2),
             "recording_problem": live.health.recording_problem,
         },

@@ -14,10 +14,10 @@ import pytest
 from pymavlink import mavutil
 
 from companion.config import Config
-from companion.engine import Engine
+from companion.engine import Engine, EngineConfig, EngineParams
 from companion.geodesy import GeoPoint
-from companion.links import open_links
-from companion.mavlink.dialect import mavlink
+from companion.links import memory_pair, open_links
+from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.tlog import read_tlog
 from companion.preflight import run_preflight
 from companion.recording.recorder import Recorder
@@ -30,8 +30,11 @@ from sim.receivers import Reception, Transmission
 from sim.receivers.flarm import sentence
 from sim.receivers.gdl90 import Gdl90Encoder
 from sim.server import VehicleServer
+from sim.traffic import ALL_VALID
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
 from tests.support.faulty_flight import free_ports
+from tests.support.talking_autopilot import Autopilot
+from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
@@ -252,3 +255,36 @@ async def test_check_says_where_it_would_go_and_sends_nothing(
         await flying
     said = {finding.topic: (finding.text, finding.good) for finding in found.findings}
     assert said.get("forward") == (None if wanted is None else (wanted, wanted.startswith("traffic")))
+
+
+@in_virtual_time
+async def test_what_a_mavlink_receiver_on_a_link_of_its_own_hears_is_replayed_alike(tmp_path: Path) -> None:
+    """The log does not say by which link a frame came, so that the service notes what is heard elsewhere."""
+    near, far = memory_pair()
+    beside, receiver = memory_pair()
+    recorder = Recorder(tmp_path, 0.0)
+    clock = ScaledClock(1.0, start_s=1.75e9, monotonic_s=asyncio.get_running_loop().time)
+    config = EngineConfig(engine=EngineParams(autopilot_system_id=1))
+    runtime = Runtime(Engine(config), [near, beside], recorder=recorder, clock=clock)
+    flying = asyncio.create_task(Autopilot(far, sees_traffic=False).run())
+    running = asyncio.create_task(runtime.run())
+    encoder = Encoder()
+    for second in range(20):
+        message = mavlink.MAVLink_adsb_vehicle_message(
+            ICAO, -349_000_000 - second * 4500, 1_490_900_000, 1, 1_484_000, 18_000, 5_000, 0, b"FAR", 1, 0,
+            ALL_VALID, 1200,
+        )  # fmt: skip
+        receiver.send(encoder.encode(message, 7, 156))
+        await asyncio.sleep(1.0)
+    sent, decided = runtime.engine.forwarding.sent, (recorder.decisions_path).read_text().splitlines()
+    assert sent > 10
+    runtime.stop()
+    await running
+    flying.cancel()
+    engine, replayed = Engine(config), list[str]()
+    result = replay(recorder.tlog_path, engine, on_decision=replayed.append)
+    assert replayed[: len(decided)] == decided
+    assert engine.forwarding.sent >= sent
+    assert [one["sources"] for one in result.report()["aircraft"]] == [["ADS-B"]]  # type: ignore[attr-defined]
+    assert result.lost_pieces == 0
+    assert result.receivers == []

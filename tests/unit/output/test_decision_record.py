@@ -142,15 +142,16 @@ def test_every_threat_is_in_the_line() -> None:
 
 
 def test_of_thousands_of_tracks_the_nearest_are_listed() -> None:
+    norths_m = [7_919 * number % 20_011 for number in range(1000)]
     crowd = [
-        track(track_id=f"T{n}", position_m=(NORTH_M + 7_919 * n % 20_011, EAST_M, DOWN_M))
-        for n in range(1000)
+        track(track_id=f"T{number}", position_m=(NORTH_M + north_m, EAST_M, DOWN_M))
+        for number, north_m in enumerate(norths_m)
     ]
     record = line(*crowd)
     assert record["tracks"] == 1000
     listed = [one["north_m"] for one in record["traffic"]]
     assert len(listed) == 200
-    assert max(listed) == sorted(7_919 * n % 20_011 for n in range(1000))[199]
+    assert max(listed) == sorted(norths_m)[199]
     assert [one["track"] for one in record["traffic"]] == sorted(
         (one["track"] for one in record["traffic"]), key=lambda name: int(name[1:])
     )

@@ -329,6 +329,26 @@ def test_two_mavlink_senders_without_addresses_report_one_aircraft() -> None:
     only(picture.tracks(10.0, FRAME))
 
 
+@pytest.mark.parametrize(
+    ("other_m", "kind"),
+    [
+        ((3000.0, 0.0, -600.0), ConcernKind.TWO_PLACES),
+        ((2150.0, 180.0, -600.0), ConcernKind.TWO_PLACES),
+        ((2000.0, 0.0, -900.0), ConcernKind.TWO_HEIGHTS),
+        ((3000.0, 0.0, -900.0), ConcernKind.TWO_PLACES),
+    ],
+)
+def test_two_places_and_two_heights_are_told_apart(other_m: Vec3, kind: ConcernKind) -> None:
+    tracker = Tracker()
+    for step in range(40):
+        now_s = step / 2.0
+        own_at(tracker, now_s, 22.0 * now_s)
+        here_m = other_m if step % 2 else (2000.0, 0.0, -600.0)
+        there = report_at((here_m[0] + 20.0 * now_s, here_m[1], here_m[2]), now_s, (20.0, 0.0, 0.0))
+        tracker.receive(there, now_s)
+    assert concerns(tracker, 20.0) == [kind]
+
+
 @pytest.mark.parametrize("sources", [1, 2])
 def test_a_coasted_track_keeps_its_last_sources(sources: int) -> None:
     tracker = Tracker()

@@ -77,6 +77,7 @@ export class DetailsPanel {
       ["Tick, p99", service.tick_ms_p99 === null ? UNKNOWN : `${service.tick_ms_p99.toFixed(1)} ms`],
       ["Late ticks", String(service.late_ticks ?? 0)],
       ["Reports dropped", String(service.dropped_reports ?? 0)],
+      ["Reports sent on", String(service.forwarded_reports ?? 0)],
       ["Uptime", durationText(service.uptime_s)],
     ];
   }
