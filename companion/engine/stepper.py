@@ -10,6 +10,7 @@ from itertools import islice
 from companion.engine.engine import Engine
 from companion.mavlink.facts import Fact, Traffic
 from companion.output.effects import Effect
+from companion.traffic import Urgency
 
 TICK_US = 100_000
 # How long the service may do nothing. A longer stall is a gap: its ticks are never made, and nothing acts on
@@ -23,10 +24,10 @@ LONGEST_GAP_IN_LOG_US = 5_000_000
 
 # Traffic prompts a tick not more often than this: a flood must not be answered one by one.
 SHORTEST_PROMPT_US = 20_000
-# Of facts that came together so many are taken in at once, and before each following tick: a document of
-# thousands of aircraft must not delay a tick. The most urgent come first. Of those that wait, the oldest are
-# dropped.
-FACTS_AT_ONCE, MOST_FACTS_WAITING = 200, 10_000
+# Of facts that came together so many are taken in between two ticks, the most urgent first, and as many that
+# waited before each tick: a document of thousands of aircraft must not delay a tick. Of those that wait, the
+# oldest are dropped.
+FACTS_AT_ONCE, MOST_FACTS_WAITING = 150, 10_000
 
 Perform = Callable[[int, Sequence[Effect]], None]
 
@@ -49,6 +50,7 @@ class Stepper:
         self._prompted_us: int | None = None
         self._waiting: dict[object, Fact] = {}
         self.dropped_facts = 0
+        self._taken = 0  # of facts that came together, since the last tick
 
     def next_tick_us(self, now_us: int) -> int:
         """Time of the next tick [us]."""
@@ -68,6 +70,7 @@ class Stepper:
             self._perform(now_us, self.engine.note_gap((now_us - last_us) / 1e6, now_us / 1e6))
         while due_us <= now_us:
             self._next_tick_us = due_us + TICK_US
+            self._taken = 0
             if self._waiting:
                 self._take_in_waiting(due_us)
             self._perform(due_us, self.engine.tick(due_us / 1e6))
@@ -88,13 +91,19 @@ class Stepper:
     def receive_together(self, facts: Sequence[Fact], now_us: int) -> None:
         """Make the ticks that are due, take facts in, and tick once at once when one of them cannot wait."""
         self.advance(now_us)
-        if len(facts) > FACTS_AT_ONCE:
-            facts = sorted(facts, key=lambda fact: self.engine.urgency(fact, now_us / 1e6) or 0)
+        now_s, at_once = now_us / 1e6, len(facts)
+        if self._taken + len(facts) > FACTS_AT_ONCE:
+            ranks = [(self.engine.urgency(fact, now_s) or 0, number) for number, fact in enumerate(facts)]
+            ranks.sort()
+            facts = [facts[number] for _, number in ranks]
+            urgent = sum(rank <= Urgency.NEAR_AGAIN for rank, _ in ranks)
+            at_once = min(max(FACTS_AT_ONCE - self._taken, min(urgent, FACTS_AT_ONCE)), len(facts))
+        self._taken += at_once
         if self._waiting:
-            for fact in facts[:FACTS_AT_ONCE]:
+            for fact in facts[:at_once]:
                 self.dropped_facts += self._waiting.pop(_key_of(fact), None) is not None
-        prompts = [self.engine.receive(fact, now_us / 1e6) for fact in facts[:FACTS_AT_ONCE]]
-        for fact in facts[FACTS_AT_ONCE:]:
+        prompts = [self.engine.receive(fact, now_s) for fact in facts[:at_once]]
+        for fact in facts[at_once:]:
             self._wait(fact)
         if any(prompts) and self._may_prompt(now_us):
             self._perform(now_us, self.engine.tick(now_us / 1e6))

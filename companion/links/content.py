@@ -25,7 +25,7 @@ class Content:
 
     At most `max_waiting` datagrams or pieces of a stream wait to be read; of a larger one each `piece_bytes`
     count as one. After `bytes_at_once` other tasks get a turn, so that ticks stay on time. Documents are read
-    every `document_period_s`.
+    every `document_period_s`; `divide`, called in a thread, makes parts of one that are read one by one.
     """
 
     new_reader: Callable[[StreamCounters], Reader] = FrameSplitter
@@ -34,6 +34,7 @@ class Content:
     piece_bytes: int = 1 << 16
     bytes_at_once: int = 32_768  # junk costs a microsecond a byte
     document_period_s: float = 1.0
+    divide: Callable[[bytes], list[bytes]] = lambda document: [document]
 
 
 MAVLINK = Content()

@@ -11,7 +11,8 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import IO
+from functools import partial
+from typing import IO, TypeVar
 from urllib.parse import urlsplit
 
 from companion.address import DocumentAddress
@@ -20,6 +21,7 @@ from companion.links.content import Content
 from companion.links.link import Link, OnFrames
 from companion.links.sockets import error_text
 
+_T = TypeVar("_T")
 _MAX_BYTES = 8 << 20
 _PART_BYTES = 1 << 16
 # For a connection, and for the next bytes; the whole document has twice as long.
@@ -61,9 +63,11 @@ class DocumentLink(Link):
             if document != self._last:
                 self._last = document
                 self.counters.received_bytes += len(document)
-                frames = reader.feed(document)
-                if frames:
-                    on_frames(frames, self)
+                for part in await self._in_thread(partial(self.content.divide, document)):
+                    frames = reader.feed(part)
+                    if frames:
+                        on_frames(frames, self)
+                    await asyncio.sleep(0)  # ticks stay on time
             with contextlib.suppress(TimeoutError):
                 wait_s = max(self._period_s - (time.monotonic() - read_s), 0.0)
                 await asyncio.wait_for(self._closed.wait(), wait_s)
@@ -79,9 +83,12 @@ class DocumentLink(Link):
     def _send(self, data: bytes) -> None:
         """Never called: it only listens."""
 
+    async def _in_thread(self, work: Callable[[], _T]) -> _T:
+        return await asyncio.get_running_loop().run_in_executor(self._thread, work)
+
     async def _fetch(self) -> bytes:
         try:
-            return await asyncio.get_running_loop().run_in_executor(self._thread, self._read)
+            return await self._in_thread(self._read)
         except (OSError, http.client.HTTPException, ValueError) as error:
             raise LinkDownError(f"{self.address}: {_reason(error)}") from error
 

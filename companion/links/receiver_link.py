@@ -29,7 +29,15 @@ class ReceiverLink:
     def __init__(self, text: str, address: ReceiverAddress, *, document_period_s: float = 1.0) -> None:
         """`ConfigError` if a part of the format is missing."""
         self.receiver = Receiver.of(text, address.format)
-        content = Content(self._new_reader, 1, _MAX_WAITING, _PIECE_BYTES, _BYTES_AT_ONCE, document_period_s)
+        content = Content(
+            self._new_reader,
+            max_peers=1,
+            max_waiting=_MAX_WAITING,
+            piece_bytes=_PIECE_BYTES,
+            bytes_at_once=_BYTES_AT_ONCE,
+            document_period_s=document_period_s,
+            divide=self.receiver.divided,
+        )
         self.link: Link = make_link(text, address.at, content)
         self._reconnect = Reconnect(self.link)
         self._on_piece: OnPiece = _ignore

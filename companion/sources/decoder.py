@@ -44,6 +44,11 @@ class Decoder(ABC):
     def restart(self) -> None:
         """Forget the incomplete rest of a stream, as the connection was made again."""
 
+    @staticmethod
+    def divided(document: bytes) -> list[bytes]:
+        """The parts of a document, each to be fed as one; a thread may call it."""
+        return [document]
+
     @property
     def status(self) -> str | None:
         """A problem that the receiver itself reports ("no GPS fix"); `None` if there is none known."""

@@ -13,6 +13,7 @@ from companion.model import AltitudeReference, LatLon, TrafficKind, TrafficRepor
 from companion.sources import accuracy
 from companion.sources.aircraft_table import AircraftTable
 from companion.sources.decoder import Decoder, Heard
+from companion.sources.document_parts import LISTS, PART, divided
 from companion.sources.identity import address_key, callsign, emitter_kind, squawk
 from companion.sources.quantities import (
     ALTITUDE_FT,
@@ -75,6 +76,8 @@ class ReadsbDecoder(Decoder):
         super().__init__()
         self._aircraft: AircraftTable[str, _Reported] = AircraftTable(_Reported)
         self._made_s: float | None = None
+        self._part: int | None = None  # of the last document, if it was divided
+        self._read = 0  # aircraft of its parts
         self._late_copies = 0
         self._changed_s = self._fed_s = -math.inf
 
@@ -84,6 +87,10 @@ class ReadsbDecoder(Decoder):
         if self._made_s is None or unchanged_s < _UNCHANGED_S:
             return None
         return f"the document has not changed for {unchanged_s:.0f} s"
+
+    @staticmethod
+    def divided(document: bytes) -> list[bytes]:
+        return divided(document) if len(document) <= MAX_DOCUMENT_BYTES else [document]
 
     def restart(self) -> None:
         """Nothing to forget: each document is complete."""
@@ -95,10 +102,14 @@ class ReadsbDecoder(Decoder):
             return []
         made_s = _seconds(document.get("now"))
         made_s = received_s if made_s is None else made_s
-        if not self._is_new(made_s):
-            return []
+        part = document.get(PART)
+        if not self._is_next_part(made_s, part):
+            self._part = part if isinstance(part, int) else None
+            if not self._is_new(made_s):
+                return []
+            self.counters.messages += 1
+            self._read = 0
         self._made_s, self._changed_s = made_s, received_s
-        self.counters.messages += 1
         heard: list[Heard] = []
         for entry in self._entries(document):
             report = self._report(entry, made_s, received_s)
@@ -122,6 +133,13 @@ class ReadsbDecoder(Decoder):
             return None
         return document
 
+    def _is_next_part(self, made_s: float, part: object) -> bool:
+        """Whether a document goes on with the last one."""
+        if made_s != self._made_s or self._part is None or not isinstance(part, int) or part <= self._part:
+            return False
+        self._part = part
+        return True
+
     def _is_new(self, made_s: float) -> bool:
         if self._made_s is None or made_s > self._made_s:
             self._late_copies = 0
@@ -138,12 +156,13 @@ class ReadsbDecoder(Decoder):
 
     def _entries(self, document: _Entry) -> list[_Entry]:
         """The aircraft in the document, as many as are read."""
-        entries = _list_of_aircraft(document)
-        usable = [entry for entry in entries[:MAX_AIRCRAFT] if isinstance(entry, dict)]
-        if len(entries) > MAX_AIRCRAFT:
-            self.counters.bad["too many aircraft"] += len(entries) - MAX_AIRCRAFT
-        if len(usable) < len(entries[:MAX_AIRCRAFT]):
-            self.counters.bad["not an aircraft"] += len(entries[:MAX_AIRCRAFT]) - len(usable)
+        entries, room = _list_of_aircraft(document), max(MAX_AIRCRAFT - self._read, 0)
+        self._read += len(entries)
+        usable = [entry for entry in entries[:room] if isinstance(entry, dict)]
+        if len(entries) > room:
+            self.counters.bad["too many aircraft"] += len(entries) - room
+        if len(usable) < len(entries[:room]):
+            self.counters.bad["not an aircraft"] += len(entries[:room]) - len(usable)
         return usable
 
     def _report(self, entry: _Entry, made_s: float, received_s: float) -> TrafficReport | None:
@@ -181,7 +200,7 @@ class ReadsbDecoder(Decoder):
 
 
 def _list_of_aircraft(document: _Entry) -> Any:
-    return document.get("aircraft", document.get("ac"))
+    return next((document[name] for name in LISTS if name in document), None)
 
 
 def _seconds(value: object) -> float | None:

@@ -59,6 +59,10 @@ class Receiver:
         """What the format cannot say."""
         return self._decoder.lacks
 
+    def divided(self, document: bytes) -> list[bytes]:
+        """The parts of a document, each to be taken as a piece; a thread may call it."""
+        return self._decoder.divided(document)
+
     @property
     def counters(self) -> DecoderCounters:
         """Counts since the start."""
