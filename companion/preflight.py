@@ -11,7 +11,7 @@ from companion.engine import Engine
 from companion.errors import ungrouped
 from companion.links import Link, ReceiverLink
 from companion.mavlink.dialect import mavlink
-from companion.model import Role
+from companion.model import Role, TrafficSource
 from companion.runtime import Runtime
 from companion.traffic.params import Forward
 
@@ -71,6 +71,7 @@ async def run_preflight(
                 (
                     *_findings(runtime, now_s),
                     *_receivers(runtime, now_s, now_s - started_s),
+                    *_mavlink_sources(runtime, now_s - started_s),
                     *_forwarding(runtime, config.traffic.forward),
                     Finding("role", wanted.name.lower(), wanted is Role.FLY),
                 ),
@@ -139,6 +140,23 @@ def _receivers(runtime: Runtime, now_s: float, span_s: float) -> Iterator[Findin
         lacks = f"; lacks {receiver.lacks}" if receiver.lacks else ""
         text += f"{'' if problem is None else f'; {problem}'}{lacks}"
         yield Finding(f"receiver {receiver.address}", text, problem is None)
+
+
+# What a kind of report by MAVLink cannot say.
+_LACKS = {
+    TrafficSource.ADSB: "accuracy; ages are whole seconds",
+    TrafficSource.UTM: "the age of positions",
+    TrafficSource.REMOTE_ID: "the age of positions, and range",
+    TrafficSource.SYSTEM: "accuracy",
+}
+
+
+def _mavlink_sources(runtime: Runtime, span_s: float) -> Iterator[Finding]:
+    """Who sends traffic by MAVLink, how often, and what that lacks."""
+    for (source, sender), count in sorted(runtime.engine.mavlink_sources.items()):
+        lacks = f"; lacks {_LACKS[source]}" if source in _LACKS else ""
+        name = f"receiver {source} by MAVLink {sender.system_id}/{sender.component_id}"
+        yield Finding(name, f"{count / span_s:.1f} reports/s{lacks}")
 
 
 def _forwarding(runtime: Runtime, forward: Forward) -> Iterator[Finding]:

@@ -296,6 +296,10 @@ class Runtime:
             dropped_reports=self._dropped_reports,
             late_ticks=self._load.late_ticks,
             forwarded=self.engine.forwarding.sent,
+            mavlink_sources=tuple(
+                (f"{source} {sender.system_id}/{sender.component_id}", count)
+                for (source, sender), count in sorted(self.engine.mavlink_sources.items())
+            ),
             recording_problem=self._recording_problem,
         )
 

@@ -5,6 +5,7 @@ has the aircraft, then the decision, then commands, then housekeeping.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -51,7 +52,7 @@ from companion.mavlink.facts import (
     Sender,
     Traffic,
 )
-from companion.model import Decision, Role, Snapshot
+from companion.model import Decision, Role, Snapshot, TrafficSource
 from companion.output.decision_record import Circumstances
 from companion.output.effects import Effect, Keep, Record, Save, Say, Transmit
 from companion.output.notice import AnyNotice, Condition, ConflictNotice, Notice, ResumeNotice
@@ -65,7 +66,7 @@ _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
 _NOTICES = (Notice, ConflictNotice, ResumeNotice)
 _KEEP_INTERVAL_S = 1.0
-_MOST_COUNTED = 4096  # tracks
+_MOST_COUNTED, _MOST_SOURCES = 4096, 64  # tracks, and senders of traffic
 
 
 class Engine:
@@ -133,6 +134,7 @@ class Engine:
         self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
         self.concerns: tuple[Concern, ...] = ()  # of the last tick: traffic that is not avoided or is odd
         self._reports: dict[str, int] = {}  # how many updated each track
+        self._sources: Counter[tuple[TrafficSource, Sender]] = Counter()
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -181,6 +183,11 @@ class Engine:
     def rates_hz(self) -> dict[int, float]:
         """The measured rate of each message, by its id."""
         return self._rates.measured_hz
+
+    @property
+    def mavlink_sources(self) -> Mapping[tuple[TrafficSource, Sender], int]:
+        """The number of traffic reports by MAVLink, by kind and sender."""
+        return self._sources
 
     @property
     def decision(self) -> Decision:
@@ -337,6 +344,7 @@ class Engine:
         """Take in a report about another aircraft; true when it is a threat."""
         if self.forwarding.is_echo(fact, now_s):
             return False
+        self._count_source(fact)
         track_id = self._picture.receive(fact, now_s)
         self.forwarding.observe(fact, track_id, self.aircraft.sender, now_s)
         if track_id is None:
@@ -345,6 +353,15 @@ class Engine:
         prompted = any(threat.track_id == track_id for threat in self.decision.threats)
         self._prompted |= prompted
         return prompted
+
+    def _count_source(self, fact: Fact) -> None:
+        """Count a report by who sent it; receivers that speak no MAVLink count their own."""
+        if isinstance(fact, Heartbeat) or fact.sender == RECEIVER:
+            return
+        source = fact.report.source if isinstance(fact, Traffic) else TrafficSource.SYSTEM
+        key = source, fact.sender
+        if key in self._sources or len(self._sources) < _MOST_SOURCES:
+            self._sources[key] += 1
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Whether another system than ours sent it; false until our autopilot is known."""

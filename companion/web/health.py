@@ -127,6 +127,7 @@ class Health:
     unsent: int = 0  # messages that came too late to be sent
     setpoints_sent: int = 0
     dropped_reports: int = 0
+    mavlink_sources: tuple[tuple[str, int], ...] = ()  # reports of traffic by "ADS-B 1/156"
     forwarded: int = 0  # reports of traffic that were sent on
     recording_problem: str | None = None
 

@@ -60,6 +60,12 @@ class Metrics(Collector):
                 family.add_metric([link.address], getattr(link, field))
             yield family
         yield from _of_receivers(health.receivers)
+        by_source = CounterMetricFamily(
+            "companion_reports", "Reports of traffic by MAVLink, by kind and sender", labels=["source"]
+        )
+        for source, count in health.mavlink_sources:
+            by_source.add_metric([source], float(count))
+        yield by_source
         yield _counter("messages_unusable", "Messages without a usable value", health.unusable)
         yield _counter("messages_late", "Messages that arrived too late to be used", health.past)
         yield _counter(

@@ -16,7 +16,7 @@ from companion.config import Config
 from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.links import MemoryLink, ReceiverLink, memory_pair
-from companion.mavlink.dialect import mavlink
+from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode, make_frame
 from companion.mavlink.tlog import read_tlog
 from companion.preflight import run_preflight
@@ -30,7 +30,7 @@ from companion.web.replay_server import ReplayServer
 from companion.web.settings import Settings
 from sim.clock import ScaledClock
 from tests.support.line_decoder import line_formats, traffic_line
-from tests.support.talking_autopilot import Autopilot
+from tests.support.talking_autopilot import Autopilot, traffic
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -290,6 +290,7 @@ async def test_check_lists_each_receiver_and_what_it_lacks() -> None:
         for _ in range(12):
             for icao in (0xA00001, 0xA00002):
                 station.sendto(head_on(0, icao), ("127.0.0.1", port))
+            far.send(Encoder().encode(traffic(0), 1, 156))
             await asyncio.sleep(0.9)
     found = {finding.topic: finding for finding in (await checking).findings}
     far.close()
@@ -301,6 +302,8 @@ async def test_check_lists_each_receiver_and_what_it_lacks() -> None:
     assert "No such file or directory" in file.text
     assert not tcp.good
     assert not file.good
+    by_mavlink = found["receiver ADS-B by MAVLink 1/156"].text
+    assert by_mavlink == "1.0 reports/s; lacks accuracy; ages are whole seconds"
 
 
 @in_virtual_time

@@ -12,12 +12,13 @@ import websockets
 import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
+from companion.load import OVERLOADED
 from companion.model import TrackState, TrafficKind
 from companion.output.notice import Condition
 from companion.traffic import Concern, ConcernKind
 from companion.web import serving
 from companion.web.app import MOST_VIEWERS, STATIC
-from companion.web.health import ReceiverCount
+from companion.web.health import LinkCount, ReceiverCount
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
 from companion.web.source import LiveSource
@@ -140,6 +141,32 @@ async def test_metrics_are_in_the_format_of_prometheus() -> None:
     assert families["companion_messages_unsent"].samples[0].value == 6.0
     assert families["companion_engagements"].samples[0].value == 1.0
     assert families["companion_up"].samples[0].value == 1.0
+
+
+async def test_an_overload_is_said_in_the_metrics_the_state_and_the_health() -> None:
+    held = Condition(OVERLOADED, 4, "Overloaded: 300/s dropped")
+    link = LinkCount("udpin:0.0.0.0:14550", 100, 0, 0, 5, 0, dropped=7)
+    counted = health(
+        late_ticks=11, skipped_ticks=2, dropped_reports=300, forwarded=12, links=(link,),
+        mavlink_sources=(("ADS-B 1/156", 40),),
+    )  # fmt: skip
+    async with site(live(replace(SNAPSHOT, health=counted, conditions=(held,)))) as at:
+        lines = (await at.ask("/metrics")).body.decode().splitlines()
+        state = (await at.ask("/api/state")).json
+        answer = await at.ask("/healthz")
+    assert {
+        "companion_overloaded 1.0",
+        "companion_ticks_late_total 11.0",
+        "companion_ticks_skipped_total 2.0",
+        "companion_reports_dropped_total 300.0",
+        "companion_reports_forwarded_total 12.0",
+        'companion_link_dropped_total{link="udpin:0.0.0.0:14550"} 7.0',
+        'companion_reports_total{source="ADS-B 1/156"} 40.0',
+    } <= set(lines)
+    service = state["service"]
+    assert (service["late_ticks"], service["dropped_reports"], service["forwarded_reports"]) == (13, 300, 12)
+    assert [one["dropped"] for one in state["links"]] == [7]
+    assert (answer.status, answer.json["status"]) == (200, held.text)
 
 
 async def test_metrics_of_receivers_have_their_addresses() -> None:
