@@ -63,7 +63,9 @@ class Watching:
         outgoing += self._release.restore_item(now_s)
         # A single heartbeat with another mode may be wrong.
         certain = now_s - context.aircraft.mode_since_s >= FLICKER_S
-        return outgoing if context.clear or not certain else [*outgoing, *self._take_over.begin(now_s)]
+        # The advice may last longer than its threats, while they fly away: that is nothing to take over for.
+        in_conflict = not context.clear and bool(context.decision.threats)
+        return [*outgoing, *self._take_over.begin(now_s)] if in_conflict and certain else outgoing
 
     def _has_settled(self, now_s: float) -> bool:
         """Whether it has been ready for `settle_s`."""

@@ -24,8 +24,12 @@ _DELAY_STEP_S: Final = 1.0
 # How far a position may be from the mean offset, across the path; along it, by the jitter of delays in
 # addition.
 _RESIDUAL_M, _JITTER_S = 25.0, 0.7
+_RESIDUAL_SIGMAS, _LARGEST_RESIDUAL_M = 3.0, 75.0
 # The offset drifts by no more than this in the time of the samples, or than so many times its noise.
 _DRIFT_M, _DRIFT_SIGMAS = 15.0, 4.0
+# The noise of a few positions is unknown: it is estimated with a prior of this, worth so many positions
+# (inverse-gamma; Gelman et al., Bayesian Data Analysis, 3rd ed. 2013, 14.2).
+_NOISE_M, _PRIOR_POSITIONS = 8.0, 3.0
 # A manoeuvre of ours that only a shadow repeats.
 _TURNED_RAD, _CLIMBED_M = math.radians(20.0), 30.0
 _STRAIGHT_RAD: Final = math.radians(6.0)
@@ -117,8 +121,10 @@ class Shadows:
         new = evidence.reports <= self._params.reports
         evidence.comes_nearer |= comes_nearer
         known_other |= evidence.comes_nearer
-        match = None if comes_nearer else self._match(evidence.samples)
         was = evidence.is_shadow
+        # Who is a shadow already may be further off for a moment.
+        residual_m = _residual_m(target) * (self._params.split_factor if was else 1.0)
+        match = None if comes_nearer else self._match(evidence.samples, residual_m)
         if match is not None:
             evidence.misses = 0
             evidence.match = match
@@ -169,7 +175,7 @@ class Shadows:
             return False
         return shrunk_m > (_NEARER_M if stated_mps else 2.0 * _NEARER_M)
 
-    def _match(self, samples: Sequence[Sample]) -> Match | None:
+    def _match(self, samples: Sequence[Sample], residual_m: float) -> Match | None:
         """The delay and the mean offset that explain all of the last samples; `None` if there are none."""
         newest = samples[-1]
         compared = list(samples)[-_COMPARED_SAMPLES:]
@@ -180,7 +186,7 @@ class Shadows:
         ]
         if not delays_s or not self._may_compare(newest.time_s):
             return None
-        found = [match for delay_s in delays_s if (match := self._match_with(compared, delay_s)) is not None]
+        found = [match for delay_s in delays_s if (match := self._match_with(compared, delay_s, residual_m))]
         return min(found, key=lambda match: match.offset_m, default=None)
 
     def _may_compare(self, now_s: float) -> bool:
@@ -190,7 +196,7 @@ class Shadows:
         self._comparisons_left = max(left - 1.0, 0.0)
         return left >= 1.0
 
-    def _match_with(self, samples: Sequence[Sample], delay_s: float) -> Match | None:
+    def _match_with(self, samples: Sequence[Sample], delay_s: float, residual_m: float) -> Match | None:
         offsets: list[Vec2] = []
         owns: list[OwnshipFix] = []
         for sample in samples:
@@ -212,7 +218,7 @@ class Shadows:
             length = math.hypot(north, east)
             along_m = (off_north_m * north + off_east_m * east) / length
             across_m = (off_east_m * north - off_north_m * east) / length
-            if math.hypot(along_m / (_RESIDUAL_M + _JITTER_S * speed_mps), across_m / _RESIDUAL_M) > 1.0:
+            if math.hypot(along_m / (residual_m + _JITTER_S * speed_mps), across_m / residual_m) > 1.0:
                 return None
         return Match(delay_s, mean_m, self._manoeuvred(owns))
 
@@ -251,6 +257,12 @@ class Shadows:
         return (own, offset_m) if math.hypot(*offset_m) <= 2.0 * params.shadow_radius_m else None
 
 
+def _residual_m(target: Target) -> float:
+    """How far a position may be from the mean offset, across the path: more where so much noise is stated."""
+    stated_m = target.last.report.position_sigma_m or 0.0
+    return min(max(_RESIDUAL_M, _RESIDUAL_SIGMAS * stated_m), _LARGEST_RESIDUAL_M)
+
+
 def _drifts(samples: Sequence[Sample], offsets: Sequence[Vec2]) -> bool:
     """Whether the offset changes steadily: by more than its noise, from a line through the offsets."""
     count = len(samples)
@@ -265,7 +277,8 @@ def _drifts(samples: Sequence[Sample], offsets: Sequence[Vec2]) -> bool:
     scatter2 = sum(
         abs(point - mean - slope * time_s) ** 2 for time_s, point in zip(times_s, points, strict=True)
     )
-    noise_m = math.sqrt(scatter2 / max(count - 2, 1))
+    usual2 = 2.0 * _NOISE_M**2  # of both axes
+    noise_m = math.sqrt((_PRIOR_POSITIONS * usual2 + scatter2) / (_PRIOR_POSITIONS + count - 2))
     drift_m = abs(slope) * (times_s[-1] - times_s[0])
     return drift_m > max(_DRIFT_M, _DRIFT_SIGMAS * noise_m)
 

@@ -2,9 +2,10 @@
 
 import math
 from collections import Counter
+from typing import Final
 
 from companion.geodesy import LocalFrame
-from companion.model import LatLon, Track, TrafficKind, TrafficReport
+from companion.model import AltitudeReference, LatLon, Track, TrafficKind, TrafficReport
 from companion.traffic.altitude_datums import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
 from companion.traffic.anonymous import AnonymousContacts
 from companion.traffic.association import Association
@@ -59,6 +60,8 @@ class MonotonicClock:
 
 # Our own positions are kept for the last reports of a slow shadow and its delay.
 _TRAIL_S = 60.0
+# A smaller change of the uncertainty of altitudes does not change what stands on the ground.
+_JUDGED_AGAIN_M: Final = 5.0
 # Keys that are remembered though all their reports were too old: their ages may turn out to be wrong.
 _MOST_IDLE = 256
 
@@ -98,6 +101,7 @@ class Tracker:
         self._evicted_s = -math.inf
         self._threats: set[str] = set()
         self._offsets = AS_REPORTED
+        self._unjudged_m = 0.0  # change of the altitudes' uncertainty since all targets were judged
 
     # --- our own aircraft
 
@@ -314,7 +318,7 @@ class Tracker:
         They are extrapolated to `now_s`; of many, those far away to a time up to a second before.
         """
         monotonic_s = self._clock.advance(now_s)
-        self._offsets = offsets
+        self._use_offsets(offsets)
         self._remove_expired(monotonic_s)
         maker = TrackMaker(now_s, monotonic_s, frame, offsets)
         self._far.begin(frame, len(self._store.targets), now_s - monotonic_s)
@@ -339,6 +343,17 @@ class Tracker:
             if track is not None:
                 tracks.append(track)
         return tuple(tracks)
+
+    def _use_offsets(self, offsets: DatumOffsets) -> None:
+        """Judge all targets again when it becomes known how altitudes compare with ours, or unknown."""
+        before, self._offsets = self._offsets, offsets
+        self._unjudged_m += max(
+            abs(offsets[each].uncertainty_m - before[each].uncertainty_m) for each in AltitudeReference
+        )
+        if self._unjudged_m > _JUDGED_AGAIN_M:
+            self._unjudged_m = 0.0
+            for target in list(self._store):
+                self._identify(target)
 
     def without_position(self, now_s: float) -> int:
         """The number of aircraft received without a position or an altitude.

@@ -125,7 +125,8 @@ def test_an_aircraft_without_a_height_is_told_and_not_avoided() -> None:
     assert all("HEAD1 12 o'clock" in text for text in told)
 
 
-def test_parked_aircraft_are_no_threat_to_one_above_them() -> None:
+@pytest.mark.parametrize("from_s", [0.0, 6.0], ids=["from the start", "once our heights are known"])
+def test_parked_aircraft_are_no_threat_to_one_above_them(from_s: float) -> None:
     """Three at home's height, without speed, below the mission that starts 60 m above home."""
     scenario = load_scenario("clear")
     low = replace(
@@ -139,8 +140,7 @@ def test_parked_aircraft_are_no_threat_to_one_above_them() -> None:
     )
 
     def parked(loop: ReportedWrongly, time_s: float) -> Reports:
-        # From when our own references of height are known.
-        if time_s < 6.0 or not is_time_of(1.0, time_s):
+        if time_s < from_s or not is_time_of(1.0, time_s):
             return []
         home_m = -low.home.altitude_m
         places = [(1500.0 + 100.0 * number, 20.0 * number, home_m) for number in range(3)]

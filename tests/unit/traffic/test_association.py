@@ -1,6 +1,7 @@
 """One aircraft from several sources is one track, two aircraft stay two, and our own echo is no track."""
 
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -15,7 +16,7 @@ from companion.model import (
     Vec3,
     adsb_key,
 )
-from companion.traffic import DropReason, Tracker, TrafficParams
+from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams
 from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
 from companion.traffic.own_trail import OwnshipFix
 
@@ -262,9 +263,25 @@ def test_a_target_first_received_elsewhere_is_an_echo_only_after_several_reports
         fly_own(tracker, second - 1, second)
         off_m = (0.0, max(60.0 - 10.0 * second, 0.0), 0.0)
         is_traffic.append(tracker.receive(report(UTM, float(second), off_m), second) is not None)
-    # Beside us with our velocity it could be a shadow; not when it comes nearer.
-    assert all(is_traffic[2:8])
+    # Beside us with our velocity it could be a shadow with noisy positions; not when it comes nearer by
+    # more than that.
+    assert all(is_traffic[4:8])
     assert not any(is_traffic[14:])
+
+
+@pytest.mark.parametrize("noise_m", [8.0, 15.0])
+@pytest.mark.parametrize(("late_s", "period_s"), [(1, 1), (4, 1), (8, 1), (8, 5)])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_noisy_shadow_is_never_traffic(noise_m: float, late_s: int, period_s: int, seed: int) -> None:
+    """Ourselves under another address, late, 120 m aside, with our velocity of then and noise."""
+    tracker, chance = Tracker(), random.Random(seed)
+    fly_own(tracker, 0, 14)
+    for second in range(15, 75, period_s):
+        fly_own(tracker, second - period_s, second)
+        off_m = chance.gauss(0.0, noise_m) + 120.0, chance.gauss(0.0, noise_m), 0.0
+        late = replace(report(ADSB, float(second - late_s), off_m, velocity_mps=FAST), time_s=float(second))
+        assert tracker.receive(late, second) is None
+    assert [concern.kind for concern in tracker.concerns(75.0)] == [ConcernKind.OWN_SHADOW]
 
 
 def test_an_echo_that_leaves_our_trail_is_traffic() -> None:
