@@ -15,6 +15,8 @@ from companion.mavlink.framing import Frame
 _LONGEST_GAP_US = 60_000_000
 # Frames of several links are written a little out of order. After a larger step back the clock goes on, too.
 _OUT_OF_ORDER_US = 1_000_000
+# Stamps of the years 2001 to 2096 in nanoseconds.
+_FIRST_NS, _LAST_NS = 10**18, 4 * 10**18
 _POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 _unpack_boot_ms = struct.Struct("<I").unpack_from
 _BOOT_BYTES = 4
@@ -53,6 +55,8 @@ class LogClock:
 
     def at(self, stamp_us: int, frame: Frame | None = None) -> int:
         """Time [us] of the record with this stamp and frame."""
+        if _FIRST_NS <= stamp_us < _LAST_NS:
+            stamp_us //= 1000
         if self._now_us is None:
             self._now_us = stamp_us
         if not self.by_boot_time:

@@ -69,8 +69,16 @@ class Coasting:
                 self._threats[track_id] = _Threat(now_s, target.measured_s, target.is_silent(now_s))
 
     def keeps(self, target: Target, altitude: SeaLevelAltitude | None, now_s: float) -> bool:
-        """Whether a target that is not heard for the usual time is extrapolated on."""
-        if not target.shown or target.evidence.on_ground or now_s - target.measured_s > self._params.coast_s:
+        """Whether a target that is not heard for the usual time is extrapolated on.
+
+        One that was reported once, and never confirmed, is not: of a flood, each would last for minutes.
+        """
+        if (
+            not target.is_confirmed
+            or not target.shown
+            or target.evidence.on_ground
+            or now_s - target.measured_s > self._params.coast_s
+        ):
             return False
         return target.threat or self._meets_us(target, altitude, now_s)
 

@@ -76,6 +76,13 @@ def test_stamps_that_step_back_and_stay_do_not_stop_the_time(
         assert result.layers[layer] == pytest.approx(count, rel=0.05, abs=5)
 
 
+def test_stamps_in_nanoseconds_are_read_as_such(tmp_path: Path, whole: Replay) -> None:
+    log = restamped(tmp_path / "log.tlog", lambda since_us: (START_US + since_us) * 1000)
+    result = replay(log, Engine())
+    assert (result.by_boot_time, result.jumps) == (False, 0)
+    assert result.layers == whole.layers
+
+
 def test_good_stamps_are_followed(whole: Replay) -> None:
     assert not whole.by_boot_time
     assert whole.jumps == 0

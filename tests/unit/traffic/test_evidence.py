@@ -349,6 +349,16 @@ def test_two_places_and_two_heights_are_told_apart(other_m: Vec3, kind: ConcernK
     assert concerns(tracker, 20.0) == [kind]
 
 
+def test_an_aircraft_that_was_reported_once_is_not_coasted_for_minutes() -> None:
+    tracker = Tracker()
+    own_at(tracker, 0.0)
+    tracker.receive(report_at((5000.0, 0.0, -600.0), 0.0, (-40.0, 0.0, 0.0)), 0.0)
+    tracker.note_threats(["4B1234"], 0.0)
+    assert len(tracker.tracks(19.0, FRAME)) == 1
+    assert tracker.tracks(21.0, FRAME) == ()
+    assert concerns(tracker, 21.0) == [ConcernKind.LOST]
+
+
 @pytest.mark.parametrize("sources", [1, 2])
 def test_a_coasted_track_keeps_its_last_sources(sources: int) -> None:
     tracker = Tracker()
