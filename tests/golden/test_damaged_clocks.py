@@ -80,7 +80,9 @@ def test_stamps_in_nanoseconds_are_read_as_such(tmp_path: Path, whole: Replay) -
     log = restamped(tmp_path / "log.tlog", lambda since_us: (START_US + since_us) * 1000)
     result = replay(log, Engine())
     assert (result.by_boot_time, result.jumps) == (False, 0)
-    assert result.layers == whole.layers
+    assert result.duration_s == pytest.approx(whole.duration_s, abs=0.01)
+    for layer, count in whole.layers.items():
+        assert result.layers[layer] == pytest.approx(count, abs=2)
 
 
 def test_good_stamps_are_followed(whole: Replay) -> None:
