@@ -13,7 +13,7 @@ from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
 from companion.autopilots.value_commands import ValueCommands
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Parameter, Sender

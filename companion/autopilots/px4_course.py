@@ -19,7 +19,7 @@ from companion.autopilots import px4_modes
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.px4_way import Way
 from companion.autopilots.value_commands import ValueCommands
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, Heartbeat, NavigationTarget
 from companion.units import STANDARD_GRAVITY_MPS2, course_deg

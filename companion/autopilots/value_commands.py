@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from companion.autopilots.adapter import RefusedValue
 from companion.autopilots.commands import Outcome
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult
 from companion.units import wrap_pi

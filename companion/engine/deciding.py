@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from companion.airspace.fences import AutopilotFence, limit_heights
 from companion.airspace.obstacles import ObstacleMap
-from companion.avoidance import Avoider, Envelope
-from companion.avoidance.envelope import Control
+from companion.avoidance import Avoider, Control, Envelope
 from companion.control.handover import Handover
 from companion.control.state_machine import WATCHING
 from companion.engine_config import EngineConfig
