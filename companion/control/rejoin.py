@@ -5,7 +5,7 @@ height. So the aircraft flies back to its leg first, still avoiding, and is give
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from companion.autopilots.adapter import Adapter
@@ -119,6 +119,8 @@ class LegRejoin:
     lowest_m: float | None  # above mean sea level
     began_s: float | None = None
     last_s: float | None = None
+    # The mission and its item of which is known that the leg is theirs.
+    leg_of: tuple[Mission, int] | None = field(default=None, compare=False)
 
     def present_leg(self, aircraft: Aircraft) -> Leg | None:
         """The leg, or the straight way to the item that is now the mission's; `None`: unknown."""
@@ -127,6 +129,7 @@ class LegRejoin:
         if mission is None or sequence is None:
             return None
         if sequence == self.leg.sequence and (mission is self.mission or same_items(mission, self.mission)):
+            self.leg_of = mission, sequence
             return self.leg
         return navigation.legs.straight_to(mission, sequence, aircraft.home_altitude_m())
 

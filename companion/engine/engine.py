@@ -12,7 +12,6 @@ from functools import cache
 from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
-from companion.control.commanding import Commanding
 from companion.control.emergency import EmergencyRelease
 from companion.control.handover import Handover, Orders
 from companion.control.readiness import Readiness
@@ -99,7 +98,7 @@ class Engine:
         self.operator = GcsRequests(
             self._settings,
             lambda: self.sender,
-            may_resume=lambda: self._handover.holds or self._handover.suppresses,
+            may_resume=lambda: self.supervisor.holds or self._handover.suppresses,
         )
         self._notices = OperatorNotices(self.aircraft, self.queries, self.operator, self._settings)
         self._statustext = StatusText()
@@ -114,7 +113,7 @@ class Engine:
             other_avoider=self._notices.other_avoider,
         )
         self._handover = Handover(self.aircraft, config.supervisor, self._readiness, config.control)
-        self._commanding = Commanding(self.aircraft, self._handover)
+        self._commanding = self._handover.commanding
         self._deciding = Deciding(
             self.aircraft,
             self.queries,
@@ -370,7 +369,7 @@ class Engine:
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()
-        self.aircraft.ours = self._handover.holds
+        self.aircraft.ours = self.supervisor.holds
         effects += self._command(now_s)
         effects += self._housekeeping(now_s)
         if overridden is None:
@@ -433,10 +432,10 @@ class Engine:
         outgoing += [*answers, *self.operator.listed(now_s)]
         outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
         if adapter is not None:
-            if self._handover.holds:
+            if self.supervisor.holds:
                 outgoing += self._rates.heartbeat(adapter, self.aircraft.heartbeat_s, now_s)
             # An autopilot that leaves the guided mode without our setpoints: do they arrive?
-            often = self._handover.holds and adapter.leaves_guided_by_itself
+            often = self.supervisor.holds and adapter.leaves_guided_by_itself
             outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)
         healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
