@@ -18,7 +18,7 @@ from companion.control.state_machine import State, Supervisor
 from companion.engine.deciding import Deciding
 from companion.engine.housekeeping import Housekeeping, Rooms
 from companion.engine_config import EngineConfig
-from companion.gcs.forwarding import Forwarding
+from companion.gcs.forwarding import Forwarding, Received
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.notices import OperatorNotices
 from companion.gcs.phrases import TrafficSituation
@@ -326,12 +326,12 @@ class Engine:
 
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
-        forwards = self.forwarding.to is not None
-        if forwards and self.forwarding.is_echo(fact, now_s):
+        forwarding = self.forwarding
+        if forwarding.sent and forwarding.is_echo(fact, now_s):
             return False
         track_id = self._picture.receive(fact, now_s)
-        if forwards:
-            self.forwarding.observe(fact, track_id, self.aircraft.sender, now_s)
+        if forwarding.to is not None:
+            forwarding.received.append(Received(fact, track_id, self.aircraft.sender, now_s))
         if track_id is None:
             return False
         self._end.reports[track_id] += 1

@@ -121,6 +121,7 @@ class Housekeeping:
         """Traffic that others hear, from the ADS-B component of our system."""
         rooms, deciding = self._rooms, self._rooms.deciding
         place = rooms.forwarding.to
+        rooms.forwarding.note_received()
         if place is None or not rooms.aircraft.heard(now_s):
             return []
         sender = Sender(self._us().system_id, mavlink.MAV_COMP_ID_ADSB)
