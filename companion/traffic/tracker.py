@@ -5,9 +5,8 @@ from collections import Counter
 
 from companion.geodesy import LocalFrame
 from companion.model import LatLon, Track, TrafficKind, TrafficReport
-from companion.traffic.altitude_datums import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
+from companion.traffic.altitudes import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
 from companion.traffic.anonymous import AnonymousContacts
-from companion.traffic.association import Association
 from companion.traffic.concerns import Concern, ConcernedView, ConcernFinder, Known, OldReport
 from companion.traffic.contact import Assignment, Contact
 from companion.traffic.evidence import UNKNOWN, Surroundings
@@ -22,7 +21,7 @@ from companion.traffic.measurement import (
 from companion.traffic.own_trail import OwnshipFix, OwnTrail
 from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
 from companion.traffic.params import TrafficParams
-from companion.traffic.store import TargetStore
+from companion.traffic.store import Association, TargetStore
 from companion.traffic.target import Target, stale_after_s
 from companion.traffic.tracks import Coasting, TrackMaker
 
