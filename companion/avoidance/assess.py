@@ -18,6 +18,7 @@ from companion.avoidance.mission_path import OwnFlight, mission_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.trajectory import Array, Envelope, Mask, OwnState, any_of, position_at
 from companion.compiled import kernels
+from companion.geodesy import course_deg, wrap_pi
 from companion.model import (
     LEVEL_M,
     STEADY_CLIMB_M,
@@ -32,7 +33,6 @@ from companion.model import (
     Vec2,
     Vec3,
 )
-from companion.units import course_deg, wrap_pi
 
 # Speed at which we could approach a track that is near but not coming nearer.
 _OWN_APPROACH_MPS = 20.0

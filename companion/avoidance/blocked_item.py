@@ -10,8 +10,8 @@ from companion.avoidance.constraints import Constraints
 from companion.avoidance.intruders import heights_to_pass, separation
 from companion.avoidance.mission_path import OwnFlight
 from companion.avoidance.trajectory import Commands, Envelope, Mask, any_of, fly_ahead, index_at
+from companion.geodesy import wrap_pi
 from companion.model import Guidance, Vec3
-from companion.units import wrap_pi
 
 # A track stays at the item if the item is within its volume for this long.
 _STAYS_S = 60.0

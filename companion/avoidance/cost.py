@@ -41,8 +41,8 @@ from companion.avoidance.trajectory import (
     index_at,
 )
 from companion.compiled import kernels
+from companion.geodesy import wrap_pi
 from companion.model import Guidance
-from companion.units import wrap_pi
 
 # Commands that differ by no more than this count as the same.
 _SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0

@@ -35,8 +35,8 @@ from companion.avoidance.intruders import (
 from companion.avoidance.params import AvoidanceParams, FieldParams
 from companion.avoidance.trajectory import Array, Commands, Control, Mask, OwnState
 from companion.compiled import kernels
+from companion.geodesy import wrap_pi
 from companion.model import Goal, Guidance, Layer, Vec2
-from companion.units import wrap_pi
 
 _Place = TypeVar("_Place", float, Array)
 # The force at the surface is infinite. Closer than this (in the caller's unit of length) it stops growing.

@@ -20,8 +20,8 @@ from companion.avoidance.trajectory import (
     index_at,
     own_state,
 )
+from companion.geodesy import wrap_pi
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
-from companion.units import wrap_pi
 
 # The largest angle at which a leg is joined, and how far ahead of us, in time, the way back meets it.
 STEEPEST_RAD = math.radians(40.0)

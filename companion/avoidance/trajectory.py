@@ -19,8 +19,9 @@ from annotated_types import Ge, Gt, Le, Lt
 from numpy.typing import NDArray
 
 from companion.compiled import kernels
+from companion.geodesy import wrap_two_pi
 from companion.model import Guidance, Ownship, Track, Vec2, Vec3
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_two_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

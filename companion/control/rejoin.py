@@ -10,12 +10,11 @@ from typing import Literal
 
 from companion.autopilots.adapter import Adapter
 from companion.avoidance.mission_path import BesideLeg
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import GeoPoint, LocalFrame, wrap_pi, wrap_two_pi
 from companion.model import Guidance, PriorFlightState, Vec3
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.legs import Leg, same_items
 from companion.ownship.mission import Mission
-from companion.units import wrap_pi, wrap_two_pi
 
 # A circle stays in place when its mode is entered at its centre; the mode change takes this long.
 _LEAD_S = 1.5

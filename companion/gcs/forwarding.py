@@ -12,14 +12,13 @@ from typing import Final, NamedTuple
 
 from companion.gcs.made_up_addresses import MadeUpAddresses
 from companion.gcs.sent_reports import SentReports
-from companion.geodesy import LocalFrame
+from companion.geodesy import LocalFrame, wrap_two_pi
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import RECEIVER, Fact, Sender, Traffic
 from companion.mavlink.translate.adsb import vehicle_message
 from companion.model import AltitudeReference, Ownship, Track, TrackState, TrafficReport, TrafficSource, Vec3
 from companion.output.effects import Place
 from companion.traffic.params import Forward
-from companion.units import wrap_two_pi
 
 # At most five a second, 50 bytes each: 4 % of a radio with 57600 baud.
 _SPACING_S: Final = 0.2

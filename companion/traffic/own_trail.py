@@ -13,12 +13,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from companion.geodesy import LocalFrame
+from companion.geodesy import LocalFrame, wrap_pi
 from companion.model import AltitudeReference, LatLon, TrafficReport, Vec2
 from companion.traffic.altitudes import SeaLevelAltitude
 from companion.traffic.params import EchoParams
 from companion.traffic.target import Target
-from companion.units import wrap_pi
 
 _SPACING_S: Final = 0.2
 # A position is extrapolated for this long; later it is missing. A slow link sends one a second.

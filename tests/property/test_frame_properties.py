@@ -11,8 +11,8 @@ from companion.avoidance.cost import Conflict, EvaluatedRows
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.layers import LayerPolicy, OuterPolicy
 from companion.avoidance.trajectory import Mask
+from companion.geodesy import wrap_pi
 from companion.model import Layer, Ownship, Vec3
-from companion.units import wrap_pi
 from tests.support.avoidance_cases import (
     ALL_VARIANTS,
     Case,

@@ -11,8 +11,8 @@ from companion.avoidance.cost import CostContext
 from companion.avoidance.intruders import Tracks
 from companion.avoidance.params import CostWeights, Layers, OuterMethod
 from companion.avoidance.trajectory import ALL_CONTROLS, HORIZON_S, Control, OwnState, Pace
+from companion.geodesy import wrap_pi
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
-from companion.units import wrap_pi
 
 ENVELOPE = Envelope(min_altitude_m=100.0, max_altitude_m=600.0)
 PARAMS = AvoidanceParams(envelope=ENVELOPE)

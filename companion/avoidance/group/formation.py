@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from companion.avoidance.mission_path import course_and_altitude_to
 from companion.avoidance.trajectory import TIME_SHARES, Array, Commands, Envelope, OwnState, Pace, fly_ahead
+from companion.geodesy import wrap_pi, wrap_two_pi
 from companion.model import Guidance, Member, Vec3
-from companion.units import wrap_pi, wrap_two_pi
 
 # In a larger group each member avoids the others like strangers.
 _LARGEST_GROUP = 8
