@@ -6,7 +6,7 @@ from sim.scenario import Autopilot
 from tests.tools.flows import Flow, in_room, measure, modules
 
 AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
-# What changes rarely is made only on a change: limits of the place, the fence, the leg flown back to, tracks of
+# What changes rarely is made only on a change: limits of the place, fence, the leg flown back to, tracks of
 # obstacles. What serves others than the setpoint, as what is forwarded or of concern, comes after it.
 MOST_FILES_OF_A_REPORT = 40
 
