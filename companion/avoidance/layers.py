@@ -293,6 +293,8 @@ class PredictedBreach:
 
 
 class BothLayers:
+    """Both layers are in use, and conflicts of either count."""
+
     holding_layer = Layer.OUTER
     cooperates = True
 
