@@ -190,7 +190,8 @@ def replay(
             if is_piece(frame):
                 stepper.receive_together(receivers.take(frame, now_us / 1e6), now_us)
                 if receivers.elsewhere is not None:
-                    engine.forwarding.elsewhere, engine.forwarding.receiver_works = receivers.elsewhere
+                    elsewhere, works = receivers.elsewhere
+                    engine.forwarding.note_sources(receiver_works=works, elsewhere=elsewhere)
             continue
         received = intake.judge(frame, now_us / 1e6)
         if received is not None:

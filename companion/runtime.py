@@ -256,7 +256,7 @@ class Runtime:
         works = any(one.problem(now_us / 1e6) is None for one in self.receivers)
         elsewhere = HeardElsewhere(self._sides.elsewhere(forwarding.to), works)
         if elsewhere != (forwarding.elsewhere, forwarding.receiver_works):
-            forwarding.elsewhere, forwarding.receiver_works = elsewhere
+            forwarding.note_sources(receiver_works=works, elsewhere=elsewhere.senders)
             if self.recorder is not None:  # the log does not say by which link a frame came
                 self.recorder.heard(now_us, elsewhere.to_piece(), self.engine.sender)
 

@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import Final
 
 from companion.model import TrafficReport
-from companion.traffic.altitude_datums import DatumOffsets
+from companion.traffic.altitudes import DatumOffsets
 from companion.traffic.contact import Contact
 from companion.traffic.measurement import is_possible
 from companion.traffic.own_trail import OwnTrail

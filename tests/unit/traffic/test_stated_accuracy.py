@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from companion.traffic import Tracker
-from companion.traffic.covariance import grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
+from companion.traffic.motion_models import grown_sigmas
 from companion.traffic.track_filter import (
     HorizontalFilter,
     HorizontalFix,
