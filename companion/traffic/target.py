@@ -245,11 +245,11 @@ class Target:
         if (before is TrafficKind.OBSTACLE) is not (
             report.kind is TrafficKind.OBSTACLE
         ) and not self.evidence.moves:
-            # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it.
+            # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it. Its places
+            # still do: what moves flies, whichever of both it says by turns.
             self._horizontal = None
             self._restart_rates()
             self._altitudes = TargetAltitudes(self._params)
-            self.evidence = KindEvidence(report.kind)
         self.evidence.stated, self.evidence.stated_airborne = report.kind, report.airborne
         self._receive_place(measurement, dropped)
         self._altitudes.receive(measurement, dropped, stands=self.kind is TrafficKind.OBSTACLE)

@@ -349,6 +349,32 @@ def test_two_places_and_two_heights_are_told_apart(other_m: Vec3, kind: ConcernK
     assert concerns(tracker, 20.0) == [kind]
 
 
+def test_three_aircraft_with_one_address_are_three_tracks() -> None:
+    tracker = Tracker()
+    starts_m = (START_M, (-9000.0, 2000.0, -884.0), (4000.0, -8000.0, -900.0))
+    for second in range(10):
+        for number, start_m in enumerate(starts_m):
+            time_s = second + 0.3 * number
+            tracker.receive(report_at(straight(start_m, VELOCITY_MPS, time_s), time_s, VELOCITY_MPS), time_s)
+    tracks = tracker.tracks(10.0, FRAME)
+    assert [track.track_id for track in tracks] == ["4B1234", "4B1234/2", "4B1234/3"]
+    assert all(track.state is TrackState.CONFIRMED for track in tracks)
+
+
+@pytest.mark.parametrize("kind", [TrafficKind.AIRCRAFT, TrafficKind.SURFACE_VEHICLE, TrafficKind.OBSTACLE])
+def test_reports_of_the_same_place_that_state_no_speed_hide_no_flying_aircraft(kind: TrafficKind) -> None:
+    tracker = Tracker()
+    for step in range(100):
+        now_s = step / 5.0
+        own_at(tracker, now_s, 22.0 * now_s)
+        there = report_at((8000.0 - 60.0 * now_s, 0.0, -600.0), now_s, (-60.0, 0.0, 0.0))
+        still = replace(there, ground_speed_mps=0.0, course_rad=None, kind=kind)
+        tracker.receive(there if step % 5 == 0 else still, now_s)
+    tracks = tracker.tracks(20.0, FRAME)
+    assert any(abs(track.velocity_mps[0] + 60.0) < 6.0 for track in tracks)
+    assert all(track.kind is TrafficKind.AIRCRAFT for track in tracks)
+
+
 def test_an_aircraft_that_was_reported_once_is_not_coasted_for_minutes() -> None:
     tracker = Tracker()
     own_at(tracker, 0.0)
