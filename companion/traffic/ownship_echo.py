@@ -187,7 +187,7 @@ class OwnIdentity:
         self._icao = dict.fromkeys(sorted(params.own_icao))
         self._configured = len(self._icao)
         self._uas_key = None if params.own_uas_id is None else uas_key(params.own_uas_id)
-        self._elsewhere: dict[str, int] = {}
+        self._elsewhere: dict[str, tuple[int, float]] = {}  # reports in a row, and when the last one came
         self.refuted: dict[str, float] = {}  # by key, with the time
 
     def claim(self, icao: int) -> str | None:
@@ -230,8 +230,10 @@ class OwnIdentity:
         elsewhere = math.hypot(north_m, east_m) > reach_m
         if altitude is not None:
             elsewhere |= abs(altitude.altitude_m - own.altitude_m) > _OTHER_HEIGHT_M + altitude.uncertainty_m
-        count = self._elsewhere.get(target.track_id, 0) + 1 if elsewhere else 0
-        self._elsewhere[target.track_id] = count
+        count, counted_s = self._elsewhere.get(target.track_id, (0, -math.inf))
+        if newest.received_s > counted_s:  # a report may be judged again
+            count = count + 1 if elsewhere else 0
+            self._elsewhere[target.track_id] = count, newest.received_s
         if count < _ELSEWHERE_REPORTS:
             return False
         self.refuted[target.key] = newest.received_s

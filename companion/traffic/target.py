@@ -245,8 +245,8 @@ class Target:
         if (before is TrafficKind.OBSTACLE) is not (
             report.kind is TrafficKind.OBSTACLE
         ) and not self.evidence.moves:
-            # An obstacle became an aircraft or the reverse: the previous estimates do not apply to it. Its places
-            # still do: what moves flies, whichever of both it says by turns.
+            # An obstacle became an aircraft or the reverse: the estimates do not apply to it. Its places do:
+            # what moves flies, whichever of both it says by turns.
             self._horizontal = None
             self._restart_rates()
             self._altitudes = TargetAltitudes(self._params)

@@ -20,7 +20,7 @@ from companion.mavlink.dialect import Encoder, mavlink
 from companion.mavlink.framing import Frame, decode, make_frame
 from companion.mavlink.tlog import read_tlog
 from companion.preflight import run_preflight
-from companion.recording.pieces import TUNNEL, PieceWriter
+from companion.recording.pieces import NOTES, TUNNEL, PieceWriter
 from companion.recording.recorder import Recorder
 from companion.replay import RecordedReceivers, replay
 from companion.runtime import Runtime
@@ -127,7 +127,9 @@ def decisions_in(folder: Path) -> list[str]:
 
 
 def tunnels_in(folder: Path) -> list[Frame]:
-    return [frame for _, frame in read_tlog(log_in(folder)) if frame.message_id == TUNNEL]
+    """What is recorded of receivers, without the notes about links."""
+    frames = [frame for _, frame in read_tlog(log_in(folder)) if frame.message_id == TUNNEL]
+    return [frame for frame in frames if NOTES.encode() + b"{" not in frame.raw]
 
 
 @in_virtual_time

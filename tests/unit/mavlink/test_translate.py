@@ -85,6 +85,7 @@ def test_a_full_traffic_report() -> None:
         squawk=7000,
         kind=TrafficKind.AIRCRAFT,
         simulated=False,
+        age_step_s=1.0,
     )
 
 

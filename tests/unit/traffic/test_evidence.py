@@ -375,6 +375,15 @@ def test_reports_of_the_same_place_that_state_no_speed_hide_no_flying_aircraft(k
     assert all(track.kind is TrafficKind.AIRCRAFT for track in tracks)
 
 
+def test_a_report_of_ours_that_is_judged_again_does_not_count_twice() -> None:
+    tracker = Tracker(TrafficParams(own_uas_id="07"))
+    own_at(tracker, 0.0)
+    wrong = replace(report_at((0.0, 0.0, 0.0), 0.0), source=TrafficSource.UTM, key="UTM-07", icao=None)
+    tracker.receive(wrong, 0.0)
+    own_at(tracker, 3.0)
+    assert tracker.tracks(3.0, FRAME) == ()
+
+
 def test_an_aircraft_that_was_reported_once_is_not_coasted_for_minutes() -> None:
     tracker = Tracker()
     own_at(tracker, 0.0)
