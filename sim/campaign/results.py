@@ -44,6 +44,7 @@ def result_line(
         "on_left_leg": flown.on_left_leg,
         "given_back_on_leg": flown.given_back_on_leg,
         "strayed_s": round(flown.strayed_s, 1),
+        **({} if flown.mirrored is None else {"mirrored": list(flown.mirrored)}),
         "timing": _histogram(flown.decision_ms),
     }
 

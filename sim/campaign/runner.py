@@ -9,9 +9,10 @@ from itertools import islice, product
 
 from companion.errors import CompanionError
 from sim.campaign.avoiders import NONE
-from sim.campaign.flight import EncounterResult, fly, unmitigated
-from sim.campaign.plan import Plan
-from sim.campaign.results import ResultLine, Results, result_line
+from sim.campaign.flight import ClosestApproach, EncounterResult, fly, unmitigated
+from sim.campaign.plan import BOTH, Plan
+from sim.campaign.results import Key, ResultLine, Results, result_line
+from sim.campaign.two_sided import fly_both, sides_of
 from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
 Task = tuple[Plan, str, str, tuple[int, ...]]  # avoider, surveillance, numbers of the encounters
@@ -36,19 +37,31 @@ def _remaining(avoider: str, preset: str, plan: Plan, results: Results) -> Itera
 def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> list[ResultLine]:
     """Fly a task in this process; without a `source` the plan's models or files are read."""
     plan, avoider, preset, numbers = task
-    surveillance = SURVEILLANCE_PRESETS[preset]
-    source, make_engine = source or _source(plan), plan.engine_for(avoider)
+    source = source or _source(plan)
     flown: list[ResultLine] = []
     for number in numbers:
-        encounter = source(number)
-        route = plan.route_of(encounter, number)
-        nominal = unmitigated(encounter, route, plan.limits)
-        if avoider == NONE:
-            one = EncounterResult(nominal, back_s=encounter.duration_s)
-        else:
-            one = fly(encounter, make_engine, surveillance, plan.limits, seed=plan.seed + number, route=route)
-        flown.append(result_line((avoider, preset, number), encounter, nominal, one))
+        key = avoider, preset, number
+        encounter, nominal, one = fly_one(plan, key, source(number))
+        flown.append(result_line(key, encounter, nominal, one))
     return flown
+
+
+def fly_one(plan: Plan, key: Key, encounter: Encounter) -> tuple[Encounter, ClosestApproach, EncounterResult]:
+    """The encounter as it was flown, its closest approach without avoidance, and the result."""
+    avoider, preset, number = key
+    route, seed = plan.route_of(encounter, number), plan.seed + number
+    surveillance = SURVEILLANCE_PRESETS[preset]
+    if plan.two_sided:
+        sides = sides_of(encounter, plan.limits, route)
+        encounter, route = sides[0].encounter, sides[0].route
+    nominal = unmitigated(encounter, route, plan.limits)
+    if avoider == NONE:
+        return encounter, nominal, EncounterResult(nominal, back_s=encounter.duration_s)
+    if plan.two_sided and avoider.endswith(BOTH):
+        both = fly_both(sides, lambda one, limits: plan.engine_for(avoider, limits)(one), surveillance, seed)
+        return both[0], nominal, both[1]
+    make_engine = plan.engine_for(avoider)
+    return encounter, nominal, fly(encounter, make_engine, surveillance, plan.limits, seed=seed, route=route)
 
 
 @lru_cache(maxsize=1)

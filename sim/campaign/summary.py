@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.campaign.mirroring import SIDEWAYS, VERTICAL
 from sim.campaign.results import ResultLine, percentile_ms
 
 Array = NDArray[np.floating]
@@ -16,7 +17,7 @@ _CHUNK = 2_000_000  # encounters resampled at a time, to bound memory
 _COLUMNS = (
     "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
     "avoided", "deviation_m", "height_m", "engagements", "return_s", "on_left_leg", "given_back_on_leg",
-    "strayed_s",
+    "strayed_s", "mirrored",
 )  # fmt: skip
 # Pass lines for cooperative traffic, of ASTM F3442.
 RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
@@ -44,7 +45,7 @@ class Figures:
                 result["closing_mps"], result["weight"], nominal["nmac"], nominal["lowc"], flown["nmac"],
                 flown["lowc"], result["avoided"], result["deviation_m"], result["height_m"],
                 result["engagements"], _number_or_nan(result["return_s"]), bool(result["on_left_leg"]),
-                bool(result["given_back_on_leg"]), result["strayed_s"],
+                bool(result["given_back_on_leg"]), result["strayed_s"], _mirrored(result.get("mirrored")),
             )
         )  # fmt: skip
         self.not_back += result["back_s"] is None
@@ -97,6 +98,7 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         "latest_back_s": figures.latest_back_s,
         "back_s": _quantiles(columns["return_s"]),
         "strayed_s": _quantiles(columns["strayed_s"][columns["engagements"] > 0.0]),
+        **_cancelling(columns),
         "decision_ms": {
             "p50": percentile_ms(figures.timing, 0.5),
             "p99": percentile_ms(figures.timing, 0.99),
@@ -168,6 +170,27 @@ def _back_on(columns: dict[str, Array]) -> dict[str, int]:
         "given_back_on_leg": int(given_back.sum()),
         "back_on_left_leg": int(on_left.sum()),
         "back_on_later_leg": int((back & ~on_left).sum()),
+    }
+
+
+def _mirrored(ways: list[str] | None) -> float:
+    """How maneuvers cancelled, as a number: 1 vertically, 2 sideways, 3 both; NaN unless both avoided."""
+    return float("nan") if ways is None else (VERTICAL in ways) + 2.0 * (SIDEWAYS in ways)
+
+
+def _cancelling(columns: dict[str, Array]) -> dict[str, object]:
+    """In two-sided encounters: how often both avoided, how often they mirrored, and lost well clear so."""
+    mirrored = columns["mirrored"]
+    both = mirrored[np.isfinite(mirrored)]
+    if not len(both):
+        return {}
+    counts = {
+        VERTICAL: np.isin(both, (1.0, 3.0)), SIDEWAYS: both >= 2.0, "either": both > 0.0,
+        "lowc": (mirrored > 0.0)[np.isfinite(mirrored)] & (columns["lowc"][np.isfinite(mirrored)] > 0.0),
+    }  # fmt: skip
+    return {
+        "both_avoided": len(both),
+        "mirrored": {name: int(chosen.sum()) for name, chosen in counts.items()},
     }
 
 

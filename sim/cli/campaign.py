@@ -9,7 +9,7 @@ from rich.console import Console
 from companion.cli.common import note_if_slow, writable
 from companion.control.rejoin import RejoinMode
 from companion.errors import require
-from sim.campaign.plan import Part, Plan
+from sim.campaign.plan import BOTH, Part, Plan
 from sim.cli.common import ReportOption
 
 EncountersOption = Annotated[
@@ -50,6 +50,11 @@ AirframeOption = Annotated[
     str, typer.Option("--airframe", metavar="NAME", help="Dynamics as recorded: ardupilot (default) or px4.")
 ]
 
+TwoSidedOption = Annotated[
+    bool,
+    typer.Option("--two-sided", help="Intruders fly the avoider too, as strangers: NAME-both beside NAME."),
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -62,6 +67,7 @@ def campaign(
     legs: LegsOption = False,
     rejoin: RejoinOption = "line",
     airframe: AirframeOption = "ardupilot",
+    two_sided: TwoSidedOption = False,
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -90,9 +96,9 @@ def campaign(
         if path is not None:
             writable(path)
     plan = Plan(
-        encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
-        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs, rejoin,
-        airframe,
+        encounters, seed, _avoiders(avoider or ["companion"], two_sided=two_sided),
+        tuple(map(str, model or ())), tuple(dict.fromkeys(surveillance or ["perfect"])), intruders,
+        lock_height, part, legs, rejoin, airframe, two_sided,
     )  # fmt: skip
     note_if_slow()
     console = Console(highlight=False)
@@ -102,6 +108,12 @@ def campaign(
         command.write_report(report, figures)
     if page is not None:
         page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
+
+
+def _avoiders(names: list[str], *, two_sided: bool) -> tuple[str, ...]:
+    """Each avoider once; two-sided, the same flown on both sides follows it."""
+    ways = [(name, name + BOTH) if two_sided and name != "none" else (name,) for name in names]
+    return tuple(dict.fromkeys(name for way in ways for name in way))
 
 
 def encounter(
@@ -117,6 +129,7 @@ def encounter(
     legs: LegsOption = False,
     rejoin: RejoinOption = "line",
     airframe: AirframeOption = "ardupilot",
+    two_sided: TwoSidedOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -130,7 +143,7 @@ def encounter(
     models = tuple(map(str, model or ()))
     plan = Plan(
         number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height,
-        legs=legs, rejoin=rejoin, airframe=airframe,
+        legs=legs, rejoin=rejoin, airframe=airframe, two_sided=two_sided,
     )  # fmt: skip
     note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)
