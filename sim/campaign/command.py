@@ -45,7 +45,7 @@ def run(
     results = Results.open(out, plan.identity())
     before, begun = len(results.done), time.perf_counter()
     try:
-        with _progress(console, plan, results) as on_flown:
+        with progress(console, plan.flights, results) as on_flown:
             if scheduler == LOCAL:
                 run_here(plan, results, workers=workers, on_flown=on_flown)
             else:
@@ -76,22 +76,24 @@ def _report(plan: Plan, out: Path, rate: float | None) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _progress(console: Console, plan: Plan, results: Results) -> Iterator[Callable[[int], None]]:
-    total = plan.flights
+def progress(
+    console: Console, total: int, results: Results, what: str = "encounters"
+) -> Iterator[Callable[[int], None]]:
+    """A progress bar on a terminal; call what it gives with the number newly flown."""
     if not console.is_terminal:
         yield lambda _: None
         return
     rate = TextColumn("{task.fields[rate]} a second")
-    columns = (TextColumn("encounters"), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
         done_before, begun, flown = len(results.done), time.perf_counter(), 0
-        task = progress.add_task("", total=total, completed=done_before, rate="0.0")
+        task = bar.add_task("", total=total, completed=done_before, rate="0.0")
 
         def on_flown(more: int) -> None:
             nonlocal flown
             flown += more
             rate_hz = flown / max(time.perf_counter() - begun, 1e-9)
-            progress.update(task, advance=more, rate=f"{rate_hz:.1f}")
+            bar.update(task, advance=more, rate=f"{rate_hz:.1f}")
 
         yield on_flown
 

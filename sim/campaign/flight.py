@@ -267,7 +267,7 @@ class Flight:
         if decides:
             engine.receive(PressureAltitude(AUTOPILOT, -plane.position_m[2]), now_s)
             for report in self._observer.reports(step * STEP_S):
-                engine.receive(Traffic(AUTOPILOT, _as_report(report, now_s)), now_s)
+                engine.receive(Traffic(AUTOPILOT, as_report(report, now_s)), now_s)
 
     def _decide(self, time_s: float) -> None:
         now_s, engine, flown = _START_S + time_s, self._engine, self._flown
@@ -310,7 +310,7 @@ def _messages(effects: Sequence[object]) -> list[Message]:
     return [effect.message for effect in effects if isinstance(effect, Transmit)]
 
 
-def _as_report(heard: Heard, now_s: float) -> TrafficReport:
+def as_report(heard: Heard, now_s: float) -> TrafficReport:
     """The report of a transponder: pressure altitude, and the age that the receiver reports."""
     index, _, position_m, velocity_mps, reported_age_s = heard
     lat_deg, lon_deg, altitude_m = FRAME.to_geo(*position_m)

@@ -42,6 +42,12 @@ class Part(StrEnum):
     TUNING = "tuning"  # even numbers
     EVALUATION = "evaluation"  # odd numbers
 
+    def numbers(self, count: int) -> range:
+        """The numbers of so many encounters."""
+        if self is Part.ALL:
+            return range(count)
+        return range(int(self is Part.EVALUATION), 2 * count, 2)
+
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
@@ -113,9 +119,7 @@ class Plan:
 
     def numbers(self) -> range:
         """The numbers of the plan's encounters."""
-        if self.part is Part.ALL:
-            return range(self.encounters)
-        return range(int(self.part is Part.EVALUATION), 2 * self.encounters, 2)
+        return self.part.numbers(self.encounters)
 
     def inputs(self) -> Inputs:
         """Read the models or files; `ConfigError` if that fails."""

@@ -1,11 +1,12 @@
 """Flies a campaign on the cores of this machine; their number does not change the results."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from itertools import islice, product
+from typing import TypeVar
 
 from companion.errors import CompanionError
 from sim.campaign.avoiders import NONE
@@ -16,6 +17,8 @@ from sim.campaign.two_sided import fly_both, sides_of
 from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
 Task = tuple[Plan, str, str, tuple[int, ...]]  # avoider, surveillance, numbers of the encounters
+
+AnyTask = TypeVar("AnyTask")
 
 # Encounters per task: some seconds of work, so that overhead is small and little is lost with a worker.
 _TASK_SIZE = 20
@@ -80,13 +83,24 @@ def run_here(
 
     `CompanionError` if a process died, as for lack of memory; the results until then are kept.
     """
+    _source(plan)  # read once: forked processes inherit it
+    run_tasks(tasks_of(plan, results), fly_task, results, workers=workers, on_flown=on_flown)
+
+
+def run_tasks(
+    tasks: Iterable[AnyTask],
+    fly_task: Callable[[AnyTask], list[ResultLine]],
+    results: Results,
+    *,
+    workers: int | None = None,
+    on_flown: Callable[[int], None] = lambda _: None,
+) -> None:
+    """Fly tasks in processes of this machine, as `run_here` does."""
     workers = workers or len(os.sched_getaffinity(0))
-    tasks = tasks_of(plan, results)
     if workers == 1:
         for task in tasks:
             store(results, fly_task(task), on_flown)
         return
-    _source(plan)  # read once: forked processes inherit it
     with ProcessPoolExecutor(workers) as pool:
         flying: set[Future[list[ResultLine]]] = set()
         try:

@@ -117,7 +117,7 @@ def ratio_of(columns: dict[str, Array], name: str, event: str) -> dict[str, obje
     if nominal.sum() <= 0.0:
         return {name: None, f"{name}_ci95": None}
     ratio = float(flown.sum() / nominal.sum())
-    low, high = _interval(len(weight), lambda picked: _divided(flown[picked].sum(1), nominal[picked].sum(1)))
+    low, high = interval(len(weight), lambda picked: _divided(flown[picked].sum(1), nominal[picked].sum(1)))
     if not flown.any():
         # Resampling shows no spread if the event never happened: the rule of three bounds it.
         high = _bound_without_events(nominal)
@@ -136,14 +136,14 @@ def _nuisance(columns: dict[str, Array]) -> dict[str, object]:
     flown, all_clear = columns["weight"] * columns["avoided"] * clear, columns["weight"] * clear
     if all_clear.sum() <= 0.0:
         return {"nuisance_rate": None, "nuisance_rate_ci95": None}
-    low, high = _interval(len(clear), lambda picked: _divided(flown[picked].sum(1), all_clear[picked].sum(1)))
+    low, high = interval(len(clear), lambda picked: _divided(flown[picked].sum(1), all_clear[picked].sum(1)))
     return {
         "nuisance_rate": _shown(float(flown.sum() / all_clear.sum())),
         "nuisance_rate_ci95": [_shown(low), _shown(high)],
     }
 
 
-def _interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tuple[float, float]:
+def interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tuple[float, float]:
     """The bootstrap's 2.5 and 97.5 percentiles over encounters, with a fixed seed."""
     rng = np.random.default_rng(20_000)
     at_once = max(_CHUNK // count, 1)

@@ -38,7 +38,7 @@ class Trail:
 class LiveReceiver:
     """The received reports of an aircraft that flies at the same time; query times must not decrease."""
 
-    def __init__(self, other: Trail, own: Trail, index: int, how: Surveillance, seed: int) -> None:
+    def __init__(self, other: Trail | Path, own: Trail, index: int, how: Surveillance, seed: int) -> None:
         self._other, self._own, self._index, self._how = other, own, index, how
         self._reception = Reception(how, 2, seed)
         self._arrives_s = 0.0

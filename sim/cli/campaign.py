@@ -8,9 +8,11 @@ from rich.console import Console
 
 from companion.cli.common import note_if_slow, writable
 from companion.control.rejoin import RejoinMode
-from companion.errors import require
+from companion.errors import ConfigError, require
 from sim.campaign.plan import BOTH, Part, Plan
 from sim.cli.common import ReportOption
+from sim.formation.engines import separated
+from sim.formation.plan import FormationPlan
 
 EncountersOption = Annotated[
     int, typer.Option("--encounters", min=1, max=10_000_000, help="Number of encounters.")
@@ -55,6 +57,25 @@ TwoSidedOption = Annotated[
     typer.Option("--two-sided", help="Intruders fly the avoider too, as strangers: NAME-both beside NAME."),
 ]
 
+FormationOption = Annotated[
+    int | None,
+    typer.Option("--formation", metavar="N", help="Crossings of 2 to 10 members instead of encounters."),
+]
+LossOption = Annotated[
+    list[float] | None,
+    typer.Option("--loss", min=0.0, max=0.95, help="Of a formation's radio: share lost; may be repeated."),
+]
+DelayOption = Annotated[
+    list[float] | None,
+    typer.Option("--delay", min=0.0, max=10.0, help="Of a formation's radio: longest delay [s]; repeatable."),
+]
+SeparationOption = Annotated[
+    float, typer.Option(min=10.0, max=500.0, help="Members nearer than this have collided [m].")
+]
+SilentOption = Annotated[
+    bool, typer.Option("--falls-silent", help="One member sends nothing from 20 s before the meeting.")
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -68,6 +89,11 @@ def campaign(
     rejoin: RejoinOption = "line",
     airframe: AirframeOption = "ardupilot",
     two_sided: TwoSidedOption = False,
+    formation: FormationOption = None,
+    loss: LossOption = None,
+    delay: DelayOption = None,
+    separation: SeparationOption = 50.0,
+    falls_silent: SilentOption = False,
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -88,6 +114,16 @@ def campaign(
     report: ReportOption = None,
 ) -> None:
     """Fly thousands of encounters through the product's engine, and report the remaining risk."""
+    if formation is not None:
+        if two_sided or page is not None or scheduler != "local":
+            raise ConfigError("--formation: not with --two-sided, --page or --scheduler")
+        members = FormationPlan(
+            formation, encounters, seed, losses=tuple(loss or (0.0,)), delays_s=tuple(delay or (0.0,)),
+            separation=separated(separation), surveillance=(surveillance or ["perfect"])[0], part=part,
+            falls_silent=falls_silent,
+        )  # fmt: skip
+        _formation(members, tuple(dict.fromkeys(avoider or ())), results, workers, report)
+        return
     if page is not None:
         require("matplotlib", "companion-sim campaign --page", "sim")
     from sim.campaign import command
@@ -108,6 +144,23 @@ def campaign(
         command.write_report(report, figures)
     if page is not None:
         page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
+
+
+def _formation(
+    plan: FormationPlan, avoiders: tuple[str, ...], results: Path, workers: int | None, report: Path | None
+) -> None:
+    """Fly the crossings of a formation."""
+    from sim.campaign.command import write_report
+    from sim.formation import command
+
+    if report is not None:
+        writable(report)
+    note_if_slow()
+    console = Console(highlight=False)
+    figures = command.run(command.available(avoiders, console, plan), results, console, workers=workers)
+    command.print_figures(console, figures)
+    if report is not None:
+        write_report(report, figures)
 
 
 def _avoiders(names: list[str], *, two_sided: bool) -> tuple[str, ...]:
