@@ -114,16 +114,6 @@ def campaign(
     report: ReportOption = None,
 ) -> None:
     """Fly thousands of encounters through the product's engine, and report the remaining risk."""
-    if formation is not None:
-        if two_sided or page is not None or scheduler != "local":
-            raise ConfigError("--formation: not with --two-sided, --page or --scheduler")
-        members = FormationPlan(
-            formation, encounters, seed, losses=tuple(loss or (0.0,)), delays_s=tuple(delay or (0.0,)),
-            separation=separated(separation), surveillance=(surveillance or ["perfect"])[0], part=part,
-            falls_silent=falls_silent,
-        )  # fmt: skip
-        _formation(members, tuple(dict.fromkeys(avoider or ())), results, workers, report)
-        return
     if page is not None:
         require("matplotlib", "companion-sim campaign --page", "sim")
     from sim.campaign import command
@@ -131,6 +121,16 @@ def campaign(
     for path in (page, report):
         if path is not None:
             writable(path)
+    if formation is not None:
+        if two_sided or scheduler != "local":
+            raise ConfigError("--formation: not with --two-sided or --scheduler")
+        crossings = FormationPlan(
+            formation, encounters, seed, losses=tuple(loss or (0.0,)), delays_s=tuple(delay or (0.0,)),
+            separation=separated(separation), surveillance=(surveillance or ["perfect"])[0], part=part,
+            falls_silent=falls_silent,
+        )  # fmt: skip
+        _formation(crossings, tuple(dict.fromkeys(avoider or ())), results, workers, page, report)
+        return
     plan = Plan(
         encounters, seed, _avoiders(avoider or ["companion"], two_sided=two_sided),
         tuple(map(str, model or ())), tuple(dict.fromkeys(surveillance or ["perfect"])), intruders,
@@ -147,20 +147,22 @@ def campaign(
 
 
 def _formation(
-    plan: FormationPlan, avoiders: tuple[str, ...], results: Path, workers: int | None, report: Path | None
-) -> None:
+    plan: FormationPlan, avoiders: tuple[str, ...], results: Path, workers: int | None,
+    page: Path | None, report: Path | None,
+) -> None:  # fmt: skip
     """Fly the crossings of a formation."""
     from sim.campaign.command import write_report
     from sim.formation import command
 
-    if report is not None:
-        writable(report)
     note_if_slow()
     console = Console(highlight=False)
-    figures = command.run(command.available(avoiders, console, plan), results, console, workers=workers)
+    plan = command.available(avoiders, console, plan)
+    figures = command.run(plan, results, console, workers=workers)
     command.print_figures(console, figures)
     if report is not None:
         write_report(report, figures)
+    if page is not None:
+        page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
 
 
 def _avoiders(names: list[str], *, two_sided: bool) -> tuple[str, ...]:
@@ -183,6 +185,11 @@ def encounter(
     rejoin: RejoinOption = "line",
     airframe: AirframeOption = "ardupilot",
     two_sided: TwoSidedOption = False,
+    formation: FormationOption = None,
+    loss: LossOption = None,
+    delay: DelayOption = None,
+    separation: SeparationOption = 50.0,
+    falls_silent: SilentOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -193,6 +200,15 @@ def encounter(
     if out is not None:
         require("matplotlib", "companion-sim encounter --out", "sim")
         writable(out)
+    if formation is not None:
+        from sim.formation.command import show_crossing
+
+        crossings = FormationPlan(
+            formation, number + 1, seed, (avoider,), tuple(loss or (0.0,)), tuple(delay or (0.0,)),
+            separated(separation), surveillance, falls_silent=falls_silent,
+        )  # fmt: skip
+        show_crossing(crossings, number, Console(highlight=False), out)
+        return
     models = tuple(map(str, model or ()))
     plan = Plan(
         number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height,

@@ -1,6 +1,7 @@
 """`companion-sim campaign --formation`: options to flights, table and report."""
 
 from dataclasses import replace
+from heapq import nsmallest
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,9 +13,12 @@ from companion.errors import CompanionError, ConfigError
 from sim.campaign.command import progress
 from sim.campaign.results import Results, read_results
 from sim.formation.engines import AVOIDERS, ORCA
+from sim.formation.judgement import judge
 from sim.formation.plan import FormationPlan
-from sim.formation.runner import run_here
+from sim.formation.runner import fly_one, run_here
 from sim.formation.summary import figures_of
+
+_DRAWN = 4
 
 
 def available(avoiders: tuple[str, ...], console: Console, plan: FormationPlan) -> FormationPlan:
@@ -46,10 +50,36 @@ def run(plan: FormationPlan, out: Path, console: Console, *, workers: int | None
     return {"formation": plan.members, "avoiders": ordered}
 
 
+def page_of(plan: FormationPlan, out: Path, report: dict[str, Any]) -> str:
+    """The page of a flown campaign; the flights with the smallest distances are flown again for it."""
+    from sim.formation.page import page  # matplotlib takes long to import, and is optional
+
+    worst = {}
+    for name in report["avoiders"]:
+        lines = (line for line in read_results(out) if plan.wants(line) and line["avoider"] == name)
+        nearest = nsmallest(_DRAWN, lines, key=lambda line: (line["smallest_m"], line["number"]))
+        worst[name] = [(line, fly_one(plan, name, line["radio"], line["number"])) for line in nearest]
+    return page(plan, report, worst)
+
+
+def show_crossing(plan: FormationPlan, number: int, console: Console, out: Path | None) -> None:
+    """Fly one crossing again, print its measures and decisions, and draw it to `out`."""
+    flight = fly_one(plan, plan.avoiders[0], next(iter(plan.radios)), number)
+    for name, value in judge(flight, plan.separation).line().items():
+        console.print(f"{name}: {value}", highlight=False)
+    for member, reasons in enumerate(flight.reasons, start=1):
+        for time_s, words in reasons:
+            console.print(f"member {member}  {time_s:6.1f} s  {words}", markup=False)
+    if out is not None:
+        from sim.formation.figure import figure_of  # matplotlib takes long to import, and is optional
+
+        figure_of(flight, plan.separation).savefig(out, dpi=110)
+
+
 def print_figures(console: Console, report: dict[str, Any]) -> None:
     """Print a line for each avoider and radio."""
     table = Table(box=box.SIMPLE, padding=(0, 1))
-    headings = ("avoider", "collisions", "nearest\n5 %", "arrived", "safety\nnear", "way", "stranger\nnmac")
+    headings = ("avoider", "collided", "near\n5 %", "arrived", "safety", "way", "NMAC")
     for heading in headings:
         side: Literal["left", "right"] = "left" if heading == "avoider" else "right"
         table.add_column(heading, justify=side, no_wrap=True)
@@ -58,9 +88,10 @@ def print_figures(console: Console, report: dict[str, Any]) -> None:
             table.add_row(f"{name}\n{radio}", *_row(figures))
     console.print(table)
     console.print(
-        "Collisions: flights in which two members came within the separation, with 95 % intervals.\n"
-        "Nearest: the smallest distance of any pair, of all flights and as 5 % quantile. Safety value:\n"
-        "mean distance of all pairs, under way and near the meeting. Way: flown length over the mission's.",
+        "Collided: flights in which two members came within the separation, with 95 % intervals.\n"
+        "Near: the smallest distance of any pair, and its 5 % quantile over flights. Safety: mean\n"
+        "distance of all pairs, under way and around the meeting. Way: flown length over the mission's.\n"
+        "NMAC: share of members with a near collision with the stranger.",
         soft_wrap=True,
     )
 
@@ -74,7 +105,7 @@ def _row(figures: dict[str, Any]) -> tuple[str, ...]:
         _with_interval(figures, "arrived"),
         f"{figures['safety_value_m']:.0f} m\n{near:.0f} m",
         "-" if way is None else f"{way:.3f}",
-        _with_interval(figures, "stranger_nmac") if figures["stranger_flights"] else "-",
+        f"{figures['stranger_nmac']:.3f}" if figures["stranger_flights"] else "-",
     )
 
 

@@ -21,7 +21,7 @@ class RadioQuality:
     @property
     def label(self) -> str:
         """In words, as in reports."""
-        return f"loss {self.loss:g}, delay {self.delay_s:g} s"
+        return f"{100.0 * self.loss:.3g} % lost, {self.delay_s:g} s"
 
 
 @dataclass

@@ -17,7 +17,7 @@ from companion.output.effects import Transmit
 from sim.campaign.flight import FIRST_ICAO
 from sim.campaign.plane import Plane
 from sim.campaign.results import read_results
-from sim.formation.command import available, print_figures, run
+from sim.formation.command import available, page_of, print_figures, run, show_crossing
 from sim.formation.crossing import crossing
 from sim.formation.engines import AVOIDERS, NONE, Separation, engine_of
 from sim.formation.flight import Conditions, fly
@@ -106,13 +106,27 @@ def test_a_campaign_continues_and_reports_each_radio(tmp_path: Path) -> None:
     none = report["avoiders"]["none"]
     assert none["flights"] == 4
     assert none["collisions"] == none["arrived"] == 1.0
-    assert list(none["by_radio"]) == ["loss 0, delay 0.3 s", "loss 0.3, delay 0.3 s"]
+    assert list(none["by_radio"]) == ["0 % lost, 0.3 s", "30 % lost, 0.3 s"]
     more = replace(PLAN, encounters=1, avoiders=("none", "inner"), losses=(0.3,))
     report = run(more, out, console, workers=1)
     assert report["avoiders"]["inner"]["decision_ms"]["p99"] > 0.0
     print_figures(console, json.loads(json.dumps(report)))
     with pytest.raises(ConfigError, match="another campaign"):
         run(replace(PLAN, seed=6), out, console, workers=1)
+
+
+def test_flights_are_drawn_and_listed_again(tmp_path: Path) -> None:
+    plan, out = replace(PLAN, encounters=1, losses=(0.3,)), tmp_path / "f.ndjson"
+    console = Console(width=200, record=True, file=io.StringIO())
+    report = run(plan, out, console, workers=1)
+    text = page_of(plan, out, report)
+    assert "<td>30 % lost, 0.3 s</td>" in text
+    assert text.count("<img") == 1
+    show_crossing(replace(plan, avoiders=("inner",)), 0, console, tmp_path / "f.png")
+    assert (tmp_path / "f.png").stat().st_size > 10_000
+    words = console.export_text()
+    assert "pairs_lost: " in words
+    assert "member 2 " in words
 
 
 def test_what_cannot_be_flown_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
