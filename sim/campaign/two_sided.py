@@ -37,6 +37,11 @@ MakeEngine = Callable[[Encounter, Limits], Engine]
 FLYABLE_MPS = (15.0, 60.0)
 # The second aircraft's envelope, as shares of its airspeed.
 _SLOWEST, _FASTEST = 0.8, 1.25
+# Its climbs, as a share of the steepest on its path.
+_STEEPER = 1.1
+# The airspeed is measured over at least so much of the path.
+_LEAST_WAY_S = 10.0
+_OTHER_SEED = 7919
 
 
 def is_flyable(encounter: Encounter) -> bool:
@@ -58,33 +63,38 @@ class Side:
 
 def sides_of(encounter: Encounter, limits: Limits, route: Route | None = None) -> tuple[Side, Side]:
     """Both aircraft of a flyable encounter; the intruder of each flies the other's mission."""
-    path = encounter.intruders[0]
-    passes_s = passing(
-        encounter.own_position_m, encounter.own_velocity_mps, path, encounter.duration_s
-    ).time_s
-    airspeed_mps = _airspeed_until(path, max(passes_s, 10.0))
-    legs = along(path)
-    (north_m, east_m, _), (next_north_m, next_east_m, _) = legs.places_m[1:3]
-    second = replace(
+    ours = encounter, straight(encounter) if route is None else route, limits
+    theirs = _intruders_mission(encounter, limits)
+    own_path, other_path = _nominal(*ours), _nominal(*theirs)
+    return (
+        Side(replace(encounter, intruders=(other_path,)), *ours[1:]),
+        Side(replace(theirs[0], intruders=(own_path,)), *theirs[1:]),
+    )
+
+
+def _intruders_mission(encounter: Encounter, limits: Limits) -> tuple[Encounter, Route, Limits]:
+    """The encounter with the intruder's start, its mission along its path, and its envelope.
+
+    The envelope is that of its own airspeed, with climbs as steep as its path needs.
+    """
+    path, duration_s = encounter.intruders[0], encounter.duration_s
+    passes_s = passing(encounter.own_position_m, encounter.own_velocity_mps, path, duration_s).time_s
+    airspeed_mps, route = _airspeed_until(path, max(passes_s, _LEAST_WAY_S)), along(path)
+    begin_m, next_m = route.places_m[1:3]
+    begun = replace(
         encounter,
-        own_position_m=legs.places_m[1],
-        own_course_rad=math.atan2(next_east_m - east_m, next_north_m - north_m),
+        own_position_m=begin_m,
+        own_course_rad=math.atan2(next_m[1] - begin_m[1], next_m[0] - begin_m[0]),
         own_airspeed_mps=airspeed_mps,
     )
-    climb_mps = max(limits.max_climb_mps, 1.1 * float(np.abs(path.velocity_mps[:, 2]).max()))
-    other_limits = replace(
+    steepest_mps = float(np.abs(path.velocity_mps[:, 2]).max())
+    envelope = replace(
         limits,
         min_airspeed_mps=_SLOWEST * airspeed_mps,
         max_airspeed_mps=_FASTEST * airspeed_mps,
-        max_climb_mps=climb_mps,
+        max_climb_mps=max(limits.max_climb_mps, _STEEPER * steepest_mps),
     )
-    own_route = straight(encounter) if route is None else route
-    own_path = _nominal(encounter, own_route, limits)
-    other_path = _nominal(second, legs, other_limits)
-    return (
-        Side(replace(encounter, intruders=(other_path,)), own_route, limits),
-        Side(replace(second, intruders=(own_path,)), legs, other_limits),
-    )
+    return begun, route, envelope
 
 
 def fly_both(
@@ -94,33 +104,8 @@ def fly_both(
 
     Decisions of the two come at the same moments or half a second apart, and either has the lower address.
     """
-    rng = np.random.default_rng([seed, 2])
-    phases, lower = (0, int(rng.integers(2)) * STEPS_PER_FACT), int(rng.integers(2))
     trails = Trail(), Trail()
-    flights = []
-    for number, (side, phase) in enumerate(zip(sides, phases, strict=True)):
-        index = number ^ lower
-        receiver = LiveReceiver(
-            trails[1 - number], trails[number], 1 - index, surveillance, seed + number * 7919
-        )
-        engine = make_engine(side.encounter, side.limits)
-        icao = FIRST_ICAO + index
-        flights.append(
-            Flight(side.encounter, engine, receiver, side.limits, side.route, icao=icao, phase=phase)
-        )
-    for one in flights:
-        one.read_mission()
-    step = 0
-    while True:
-        for trail, one in zip(trails, flights, strict=True):
-            trail.note(step * STEP_S, one.plane)
-        over = [one.decide(step) for one in flights]
-        if all(over):
-            break
-        for one in flights:
-            one.fly_on()
-        step += STEPS_PER_FACT
-    first, second = (one.result() for one in flights)
+    first, second = _flown(_flights(sides, trails, make_engine, surveillance, seed), trails)
     flown = replace(sides[0].encounter, intruders=(trails[1].path(),))
     first.closest = closest_approach(first.own_m, flown)
     if first.avoided and second.avoided:
@@ -128,6 +113,44 @@ def fly_both(
         count = round(flown.duration_s / STEP_S) + 1
         first.mirrored = mirrored(missions, (first.own_m[:count], second.own_m[:count]), STEP_S)
     return flown, first
+
+
+def _flights(
+    sides: tuple[Side, Side],
+    trails: tuple[Trail, Trail],
+    make_engine: MakeEngine,
+    surveillance: Surveillance,
+    seed: int,
+) -> list[Flight]:
+    """The flights of both, each with a receiver of the other."""
+    rng = np.random.default_rng([seed, 2])
+    phases, lower = (0, int(rng.integers(2)) * STEPS_PER_FACT), int(rng.integers(2))
+    flights = []
+    for number, side in enumerate(sides):
+        index = number ^ lower
+        heard = trails[1 - number], trails[number], 1 - index
+        receiver = LiveReceiver(*heard, surveillance, seed + number * _OTHER_SEED)
+        engine = make_engine(side.encounter, side.limits)
+        known = {"icao": FIRST_ICAO + index, "phase": phases[number]}
+        flights.append(Flight(side.encounter, engine, receiver, side.limits, side.route, **known))
+    return flights
+
+
+def _flown(flights: list[Flight], trails: tuple[Trail, Trail]) -> list[EncounterResult]:
+    """The results of both, flown in lockstep until both are back on their legs."""
+    for one in flights:
+        one.read_mission()
+    step, over = 0, False
+    while not over:
+        for trail, one in zip(trails, flights, strict=True):
+            trail.note(step * STEP_S, one.plane)
+        decided = [one.decide(step) for one in flights]
+        over = all(decided)
+        if not over:
+            for one in flights:
+                one.fly_on()
+        step += STEPS_PER_FACT
+    return [one.result() for one in flights]
 
 
 def _nominal(encounter: Encounter, route: Route, limits: Limits) -> Path:
