@@ -140,7 +140,8 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     if options.avoidance:
         if options.record is not None:
             recorder = Recorder(options.record, time.time())
-        links, receivers = links_of_companion(options, to_companion, beside)
+        autopilot = open_link(f"udpin:127.0.0.1:{to_companion}")
+        links, receivers = links_of_companion(options, autopilot, beside)
         display = None if options.display is None else Display(options.display)
         runtime = Runtime(
             Engine(options.engine),
@@ -184,10 +185,10 @@ def receivers_of(options: DemoOptions, world: World, port: int) -> list[Receiver
 
 
 def links_of_companion(
-    options: DemoOptions, port: int, beside: Sequence[ReceiverOutput]
+    options: DemoOptions, autopilot: Link, beside: Sequence[ReceiverOutput]
 ) -> tuple[list[Link], list[ReceiverLink]]:
     """The links of the companion: to the autopilot, and to its receiver."""
-    links, receivers = [open_link(f"udpin:127.0.0.1:{port}")], []
+    links, receivers = [autopilot], []
     for output in beside:
         text = heard_at(output.name, output.link.address)
         if is_of_receiver(text):

@@ -36,6 +36,8 @@ _LEAST_CLOSING_MPS: Final = 5.0
 _THERE_S: Final = 10.0
 # It is not sent for this time after the last report of others: the track is that of other sources.
 _HEARD_S: Final = 30.0
+# A report of a MAVLink system is no news for this time after the system itself was heard.
+_SYSTEM_HEARD_S: Final = 5.0
 # Heartbeats go on for this time after the last report: PX4 may return home (COM_TRAFF_AVOID) when they end.
 _FEEDING_S: Final = 10.0
 _HEARTBEAT_INTERVAL_S: Final = 1.0
@@ -89,6 +91,9 @@ class Forwarding:
         self.sent = 0
         self._heard: dict[str, _Heard] = {}
         self._addresses = MadeUpAddresses()
+        self._systems_s: dict[
+            int, float
+        ] = {}  # made-up address: when the system that it stands for was heard
         self._reports = SentReports()
         self._nearest: dict[str, float] = {}  # how soon each may be here, the soonest first
         self._chosen_s = self._sent_s = self._heartbeat_s = self._fed_s = -math.inf
@@ -96,14 +101,24 @@ class Forwarding:
     # --- what is heard
 
     def is_echo(self, fact: Fact, now_s: float) -> bool:
-        """Whether a report is one of ours that comes back."""
-        return self.sent > 0 and isinstance(fact, Traffic) and self._reports.has(fact.report, now_s)
+        """Whether a report is one of ours that comes back.
+
+        One with the address that we make up for a MAVLink system is, while we hear the system itself: also
+        in a replay, which does not know on which link it was heard and sends nothing on.
+        """
+        if not isinstance(fact, Traffic):
+            return False
+        if now_s - self._systems_s.get(fact.report.icao or 0, -math.inf) <= _SYSTEM_HEARD_S:
+            return True
+        return self.sent > 0 and self._reports.has(fact.report, now_s)
 
     def observe(self, fact: Fact, track_id: str | None, autopilot: Sender | None, now_s: float) -> None:
         """Note who reported a track, and what the report says of it; `None`: a report that was not used."""
         if self.to is None:
             return
         sender, report = fact.sender, fact.report if isinstance(fact, Traffic) else None
+        if report is None and track_id is not None:
+            self._systems_s[self._addresses.made_up(track_id)] = now_s
         if sender == autopilot or (sender != RECEIVER and sender not in self.elsewhere):
             track_id = track_id or (None if report is None else report.key)
             if track_id and self._is_fed(now_s):

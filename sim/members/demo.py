@@ -14,6 +14,7 @@ from pathlib import Path
 
 from companion.engine import Engine, EngineConfig
 from companion.links import Link, open_link
+from companion.links.udp import UdpInLink, UdpLink
 from companion.recording.recorder import Recorder
 from companion.runtime import Runtime
 from companion.web.display import Display, MemberDisplay
@@ -33,6 +34,8 @@ from sim.vehicle import Truth
 
 # The member whose companion runs: lines of its log show whose they are.
 MEMBER: contextvars.ContextVar[str] = contextvars.ContextVar("member", default="")
+
+_HERE = "udpin:127.0.0.1"
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,12 @@ class _Service:
     """One member's vehicle, companion and receiver, each with sockets of its own."""
 
     def __init__(
-        self, own: MemberWorld, options: FormationOptions, clock: ScaledClock, shared: Display | None
+        self,
+        own: MemberWorld,
+        options: FormationOptions,
+        clock: ScaledClock,
+        shared: Display | None,
+        sockets: "_Sockets",
     ) -> None:
         self.name = own.member.name
         alone = DemoOptions(
@@ -134,18 +142,17 @@ class _Service:
             autopilot=own.member.autopilot,
             receiver=options.receiver,
         )
-        to_companion, to_receiver, from_receiver, from_vehicle, network = free_ports(5)
-        self._to_receiver = to_receiver
-        self._beside = receivers_of(alone, own.world, from_receiver)
-        self.ends = Ends(_listening(from_vehicle, "?listen"), _listening(network))
-        self._vehicle_links = [_sending(to_companion), _listening(to_receiver), _sending(from_vehicle)]
+        self._sockets = sockets
+        self._beside = receivers_of(alone, own.world, *free_ports(1))
+        self.ends = Ends(sockets.from_vehicle, sockets.network)
+        self._vehicle_links = [_to(sockets.companion), sockets.receiver, _to(sockets.from_vehicle)]
         self.runtime, recording = None, None
         if options.avoidance:
             recorder = None if options.record is None else Recorder(options.record / self.name, time.time())
-            links, receivers = links_of_companion(alone, to_companion, self._beside)
+            links, receivers = links_of_companion(alone, sockets.companion, self._beside)
             self.runtime = Runtime(
                 Engine(engine_config(own.member, base=options.engine)),
-                [*links, _sending(network)],
+                [*links, _to(sockets.network)],
                 receivers=receivers,
                 recorder=recorder,
                 clock=clock,
@@ -168,7 +175,8 @@ class _Service:
         self._server = VehicleServer(
             vehicle, self._vehicle_links, clock, beside=self._beside, observe=observe
         )
-        reporting = asyncio.create_task(report_traffic(self.state, self._to_receiver), name="receiver")
+        port = self._sockets.receiver.local_port
+        reporting = asyncio.create_task(report_traffic(self.state, port), name="receiver")
         try:
             await self._server.run()
         finally:
@@ -178,6 +186,7 @@ class _Service:
         """End `fly`."""
         if self._server is not None:
             self._server.close()
+        self._sockets.close()
 
     async def accompany(self) -> None:
         """Run the companion until it is stopped."""
@@ -186,12 +195,41 @@ class _Service:
             await self.runtime.run()
 
 
-def _listening(port: int, more: str = "") -> Link:
-    return open_link(f"udpin:127.0.0.1:{port}{more}")
+@dataclass(frozen=True, slots=True)
+class _Sockets:
+    """The sockets of one member that listen: of its companion, of its vehicle, and two of the network."""
+
+    companion: UdpLink
+    receiver: UdpLink
+    from_vehicle: UdpLink
+    network: UdpLink
+
+    @classmethod
+    async def open(cls) -> "_Sockets":
+        """Open all of them, at ports that are free."""
+        return cls(
+            await _listening(),
+            await _listening(),
+            await _listening(listen_only=True),
+            await _listening(),
+        )
+
+    def close(self) -> None:
+        """Close all of them; a second call does nothing."""
+        for link in (self.companion, self.receiver, self.from_vehicle, self.network):
+            link.close()
 
 
-def _sending(port: int) -> Link:
-    return open_link(f"udpout:127.0.0.1:{port}")
+async def _listening(*, listen_only: bool = False) -> UdpLink:
+    """A link that listens at a free port, and is open: another socket could take a port that is not."""
+    link = UdpInLink(_HERE, "127.0.0.1", 0, listen_only=listen_only)
+    await link.open()
+    link.address = f"{_HERE}:{link.local_port}"
+    return link
+
+
+def _to(listening: UdpLink) -> Link:
+    return open_link(f"udpout:127.0.0.1:{listening.local_port}")
 
 
 async def fly_formation_demo(
@@ -205,7 +243,7 @@ async def fly_formation_demo(
     if options.display is not None and options.avoidance:
         shared = Display(replace(options.display, members=names))
     worlds = build_worlds(scenario, start_s, seed=options.seed)
-    services = [_Service(own, options, clock, shared) for own in worlds]
+    services = [_Service(own, options, clock, shared, await _Sockets.open()) for own in worlds]
     members = [service.state for service in services]
     state = FormationState(options, clock, worlds, members, FormationScore(names))
     network = Network(scenario.network, len(names), seed=options.seed)

@@ -87,7 +87,7 @@ class FormationScenario:
             if conflict.member not in names:
                 known = ", ".join(names)
                 raise ValueError(
-                    f"intruders: {conflict.callsign}: no member {conflict.member!r}; there are {known}"
+                    f"intruders: {conflict.callsign}: no member {conflict.member!r}; there are: {known}"
                 )
 
     def scenario_of(self, member: Member) -> Scenario:

@@ -104,6 +104,31 @@ async def test_the_page_draws_the_decision_and_keeps_drawing() -> None:
         assert await opened.is_hidden("#roles"), "read-only"
 
 
+async def test_members_are_chosen_in_a_row_and_shown_one_at_a_time() -> None:
+    second = replace(SNAPSHOT, system_id=12, snapshot=replace(SNAPSHOT.snapshot, mode="OFFBOARD"))
+    sources = {"U1": live(), "U2": live(), "U3": live()}
+    async with shown(sources["U1"]), shown(sources["U2"], second), site(sources) as at, page(at) as opened:
+        links = opened.locator("#members a")
+        assert await links.count() == 3
+        await until_true(opened, "document.querySelectorAll('#members a[data-layer=outer]').length === 2")
+        assert [await links.nth(n).inner_text() for n in range(3)] == [
+            "U1\nGUIDED · outer", "U2\nOFFBOARD · outer", "U3\nno data"
+        ]  # fmt: skip
+        assert await opened.locator("#members a[aria-current=page]").inner_text() == "U1\nGUIDED · outer"
+        assert await opened.inner_text("#mode") == "GUIDED"
+        await links.nth(1).click()
+        await opened.wait_for_url("**/?member=U2")
+        await opened.wait_for_selector("html[data-ready=true]")
+        assert await opened.inner_text("#mode") == "OFFBOARD"
+        assert "U2" in await opened.locator("#members a[aria-current=page]").inner_text()
+
+
+async def test_one_aircraft_has_no_selector() -> None:
+    source = live()
+    async with shown(source), site(source) as at, page(at) as opened:
+        assert await opened.is_hidden("#members")
+
+
 async def colours(opened: Page) -> int:
     """Number of different colours on the map; an empty canvas has one."""
     count: int = await opened.evaluate(

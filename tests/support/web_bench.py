@@ -8,10 +8,13 @@ from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from starlette.types import ASGIApp
+
 from companion.engine import Engine
 from companion.web.app import build
 from companion.web.health import Health, LoopTimes
 from companion.web.live_snapshot import LiveSnapshot, live_snapshot_of
+from companion.web.members import Members
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
 from companion.web.source import LiveSource, Source
@@ -61,12 +64,19 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def site(source: Source, settings: Settings | None = None, port: int = 0) -> AsyncIterator[Site]:
-    """Serve a source until the block ends."""
+async def site(
+    source: Source | Mapping[str, LiveSource], settings: Settings | None = None, port: int = 0
+) -> AsyncIterator[Site]:
+    """Serve a source, or those of several members, until the block ends."""
     settings = replace(settings or Settings(), port=port)
-    listening = listen(settings)
     roles: list[str] = []
-    running = asyncio.create_task(serve(build(source, settings, roles.append), listening))
+    app: ASGIApp
+    if isinstance(source, Source):
+        listening, app = listen(settings), build(source, settings, roles.append)
+    else:
+        settings = replace(settings, members=tuple(source))
+        listening, app = listen(settings), Members(source, settings)
+    running = asyncio.create_task(serve(app, listening))
     try:
         yield Site(listening.getsockname()[1], roles)
     finally:
