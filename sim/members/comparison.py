@@ -1,8 +1,8 @@
 """The same flight with each layer alone, in lockstep and beside each other, for comparison."""
 
 import asyncio
+import signal
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 
@@ -12,6 +12,7 @@ from sim.members.scenario import FormationScenario
 from sim.members.score import FormationScore, SafetyValue
 
 ALONE = (Layers.OUTER, Layers.INNER)
+_LOOKED_EVERY_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +33,16 @@ class Compared:
 
 async def fly_alone(scenario: FormationScenario, seed: int) -> dict[str, Compared]:
     """The flights with each layer alone, by its name; each is flown by a process of its own."""
-    loop = asyncio.get_running_loop()
-    with ProcessPoolExecutor(len(ALONE), get_context("spawn")) as pool:
-        flights = [loop.run_in_executor(pool, _fly, scenario, layers, seed) for layers in ALONE]
-        return dict(zip(map(str, ALONE), await asyncio.gather(*flights), strict=True))
+    with get_context("spawn").Pool(len(ALONE), _ignore_interrupts) as pool:  # its end ends the processes
+        flights = {str(layers): pool.apply_async(_fly, (scenario, layers, seed)) for layers in ALONE}
+        while not all(flight.ready() for flight in flights.values()):  # noqa: ASYNC110 - of other processes
+            await asyncio.sleep(_LOOKED_EVERY_S)
+        return {name: flight.get() for name, flight in flights.items()}
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that waits for this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _fly(scenario: FormationScenario, layers: Layers, seed: int) -> Compared:

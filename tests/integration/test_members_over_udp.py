@@ -26,7 +26,7 @@ async def flown(options: FormationOptions) -> FormationState:
 
 async def test_two_members_avoid_each_other_and_their_recordings_replay_the_same(tmp_path: Path) -> None:
     scenario = two_members(network={"loss": 0.1, "delay_s": 0.3})
-    state = await flown(FormationOptions(scenario, speedup=10.0, record=tmp_path))
+    state = await flown(FormationOptions(scenario, speedup=10.0, record=tmp_path, compare=False))
     report = state.report()
     assert state.passed
     assert report["mission_completed"]
@@ -38,9 +38,8 @@ async def test_two_members_avoid_each_other_and_their_recordings_replay_the_same
         assert member["name"] == name
         assert member["resumed"]
         assert member["setpoints_sent"] > 50
-    values = report["safety_value"]
-    assert list(values) == ["companion", "outer", "inner"]  # type: ignore[call-overload]
-    assert all(value["each_second_m"][0] > 1500.0 for value in values.values())  # type: ignore[attr-defined]
+    (value,) = report["safety_value"].values()  # type: ignore[attr-defined]
+    assert value["each_second_m"][0] == pytest.approx(1250.0 * 2**0.5, abs=1.0)
     for (_, flight), member in zip(state.named, scenario.formation, strict=True):
         assert flight.recording is not None
         replayed: list[str] = []
@@ -116,5 +115,6 @@ def test_the_command_writes_the_report(tmp_path: Path, monkeypatch: pytest.Monke
     assert report["mission_completed"]
     assert len(report["members"]) == 2
     assert len(report["pairs"]) == 1
-    assert set(report["safety_value"]) == {"companion", "outer", "inner"}
+    assert list(report["safety_value"]) == ["companion", "outer", "inner"]
+    assert all(value["mean_m"] == pytest.approx(8000.0, abs=1.0) for value in report["safety_value"].values())
     assert {path.name for path in (tmp_path / "recordings").iterdir()} == {"U1", "U2"}
