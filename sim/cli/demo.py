@@ -31,7 +31,8 @@ def demo(
         Autopilot | None,
         typer.Option(
             help="The autopilot that the vehicle imitates; px4 is version 1.16. "
-            "The members of a formation have those of the scenario.  [default: ardupilot]"
+            "The scenario of a formation names those of its members.",
+            show_default="ardupilot",
         ),
     ] = None,
     speedup: SpeedupOption = 8.0,
@@ -50,7 +51,8 @@ def demo(
 ) -> None:
     """Fly simulated aircraft among traffic, with Companion, over sockets on this computer.
 
-    Exit code 0 if every mission was finished without a near mid-air collision, or members that came too near.
+    Exit code 0 if every mission was finished without a near mid-air collision, and with the members of a
+    formation separated.
     """
     if report is not None:
         writable(report)

@@ -246,6 +246,8 @@ async def fly_formation_demo(
     services = [_Service(own, options, clock, shared, await _Sockets.open()) for own in worlds]
     members = [service.state for service in services]
     state = FormationState(options, clock, worlds, members, FormationScore(names))
+    for place, member in enumerate(members):
+        state.observe(place, member.truth)
     network = Network(scenario.network, len(names), seed=options.seed)
     on_start(state)
     async with asyncio.TaskGroup() as tasks:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from companion.gcs.forwarding import Forwarding
+from companion.gcs.forwarding import Forwarding, Received
 from companion.gcs.made_up_addresses import MadeUpAddresses
 from companion.mavlink.facts import OwnPosition, Sender, Traffic
 from companion.model import AltitudeReference, Track, TrafficReport, TrafficSource
@@ -33,7 +33,8 @@ def test_a_system_that_we_know_is_not_a_second_aircraft(elsewhere: frozenset[tup
     forwarding = Forwarding("autopilot")
     forwarding.elsewhere = elsewhere  # a replay does not know it
     assert not forwarding.is_echo(report(made_up("SYS-8")), NOW_S)
-    forwarding.observe(position(), "SYS-8", OURS, NOW_S)
+    forwarding.received.append(Received(position(), "SYS-8", OURS, NOW_S))
+    forwarding.note_received()
     assert forwarding.is_echo(report(made_up("SYS-8")), NOW_S + 1.0)
     assert not forwarding.is_echo(report(made_up("SYS-9")), NOW_S + 1.0)
     assert not forwarding.is_echo(report(0xA00001), NOW_S + 1.0)
@@ -41,5 +42,6 @@ def test_a_system_that_we_know_is_not_a_second_aircraft(elsewhere: frozenset[tup
 
 def test_a_system_that_is_silent_is_heard_through_others() -> None:
     forwarding = Forwarding("autopilot")
-    forwarding.observe(position(), "SYS-8", OURS, NOW_S)
+    forwarding.received.append(Received(position(), "SYS-8", OURS, NOW_S))
+    forwarding.note_received()
     assert not forwarding.is_echo(report(made_up("SYS-8")), NOW_S + 20.0)
