@@ -6,6 +6,7 @@ import http.client
 import json
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 from companion.engine import Engine
@@ -86,6 +87,12 @@ def snapshot_after(seconds: float, scenario: str = "head-on", **changes: Any) ->
     loop.run(seconds)
     now_s = loop.start_us / 1e6 + seconds
     return replace(live_snapshot_of(engine, now_s, health()), **changes)
+
+
+@cache
+def usual() -> LiveSnapshot:
+    """The snapshot in the middle of an avoidance; it is flown when it is first read, not by an import."""
+    return snapshot_after(40.0)
 
 
 def live(snapshot: LiveSnapshot | None = None) -> LiveSource:
