@@ -32,6 +32,7 @@ from sim.receivers.gdl90 import Gdl90Encoder
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
 from tests.support.faulty_flight import free_ports
+from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
@@ -228,6 +229,7 @@ async def test_a_station_on_another_link_gets_it_and_the_autopilot_does_not() ->
         ("off", 1.0, None),
     ],
 )
+@in_virtual_time
 async def test_check_says_where_it_would_go_and_sends_nothing(
     forward: Forward, adsb_type: float, wanted: str | None
 ) -> None:
@@ -241,7 +243,7 @@ async def test_check_says_where_it_would_go_and_sends_nothing(
         (f"udpin:127.0.0.1:{ours}", f"gdl90:udpin:127.0.0.1:{gdl90_port}"),
         traffic=TrafficParams(forward=forward),
     )
-    clock = ScaledClock(1.0, start_s=start_s)
+    clock = ScaledClock(1.0, start_s=start_s, monotonic_s=asyncio.get_running_loop().time)
     server = VehicleServer(vehicle, open_links([f"udpout:127.0.0.1:{ours}"])[0], clock)
     flying = asyncio.create_task(server.run())
     try:
