@@ -1,4 +1,4 @@
-"""Geographic positions, and the local north-east-down frame in which decisions are made."""
+"""Geographic positions, the local north-east-down frame in which decisions are made, and directions in it."""
 
 import math
 from dataclasses import dataclass
@@ -61,3 +61,20 @@ def _metres_per_degree(lat_deg: float) -> tuple[float, float]:
     # At a pole the length is 0; a metre keeps the frame invertible.
     parallel_m = max(_SEMI_MAJOR_AXIS_M / math.sqrt(w2) * math.cos(lat_rad), 1.0)
     return math.radians(meridian_m), math.radians(parallel_m)
+
+
+def wrap_pi(angle_rad: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def wrap_two_pi(angle_rad: float) -> float:
+    """The same angle in [0, 2 pi)."""
+    wrapped = angle_rad % (2.0 * math.pi)
+    return 0.0 if wrapped >= 2.0 * math.pi else wrapped  # a tiny negative angle rounds up to 2 pi itself
+
+
+def course_deg(angle_rad: float) -> float:
+    """A course in degrees clockwise from true north, in [0, 360), for people and messages."""
+    degrees = math.degrees(wrap_two_pi(angle_rad))
+    return 0.0 if degrees >= 360.0 else degrees

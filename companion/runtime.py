@@ -233,8 +233,8 @@ class Runtime:
         """Note which traffic may be sent on: that of working receivers, and what is heard elsewhere."""
         forwarding = self.engine.forwarding
         if forwarding.to is not None:
-            forwarding.receiver_works = any(one.problem(now_s) is None for one in self.receivers)
-            forwarding.elsewhere = self._sides.elsewhere(forwarding.to)
+            works = any(one.problem(now_s) is None for one in self.receivers)
+            forwarding.note_sources(receiver_works=works, elsewhere=self._sides.elsewhere(forwarding.to))
 
     def _advance(self, now_us: int) -> None:
         """Make the ticks that are due; measure and display them."""

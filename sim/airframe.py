@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from companion.geodesy import wrap_two_pi
 from companion.model import Vec2
-from companion.units import wrap_two_pi
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from companion.geodesy import course_deg
 from companion.model import Layer, Snapshot
-from companion.units import course_deg
 from sim.demo import DemoState
 from sim.live_view import LiveView, clock
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from companion.autopilots.commands import CommandRetrier
 from companion.autopilots.parameters import ParameterTable
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Sender

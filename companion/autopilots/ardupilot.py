@@ -13,12 +13,12 @@ from companion.airspace.fences import ardupilot_fence
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
 from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, ParameterTable
 from companion.autopilots.value_commands import ValueCommands
-from companion.avoidance.envelope import Control
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.avoidance import Control
+from companion.geodesy import GeoPoint, LocalFrame, course_deg, wrap_pi
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import CommandResult, Fact, NavigationTarget, Parameter, Sender
 from companion.model import PriorFlightState
-from companion.units import STANDARD_GRAVITY_MPS2, course_deg, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 
 MODES = {
     0: "MANUAL",

@@ -14,7 +14,7 @@ from companion.autopilots.parameters import DEGREE_RAD, LimitSource, Named, Para
 from companion.autopilots.px4_course import GuidedCourse
 from companion.autopilots.px4_offboard import LOST_STREAM_PARAMETER, TRIM, Offboard
 from companion.autopilots.px4_way import Way
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.mavlink.dialect import AVAILABLE_MODES, Message, mavlink
 from companion.mavlink.facts import (
     AutopilotVersion,

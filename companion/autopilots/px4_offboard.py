@@ -20,7 +20,7 @@ from companion.autopilots import px4_modes
 from companion.autopilots.adapter import Adapter, GuidanceCommand
 from companion.autopilots.px4_way import Way
 from companion.autopilots.temporary_parameter import TemporaryParameter
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, Fact, Parameter
 

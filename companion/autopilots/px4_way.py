@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from companion.autopilots.adapter import Adapter, GuidanceCommand, RefusedValue
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import Fact
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from companion.autopilots.adapter import RefusedValue
 from companion.autopilots.commands import Outcome
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
+from companion.geodesy import wrap_pi
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult
-from companion.units import wrap_pi
 
 # A command that is refused this many times in a row, with several values, is refused altogether.
 _ALTOGETHER = 6

@@ -6,21 +6,19 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from companion.avoidance.cone import (
-    Array,
-    Mask,
+from companion.avoidance.intruders import (
     RelativeMotion,
+    Separation,
+    Tracks,
     TransitionDomain,
-    any_of,
-    position_at,
     relative_motion,
+    separation,
 )
-from companion.avoidance.envelope import Envelope
-from companion.avoidance.intruders import Separation, Tracks, separation
-from companion.avoidance.mission_path import mission_path
+from companion.avoidance.mission_path import OwnFlight, mission_path
 from companion.avoidance.params import AvoidanceParams
-from companion.avoidance.trajectory import OwnFlight, OwnState
+from companion.avoidance.trajectory import Array, Envelope, Mask, OwnState, any_of, position_at
 from companion.compiled import kernels
+from companion.geodesy import course_deg, wrap_pi
 from companion.model import (
     LEVEL_M,
     STEADY_CLIMB_M,
@@ -35,7 +33,6 @@ from companion.model import (
     Vec2,
     Vec3,
 )
-from companion.units import course_deg, wrap_pi
 
 # Speed at which we could approach a track that is near but not coming nearer.
 _OWN_APPROACH_MPS = 20.0
@@ -110,7 +107,7 @@ class EmergencyDetection(Protocol):
 
 
 class ConflictPolicy(Protocol):
-    """How conflicts are found. `policies` has what flies by default, and the paper's variants."""
+    """How conflicts are found. `layers` has what flies by default, `policies` the paper's variants."""
 
     @property
     def outer(self) -> OuterDetection:

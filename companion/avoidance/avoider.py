@@ -1,8 +1,13 @@
-"""The avoider: two layers, one decision, and all state between decisions (cones entered, guidance flown)."""
+"""The avoider: two layers, one decision, and all state between decisions (cones entered, guidance flown).
+
+A number that cannot be real is left out, not the aircraft: one that is left out would be flown through. Only
+without a position there is nothing to avoid.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 from companion.avoidance.assess import (
     TrafficAssessment,
@@ -13,20 +18,17 @@ from companion.avoidance.assess import (
     threats_of,
 )
 from companion.avoidance.blocked_item import guidance_past, keeps_clear
-from companion.avoidance.cone import TransitionDomain, any_of
 from companion.avoidance.constraints import Constraints, HeightReference, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
-from companion.avoidance.credible import credible_ownship, relevant_track
-from companion.avoidance.envelope import Control
 from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
 from companion.avoidance.inner import InnerLayer
-from companion.avoidance.intruders import Tracks
-from companion.avoidance.mission_path import mission_path, with_path
+from companion.avoidance.intruders import Tracks, TransitionDomain
+from companion.avoidance.mission_path import OwnFlight, mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
-from companion.avoidance.trajectory import OwnFlight, require_finite
-from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track
+from companion.avoidance.trajectory import Control, any_of
+from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track, TrafficKind, Vec3
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
 _OVERTIME_S = 10.0
@@ -34,6 +36,16 @@ _OVERTIME_S = 10.0
 _GIVEN_UP = 0.05
 # The mission is judged for this long after its next position; in overtime, and this long after it, for less.
 _BEYOND_S, _HURRIED_BEYOND_S, _HURRIED_S = 45.0, 4.0, 20.0
+# Nothing is further away, faster, or climbs faster than this.
+_FURTHEST_M, _FASTEST_MPS = 4.1e7, 1500.0
+# A state of another time is taken as one of now.
+_OLDEST_S: Final = 3600.0
+# Aircraft in forward flight turn no faster; a number beyond the second one is no rate of turn.
+_FASTEST_TURN_RADPS, _NO_TURN_RADPS = math.radians(20.0), 4.0
+_LARGEST_UNCERTAINTY_M: Final = 1e6
+_LARGEST_VOLUME_M: Final = 20_000.0
+# Of an aircraft that this avoidance can fly.
+_FASTEST_OWN_MPS, _STRONGEST_WIND_MPS = 400.0, 120.0
 
 
 class Avoider:
@@ -298,3 +310,94 @@ class Avoider:
         self._last_layer = Layer.CLEAR
         self._clear_since_s = None
         self._avoiding_since_s = None
+
+
+def require_finite(own: Ownship, goal: Goal) -> None:
+    """Raise `ValueError` if ownship or goal is not finite: then no decision is safe."""
+    numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
+    numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
+    numbers += [*(goal.leg_from_m or ()), *(goal.then_m or ())]
+    values = goal.course_rad, goal.airspeed_mps, goal.altitude_m, goal.loiter_radius_m
+    numbers += [x for x in values if x is not None]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("ownship or goal is not finite")
+
+
+def relevant_track(track: Track, now_s: float) -> Track | None:
+    """The track without numbers that cannot be real; `None` for a surface vehicle or without a position."""
+    if track.kind is TrafficKind.SURFACE_VEHICLE:
+        return None
+    north_m, east_m, down_m = track.position_m
+    # Comparisons with NaN are false.
+    if not (
+        -_FURTHEST_M < north_m < _FURTHEST_M
+        and -_FURTHEST_M < east_m < _FURTHEST_M
+        and -_FURTHEST_M < down_m < _FURTHEST_M
+    ):
+        return None
+    north_mps, east_mps, down_mps = track.velocity_mps
+    if (
+        -_FASTEST_MPS < north_mps < _FASTEST_MPS
+        and -_FASTEST_MPS < east_mps < _FASTEST_MPS
+        and -_FASTEST_MPS < down_mps < _FASTEST_MPS
+        and -_FASTEST_TURN_RADPS <= track.turn_radps <= _FASTEST_TURN_RADPS
+        and -_OLDEST_S <= now_s - track.time_s <= _OLDEST_S
+        and 0.0 <= track.vertical_uncertainty_m <= _LARGEST_UNCERTAINTY_M
+        and track.protected_horizontal_m is None
+        and track.protected_vertical_m is None
+    ):
+        return track
+    return _repaired(track, now_s)
+
+
+def _repaired(track: Track, now_s: float) -> Track:
+    is_now = not -_OLDEST_S <= now_s - track.time_s <= _OLDEST_S
+    uncertain_m = track.vertical_uncertainty_m
+    return replace(
+        track,
+        time_s=now_s if is_now else track.time_s,
+        velocity_mps=track.velocity_mps if _is_velocity(track.velocity_mps) else (0.0, 0.0, 0.0),
+        turn_radps=_turn_radps(track.turn_radps),
+        vertical_uncertainty_m=min(max(uncertain_m, 0.0), _LARGEST_UNCERTAINTY_M)
+        if uncertain_m > 0.0
+        else 0.0,
+        protected_horizontal_m=_volume_m(track.protected_horizontal_m),
+        protected_vertical_m=_volume_m(track.protected_vertical_m),
+    )
+
+
+def _is_velocity(velocity_mps: Vec3) -> bool:
+    return all(-_FASTEST_MPS < one < _FASTEST_MPS for one in velocity_mps)
+
+
+def _turn_radps(turn_radps: float) -> float:
+    """A rate of turn, limited; 0 if it is none."""
+    if not abs(turn_radps) <= _NO_TURN_RADPS:
+        return 0.0
+    return min(max(turn_radps, -_FASTEST_TURN_RADPS), _FASTEST_TURN_RADPS)
+
+
+def _volume_m(size_m: float | None) -> float | None:
+    """The size of a protected volume; `None`, the usual one, if it cannot be meant."""
+    return size_m if size_m is not None and 0.0 <= size_m <= _LARGEST_VOLUME_M else None
+
+
+def credible_ownship(own: Ownship, now_s: float) -> Ownship:
+    """Ownship without numbers that cannot be real: instead, speed over ground, no wind, the time now."""
+    airspeed_mps, wind_mps, time_s = own.airspeed_mps, own.wind_mps, own.time_s
+    if (
+        0.0 <= airspeed_mps <= _FASTEST_OWN_MPS
+        and -_OLDEST_S <= now_s - time_s <= _OLDEST_S
+        and (wind_mps is None or math.hypot(*wind_mps) <= _STRONGEST_WIND_MPS)
+        and _is_velocity(own.velocity_mps)
+    ):
+        return own
+    velocity_mps = own.velocity_mps if _is_velocity(own.velocity_mps) else (0.0, 0.0, 0.0)
+    return replace(
+        own,
+        time_s=time_s if -_OLDEST_S <= now_s - time_s <= _OLDEST_S else now_s,
+        velocity_mps=velocity_mps,
+        # Without an airspeed, that over ground is used.
+        airspeed_mps=airspeed_mps if 0.0 <= airspeed_mps <= _FASTEST_OWN_MPS else 0.0,
+        wind_mps=None if wind_mps is None or math.hypot(*wind_mps) > _STRONGEST_WIND_MPS else wind_mps,
+    )

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from companion.avoidance.assess import TrafficAssessment
-from companion.avoidance.cone import Mask, any_of
 from companion.avoidance.constraints import Constraints
-from companion.avoidance.envelope import Envelope
 from companion.avoidance.intruders import heights_to_pass, separation
-from companion.avoidance.trajectory import Commands, OwnFlight, fly_ahead, index_at
+from companion.avoidance.mission_path import OwnFlight
+from companion.avoidance.trajectory import Commands, Envelope, Mask, any_of, fly_ahead, index_at
+from companion.geodesy import wrap_pi
 from companion.model import Guidance, Vec3
-from companion.units import wrap_pi
 
 # A track stays at the item if the item is within its volume for this long.
 _STAYS_S = 60.0

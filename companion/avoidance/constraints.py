@@ -8,10 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.avoidance.cone import Array, Mask, wrap_pi
-from companion.avoidance.envelope import Control, Envelope
 from companion.avoidance.fence import Fence
-from companion.avoidance.trajectory import HORIZON_S, Commands, OwnState, fly_ahead, turn_around_s
+from companion.avoidance.trajectory import (
+    HORIZON_S,
+    Array,
+    Commands,
+    Control,
+    Envelope,
+    Mask,
+    OwnState,
+    fly_ahead,
+    turn_around_s,
+)
 from companion.model import Guidance
 
 # After this time the reason for a refusal (a limit, a mode, a fence of the autopilot) may have changed.
@@ -39,7 +47,7 @@ class Refusal:
             return np.zeros(len(values), dtype=bool)
         off = values - self.value
         if control is Control.HEADING:
-            off = wrap_pi(off)
+            off = _wrap_pi(off)
         same: Mask = np.abs(off) <= _TOLERANCES[control]
         return same
 
@@ -204,3 +212,9 @@ class Constraints(NamedTuple):
         if self.fence is None:
             return 0.0
         return min(self.look_ahead_turns * turn_around_s(state, self.envelope), HORIZON_S)
+
+
+def _wrap_pi(angle_rad: Array) -> Array:
+    """The same angles in [-pi, pi)."""
+    wrapped: Array = (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
+    return wrapped

@@ -12,9 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.avoidance.assess import TrafficAssessment
-from companion.avoidance.cone import Array, Mask, any_of
 from companion.avoidance.constraints import Constraints, Refusals
-from companion.avoidance.envelope import Envelope, Pace
 from companion.avoidance.fence import Breach, Fence
 from companion.avoidance.intruders import (
     NO_MANEUVERS,
@@ -26,20 +24,25 @@ from companion.avoidance.intruders import (
     outcomes,
     separation,
 )
+from companion.avoidance.mission_path import OwnFlight
 from companion.avoidance.params import AvoidanceParams, CostWeights
 from companion.avoidance.trajectory import (
     HORIZON_S,
+    Array,
     Commands,
-    OwnFlight,
+    Envelope,
+    Mask,
     OwnState,
+    Pace,
     Paths,
+    any_of,
     fly_ahead,
     ground_velocity_mps,
     index_at,
 )
 from companion.compiled import kernels
+from companion.geodesy import wrap_pi
 from companion.model import Guidance
-from companion.units import wrap_pi
 
 # Commands that differ by no more than this count as the same.
 _SAME_COURSE_RAD, _SAME_HEIGHT_M = math.radians(2.0), 5.0

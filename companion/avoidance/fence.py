@@ -11,8 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from companion.avoidance.cone import Array
-from companion.avoidance.trajectory import Paths, times_until
+from companion.avoidance.trajectory import Array, Paths, times_until
 from companion.model import Vec2
 
 # Between the times of the prediction paths are sampled at this distance, or at the margin if that is larger.

@@ -14,13 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from companion.avoidance.cone import Array
 from companion.avoidance.cost import Conflict, CostContext, EvaluatedRows, Height, Speed, evaluate_rows
-from companion.avoidance.envelope import Control, Pace
 from companion.avoidance.intruders import Tracks
-from companion.avoidance.trajectory import Commands
+from companion.avoidance.trajectory import Array, Commands, Control, Pace
+from companion.geodesy import wrap_pi, wrap_two_pi
 from companion.model import Guidance
-from companion.units import wrap_pi, wrap_two_pi
 
 # Angles closer than this to the edge of a case count as on it, so that rounding does not decide the side.
 _EDGE_RAD = 1e-6

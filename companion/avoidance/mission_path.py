@@ -1,25 +1,42 @@
-"""The mission flown ahead: along a leg, its slope and the next leg, back to a leg, or around a circle."""
+"""The mission from here: what it asks for, and where it leads: along legs and slopes, or around a circle."""
 
 import math
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from companion.avoidance.cone import Array, Mask
-from companion.avoidance.envelope import Envelope
-from companion.avoidance.leg import ON_LINE_M, BesideLeg
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
+    Array,
     Commands,
-    OwnFlight,
+    Envelope,
+    Mask,
+    OwnState,
     Paths,
     fly_ahead,
     ground_velocity_mps,
     index_at,
-    loiter_radius_m,
+    own_state,
 )
-from companion.model import Goal, Vec2, Vec3
+from companion.geodesy import wrap_pi
+from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
 
+# The largest angle at which a leg is joined, and how far ahead of us, in time, the way back meets it.
+STEEPEST_RAD = math.radians(40.0)
+_JOINS_AHEAD_S = 6.0
+# Nearer than this we count as on the leg: no autopilot tracks its line better in gusts and after turns.
+ON_LINE_M = 30.0
+# To turn onto a course and off it again, at the usual speeds and bank angles.
+_TURNS_S = 8.0
+# A slope is flown with a lag; its height is commanded this far ahead.
+_SLOPE_AHEAD_S = 4.0
+# A circle is flown from this far outside; its radius where none is known.
+_ON_CIRCLE_M = 60.0
+_USUAL_RADIUS_M = 80.0
+# At a smaller corner the mission counts as straight.
+_STRAIGHT_RAD = math.radians(15.0)
 # A slope leaves at least this much of the climb and sink limits to reach it.
 _LEAST_RATE_MPS = 0.3
 _LEVEL_M = 1.0
@@ -27,6 +44,170 @@ _LEVEL_M = 1.0
 _REACHED_M = 90.0
 _TURNING_M = 300.0
 _MEAN_S = 30.0
+
+
+class BesideLeg(NamedTuple):
+    """A place beside a leg; `aside_m` is positive to its right, `to_go_m` negative beyond its end."""
+
+    aside_m: float
+    to_go_m: float
+    length_m: float
+    course_rad: float
+    altitude_m: float  # of the leg here: linear between its ends
+
+    def altitude_ahead_m(self, speed_mps: float, start_m: Vec3, end_m: Vec3) -> float:
+        """Height to command at this place, so that the slope is flown in spite of the lag."""
+        return leg_altitude_m(start_m, end_m, self.to_go_m - _SLOPE_AHEAD_S * speed_mps, self.length_m)
+
+    def join_rad(self, speed_mps: float) -> float:
+        """Course that leads onto the leg: the nearer, the more along it."""
+        ahead_m = max(_JOINS_AHEAD_S * speed_mps, 1.0)
+        steep = math.sin(STEEPEST_RAD)
+        return self.course_rad - math.asin(min(max(self.aside_m / ahead_m, -steep), steep))
+
+    def is_too_short(self, speed_mps: float) -> bool:
+        """Whether the rest of the leg is too short to join it: then its end is flown to directly."""
+        if self.to_go_m <= 0.0:
+            return True
+        if abs(self.aside_m) <= ON_LINE_M:
+            return False
+        return self.to_go_m < abs(self.aside_m) / math.tan(STEEPEST_RAD) + _TURNS_S * speed_mps
+
+
+def beside_leg(start_m: Vec3, end_m: Vec3, position_m: Vec3) -> BesideLeg | None:
+    """A north-east-down position relative to a leg; `None` if start and end are the same place."""
+    leg_n, leg_e = end_m[0] - start_m[0], end_m[1] - start_m[1]
+    length_m = math.hypot(leg_n, leg_e)
+    if length_m < 1.0:
+        return None
+    leg_n, leg_e = leg_n / length_m, leg_e / length_m
+    north_m, east_m = end_m[0] - position_m[0], end_m[1] - position_m[1]
+    to_go_m = north_m * leg_n + east_m * leg_e
+    return BesideLeg(
+        aside_m=north_m * leg_e - east_m * leg_n,
+        to_go_m=to_go_m,
+        length_m=length_m,
+        course_rad=math.atan2(leg_e, leg_n),
+        altitude_m=leg_altitude_m(start_m, end_m, to_go_m, length_m),
+    )
+
+
+def leg_altitude_m(start_m: Vec3, end_m: Vec3, to_go_m: float, length_m: float) -> float:
+    """Height of a leg at a distance from its end; before its start that of the start."""
+    share = min(max(to_go_m / length_m, 0.0), 1.0)
+    return -end_m[2] + share * (end_m[2] - start_m[2])
+
+
+class OwnFlight(NamedTuple):
+    """Ownship and what its mission asks for from here.
+
+    `mission` is the guidance that leads to `goal`, not limited to what the aircraft can fly; `onward_mps` is
+    the velocity over ground on it, north and east. `beside` is set on the way along a leg or back to it, and
+    `circles` when the goal is circled now. Where the mission `bends`, `ahead` is its path, and `onward_mps`
+    the mean velocity along it (see `with_path`).
+    """
+
+    state: OwnState
+    mission: Guidance
+    onward_mps: Vec2
+    goal: Goal
+    beside: BesideLeg | None = None
+    circles: bool = False
+    bends: bool = False
+    ahead: Paths | None = None
+    judged_s: float = HORIZON_S  # how far ahead the mission is judged, where it bends
+
+    @classmethod
+    def at(cls, now_s: float, own: Ownship, goal: Goal) -> "OwnFlight":
+        """The flight of ownship towards a goal at `now_s`."""
+        state = own_state(now_s, own)
+        mission = mission_guidance(state, own, goal)
+        beside, circles = None, is_circling(state, goal)
+        if circles:
+            mission = replace(mission, course_rad=state.course_rad)
+        elif goal.leg_from_m is not None and goal.position_m is not None:
+            beside = beside_leg(goal.leg_from_m, goal.position_m, state.position_m)
+            if beside is not None and beside.is_too_short(mission.airspeed_mps):
+                beside = None
+            if beside is not None:
+                mission = _along(beside, mission, goal.leg_from_m, goal.position_m)
+        onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
+        bends = _bends(state, mission, goal, beside)
+        return cls(state, mission, onward_mps, goal, beside, circles, bends)
+
+    @property
+    def horizon_s(self) -> float:
+        """How far ahead flights are judged [s]: no further than to the end of the flight."""
+        return self.time_to_goal_s if self.goal.is_end else HORIZON_S
+
+    @property
+    def mission_altitude_m(self) -> float | None:
+        """The height that the mission states here; `None` if it states none, or that is unknown [m]."""
+        goal = self.goal
+        states_height = goal.altitude_m is not None or goal.position_m is not None
+        return self.mission.altitude_m if states_height and goal.height_is_known else None
+
+    @property
+    def time_to_goal_s(self) -> float:
+        """Time to the goal's position, at most the prediction horizon; the horizon if it has none [s]."""
+        if self.goal.position_m is None or self.circles:
+            return HORIZON_S
+        north_mps, east_mps = self.onward_mps
+        course_rad = self.mission.course_rad
+        made_good_mps = north_mps * math.cos(course_rad) + east_mps * math.sin(course_rad)
+        # An aircraft that is blown back as fast as it flies, or faster, never arrives.
+        return min(HORIZON_S, self.state.distance_m(self.goal.position_m) / max(made_good_mps, 1e-3))
+
+
+def _along(beside: BesideLeg, mission: Guidance, start_m: Vec3, end_m: Vec3) -> Guidance:
+    """Guidance along a leg or onto it, at its height."""
+    speed_mps = mission.airspeed_mps
+    on_line = abs(beside.aside_m) <= ON_LINE_M
+    course_rad = beside.course_rad if on_line else beside.join_rad(speed_mps)
+    return Guidance(course_rad, speed_mps, beside.altitude_ahead_m(speed_mps, start_m, end_m))
+
+
+def _bends(state: OwnState, mission: Guidance, goal: Goal, beside: BesideLeg | None) -> bool:
+    """Whether the mission leads from here by other than one straight line, within the horizon."""
+    if goal.loiter_radius_m is not None or (beside is not None and abs(beside.aside_m) > ON_LINE_M):
+        return True
+    if goal.then_m is None or goal.position_m is None:
+        return False
+    if state.distance_m(goal.position_m) > mission.airspeed_mps * HORIZON_S:
+        return False
+    north_m, east_m = goal.then_m[0] - goal.position_m[0], goal.then_m[1] - goal.position_m[1]
+    return abs(wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)) > _STRAIGHT_RAD
+
+
+def is_circling(state: OwnState, goal: Goal) -> bool:
+    """Whether the goal is a circle, and we are on it or within it."""
+    if goal.loiter_radius_m is None or goal.position_m is None:
+        return False
+    return state.distance_m(goal.position_m) <= loiter_radius_m(goal) + _ON_CIRCLE_M
+
+
+def loiter_radius_m(goal: Goal) -> float:
+    """Radius of the circle around the goal, positive; a usual one if it is unknown."""
+    return abs(goal.loiter_radius_m or _USUAL_RADIUS_M)
+
+
+def mission_guidance(state: OwnState, own: Ownship, goal: Goal) -> Guidance:
+    """Course, airspeed and height that lead to the goal from here."""
+    airspeed = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
+    course_rad, altitude_m = course_and_altitude_to(goal, state.position_m, state.course_rad)
+    return Guidance(course_rad, airspeed, altitude_m)
+
+
+def course_and_altitude_to(goal: Goal, position_m: Vec3, course_rad: float) -> tuple[float, float]:
+    """Course and height [rad, m] that lead to a goal from a north-east-down position and a present course."""
+    north_m, east_m, down_m = position_m
+    altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
+    if goal.position_m is None:
+        return course_rad if goal.course_rad is None else goal.course_rad, altitude_m
+    north, east = goal.position_m[0] - north_m, goal.position_m[1] - east_m
+    if math.hypot(north, east) > 1.0:  # right at the goal its bearing means nothing
+        course_rad = math.atan2(east, north)
+    return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
 
 
 def with_path(flight: OwnFlight, envelope: Envelope, beyond_s: float = HORIZON_S) -> OwnFlight:

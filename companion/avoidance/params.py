@@ -7,9 +7,9 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from companion.avoidance.envelope import ALL_CONTROLS, Control, Envelope
 from companion.avoidance.group.formation import FormationParams
 from companion.avoidance.intruders import ManeuverParams
+from companion.avoidance.trajectory import ALL_CONTROLS, Control, Envelope
 
 
 @dataclass(frozen=True)

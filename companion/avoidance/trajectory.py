@@ -1,4 +1,4 @@
-"""Our own flight ahead: the times of a prediction, own state and mission, and where commands lead.
+"""How our own aircraft flies: its controls and limits, its state, and where commands lead.
 
 The motion is the paper's (§2.1, eq. 1-2, where y takes the sine; the cosine is printed twice): a point that
 moves where its nose points, here with the limits of §3.2.3 and a response time. The aircraft answers a
@@ -9,19 +9,22 @@ reached. The wind carries it along. A command's course is over ground, and holdi
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from enum import StrEnum
 from functools import cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
 from numpy.typing import NDArray
 
-from companion.avoidance.cone import Array, position_at
-from companion.avoidance.envelope import Envelope
-from companion.avoidance.leg import ON_LINE_M, BesideLeg, beside_leg
 from companion.compiled import kernels
-from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
-from companion.units import wrap_pi, wrap_two_pi
+from companion.geodesy import wrap_two_pi
+from companion.model import Guidance, Ownship, Track, Vec2, Vec3
+from companion.units import STANDARD_GRAVITY_MPS2
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # Fine where a turn happens, coarse where flight is straight: at a closing speed of 90 m/s a step of 2 s
 # misjudges a miss distance of 600 m by 7 m at most.
@@ -38,11 +41,6 @@ _TURN_DECAY_S = 35.0
 # Times the initial turn rate, the change of course by the middle of each step.
 _TURNED_S = _TURN_DECAY_S * (1.0 - np.exp(-_MIDDLES_S / _TURN_DECAY_S))
 KERNEL_TIMES = kernels.Times(TIMES_S, _TURNED_S, TIME_SHARES)
-# A circle is flown from this far outside; its radius where none is known.
-_ON_CIRCLE_M = 60.0
-_USUAL_RADIUS_M = 80.0
-# At a smaller corner the mission counts as straight.
-_STRAIGHT_RAD = math.radians(15.0)
 
 
 def times_until(time_s: float) -> Array:
@@ -58,6 +56,93 @@ def index_at(time_s: float) -> int:
 def count_until(time_s: float) -> int:
     """Number of times that are not after `time_s`, at least 2."""
     return max(bisect_right(_TIMES_S, time_s), 2)
+
+
+class Control(StrEnum):
+    """A quantity that an avoidance can change."""
+
+    HEADING = "heading"
+    SPEED = "speed"
+    HEIGHT = "height"
+
+
+ALL_CONTROLS = frozenset(Control)
+
+
+class Pace(StrEnum):
+    """A choice of airspeed."""
+
+    KEEP = "keep"  # the mission's
+    SLOWEST = "slowest"
+    FASTEST = "fastest"
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Limits and response of the aircraft. The defaults suit a small fixed wing of 20-25 m/s."""
+
+    min_airspeed_mps: Annotated[float, Gt(0), Le(200)] = 16.0
+    max_airspeed_mps: Annotated[float, Gt(0), Le(200)] = 28.0
+    max_bank_rad: Annotated[float, Gt(0), Lt(math.radians(80))] = math.radians(30.0)
+    max_turn_rate_radps: Annotated[float, Gt(0), Le(math.radians(90))] = math.radians(20.0)
+    max_climb_mps: Annotated[float, Gt(0), Le(50)] = 2.5
+    max_sink_mps: Annotated[float, Gt(0), Le(50)] = 2.5
+    # Time from a command to the turn or climb that it causes. ArduPlane turned 77 degrees in 9.5 s at a bank
+    # of 27 degrees, which a delay of one second and then the full rate describe well.
+    response_s: Annotated[float, Ge(0), Le(10)] = 1.0
+    max_acceleration_mps2: Annotated[float, Gt(0), Le(20)] = 1.0
+    # Heights above the zero of the local frame that no row may leave; `None`: no limit.
+    min_altitude_m: float | None = None
+    max_altitude_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.min_airspeed_mps > self.max_airspeed_mps:
+            raise ValueError("min_airspeed_mps must not exceed max_airspeed_mps")
+        if (
+            self.min_altitude_m is not None
+            and self.max_altitude_m is not None
+            and self.min_altitude_m > self.max_altitude_m
+        ):
+            raise ValueError("min_altitude_m must not exceed max_altitude_m")
+
+    @property
+    def turn_acceleration_mps2(self) -> float:
+        """Lateral acceleration of a coordinated turn at the bank limit: g tan(bank)."""
+        return STANDARD_GRAVITY_MPS2 * math.tan(self.max_bank_rad)
+
+    def turn_rate_radps(self, airspeed_mps: float) -> float:
+        """Turn rate of a coordinated turn at the bank limit, g tan(bank) / V, within the rate limit."""
+        return min(self.turn_acceleration_mps2 / max(airspeed_mps, 1.0), self.max_turn_rate_radps)
+
+    def clamp_airspeed_mps(self, airspeed_mps: float) -> float:
+        """The nearest airspeed that can be flown."""
+        return min(max(airspeed_mps, self.min_airspeed_mps), self.max_airspeed_mps)
+
+    def airspeed_mps(self, pace: Pace, wanted_mps: float) -> float:
+        """The airspeed of a pace, within the limits; `wanted_mps` is that of `Pace.KEEP`."""
+        if pace is Pace.KEEP:
+            return self.clamp_airspeed_mps(wanted_mps)
+        return self.min_airspeed_mps if pace is Pace.SLOWEST else self.max_airspeed_mps
+
+    def clamp_altitude_m(self, altitude_m: float) -> float:
+        """The nearest height between floor and ceiling."""
+        if self.max_altitude_m is not None:
+            altitude_m = min(altitude_m, self.max_altitude_m)
+        if self.min_altitude_m is not None:
+            altitude_m = max(altitude_m, self.min_altitude_m)
+        return altitude_m
+
+
+def position_at(moving: Ownship | Track, now_s: float) -> Vec3:
+    """Position at `now_s` [m] after straight flight from the time of the state."""
+    since_s = now_s - moving.time_s
+    (north_m, east_m, down_m), (north_mps, east_mps, down_mps) = moving.position_m, moving.velocity_mps
+    return north_m + north_mps * since_s, east_m + east_mps * since_s, down_m + down_mps * since_s
+
+
+def any_of(values: Array | Mask) -> bool:
+    """Whether any value is not 0. For short arrays this is five times as fast as `ndarray.any`."""
+    return bool(np.count_nonzero(values))
 
 
 class OwnState(NamedTuple):
@@ -96,78 +181,6 @@ class OwnState(NamedTuple):
         return math.hypot(place_m[0] - self.position_m[0], place_m[1] - self.position_m[1])
 
 
-class OwnFlight(NamedTuple):
-    """Ownship and what its mission asks for from here.
-
-    `mission` is the guidance that leads to `goal`, not limited to what the aircraft can fly; `onward_mps` is
-    the velocity over ground on it, north and east. `beside` is set on the way along a leg or back to it, and
-    `circles` when the goal is circled now. Where the mission `bends`, `ahead` is its path, and `onward_mps`
-    the mean velocity along it (see `mission_path`).
-    """
-
-    state: OwnState
-    mission: Guidance
-    onward_mps: Vec2
-    goal: Goal
-    beside: BesideLeg | None = None
-    circles: bool = False
-    bends: bool = False
-    ahead: "Paths | None" = None
-    judged_s: float = HORIZON_S  # how far ahead the mission is judged, where it bends
-
-    @classmethod
-    def at(cls, now_s: float, own: Ownship, goal: Goal) -> "OwnFlight":
-        """The flight of ownship towards a goal at `now_s`."""
-        state = own_state(now_s, own)
-        mission = mission_guidance(state, own, goal)
-        beside, circles = None, is_circling(state, goal)
-        if circles:
-            mission = replace(mission, course_rad=state.course_rad)
-        elif goal.leg_from_m is not None and goal.position_m is not None:
-            beside = beside_leg(goal.leg_from_m, goal.position_m, state.position_m)
-            if beside is not None and beside.is_too_short(mission.airspeed_mps):
-                beside = None
-            if beside is not None:
-                mission = _along(beside, mission, goal.leg_from_m, goal.position_m)
-        onward_mps = ground_velocity_mps(mission.course_rad, mission.airspeed_mps, state.wind_mps)
-        bends = _bends(state, mission, goal, beside)
-        return cls(state, mission, onward_mps, goal, beside, circles, bends)
-
-    @property
-    def horizon_s(self) -> float:
-        """How far ahead flights are judged [s]: no further than to the end of the flight."""
-        return self.time_to_goal_s if self.goal.is_end else HORIZON_S
-
-    @property
-    def mission_altitude_m(self) -> float | None:
-        """The height that the mission states here; `None` if it states none, or that is unknown [m]."""
-        goal = self.goal
-        states_height = goal.altitude_m is not None or goal.position_m is not None
-        return self.mission.altitude_m if states_height and goal.height_is_known else None
-
-    @property
-    def time_to_goal_s(self) -> float:
-        """Time to the goal's position, at most the prediction horizon; the horizon if it has none [s]."""
-        if self.goal.position_m is None or self.circles:
-            return HORIZON_S
-        north_mps, east_mps = self.onward_mps
-        course_rad = self.mission.course_rad
-        made_good_mps = north_mps * math.cos(course_rad) + east_mps * math.sin(course_rad)
-        # An aircraft that is blown back as fast as it flies, or faster, never arrives.
-        return min(HORIZON_S, self.state.distance_m(self.goal.position_m) / max(made_good_mps, 1e-3))
-
-
-def require_finite(own: Ownship, goal: Goal) -> None:
-    """Raise `ValueError` if ownship or goal is not finite: then no decision is safe."""
-    numbers = [own.time_s, *own.position_m, *own.velocity_mps, own.airspeed_mps, own.heading_rad]
-    numbers += [*(own.wind_mps or ()), *(goal.position_m if goal.position_m is not None else ())]
-    numbers += [*(goal.leg_from_m or ()), *(goal.then_m or ())]
-    values = goal.course_rad, goal.airspeed_mps, goal.altitude_m, goal.loiter_radius_m
-    numbers += [x for x in values if x is not None]
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError("ownship or goal is not finite")
-
-
 def own_state(now_s: float, own: Ownship) -> OwnState:
     """Ownship at `now_s`, with the wind that it reports or that its motion implies."""
     north_mps, east_mps, down_mps = own.velocity_mps
@@ -188,57 +201,6 @@ def own_state(now_s: float, own: Ownship) -> OwnState:
     # In a wind stronger than the airspeed two headings fly the same course; otherwise the course has one.
     heading = own.heading_rad if math.hypot(*wind) >= airspeed else None
     return OwnState(position_at(own, now_s), course, airspeed, -down_mps, wind, heading)
-
-
-def _along(beside: BesideLeg, mission: Guidance, start_m: Vec3, end_m: Vec3) -> Guidance:
-    """Guidance along a leg or onto it, at its height."""
-    speed_mps = mission.airspeed_mps
-    on_line = abs(beside.aside_m) <= ON_LINE_M
-    course_rad = beside.course_rad if on_line else beside.join_rad(speed_mps)
-    return Guidance(course_rad, speed_mps, beside.altitude_ahead_m(speed_mps, start_m, end_m))
-
-
-def _bends(state: OwnState, mission: Guidance, goal: Goal, beside: BesideLeg | None) -> bool:
-    """Whether the mission leads from here by other than one straight line, within the horizon."""
-    if goal.loiter_radius_m is not None or (beside is not None and abs(beside.aside_m) > ON_LINE_M):
-        return True
-    if goal.then_m is None or goal.position_m is None:
-        return False
-    if state.distance_m(goal.position_m) > mission.airspeed_mps * HORIZON_S:
-        return False
-    north_m, east_m = goal.then_m[0] - goal.position_m[0], goal.then_m[1] - goal.position_m[1]
-    return abs(wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)) > _STRAIGHT_RAD
-
-
-def is_circling(state: OwnState, goal: Goal) -> bool:
-    """Whether the goal is a circle, and we are on it or within it."""
-    if goal.loiter_radius_m is None or goal.position_m is None:
-        return False
-    return state.distance_m(goal.position_m) <= loiter_radius_m(goal) + _ON_CIRCLE_M
-
-
-def loiter_radius_m(goal: Goal) -> float:
-    """Radius of the circle around the goal, positive; a usual one if it is unknown."""
-    return abs(goal.loiter_radius_m or _USUAL_RADIUS_M)
-
-
-def mission_guidance(state: OwnState, own: Ownship, goal: Goal) -> Guidance:
-    """Course, airspeed and height that lead to the goal from here."""
-    airspeed = own.airspeed_mps if goal.airspeed_mps is None else goal.airspeed_mps
-    course_rad, altitude_m = course_and_altitude_to(goal, state.position_m, state.course_rad)
-    return Guidance(course_rad, airspeed, altitude_m)
-
-
-def course_and_altitude_to(goal: Goal, position_m: Vec3, course_rad: float) -> tuple[float, float]:
-    """Course and height [rad, m] that lead to a goal from a north-east-down position and a present course."""
-    north_m, east_m, down_m = position_m
-    altitude_m = -down_m if goal.altitude_m is None else goal.altitude_m
-    if goal.position_m is None:
-        return course_rad if goal.course_rad is None else goal.course_rad, altitude_m
-    north, east = goal.position_m[0] - north_m, goal.position_m[1] - east_m
-    if math.hypot(north, east) > 1.0:  # right at the goal its bearing means nothing
-        course_rad = math.atan2(east, north)
-    return course_rad, -goal.position_m[2] if goal.altitude_m is None else altitude_m
 
 
 def ground_velocity_mps(course_rad: float, airspeed_mps: float, wind_mps: Vec2) -> Vec2:

@@ -11,14 +11,13 @@ from typing import NamedTuple
 from companion.control import suppressed_threats
 from companion.control.alarms import conditions
 from companion.control.claims import Claims
-from companion.control.context import ControlContext, Outgoing
+from companion.control.context import Commanding, ControlContext, Outgoing
 from companion.control.mode_request import CERTAIN_S, ModeRequest
 from companion.control.readiness import Readiness
 from companion.control.rejoin import ControlParams, LegRejoin
 from companion.control.release import Release
 from companion.control.requesting import ModeRequester
 from companion.control.state_machine import (
-    ASKING,
     ENTERING,
     HELD,
     OVERLOOKED_WHEN_FOUND,
@@ -35,7 +34,7 @@ from companion.control.watching import Watching
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import CommandResult
-from companion.model import Decision, Guidance, Layer, Role
+from companion.model import Decision, Layer, Role
 from companion.output.notice import Condition, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
@@ -74,6 +73,7 @@ class Handover:
         self._context = ControlContext(
             aircraft, self.supervisor, params, role, Decision(Layer.CLEAR), control or ControlParams()
         )
+        self.commanding = Commanding(self._context)
         self._readiness = readiness
         self._claims = Claims(aircraft)
         self._unattended = UnattendedGuided(self._context)
@@ -83,11 +83,6 @@ class Handover:
         self._watching = Watching(self._context, readiness, self._unattended, self._take_over, self._release)
 
     # --- interface
-
-    @property
-    def holds(self) -> bool:
-        """Whether the aircraft is ours, or is being taken over or given back."""
-        return self.supervisor.state in HELD or self.supervisor.state in ASKING
 
     @property
     def suppresses(self) -> bool:
@@ -110,29 +105,29 @@ class Handover:
 
     def persisted(self, now_s: float, changed_role: Role | None) -> PersistedState | None:
         """The state that the next run needs if this one is killed now; `None`: none."""
-        adapter = self._context.aircraft.adapter
-        if adapter is None or not (self.holds or adapter.changed_parameters or changed_role is not None):
+        adapter, holds = self._context.aircraft.adapter, self.supervisor.holds
+        if adapter is None or not (holds or adapter.changed_parameters or changed_role is not None):
             return None
-        prior = self.supervisor.data.prior if self.holds else None
+        prior = self.supervisor.data.prior if holds else None
         left_behind = adapter.setpoint_loss_mode()
         system_id = adapter.target.system_id
         return PersistedState(now_s, system_id, prior, changed_role, left_behind, adapter.changed_parameters)
 
     def goes_on_to(self) -> GeoPoint | None:
         """The mission's destination after the release; `None`: unknown, or the aircraft is not ours."""
-        return self._context.aircraft.mission_destination(self.supervisor.data.prior) if self.holds else None
+        if not self.supervisor.holds:
+            return None
+        return self._context.aircraft.mission_destination(self.supervisor.data.prior)
 
     def leg(self) -> Leg | None:
         """The leg that is flown back to; `None`: none, or the aircraft is not ours."""
-        rejoin = self.supervisor.data.rejoin if self.holds else None
-        return rejoin.present_leg(self._context.aircraft) if isinstance(rejoin, LegRejoin) else None
-
-    def guidance(self) -> Guidance | None:
-        """Guidance without a conflict: straight on to recover, or to where the former mode is entered."""
-        aircraft, state, rejoin = self._context.aircraft, self.supervisor.state, self.supervisor.data.rejoin
-        if state is State.RECOVERING:
-            return aircraft.present_guidance()
-        return rejoin.guidance(aircraft) if state is State.RETURNING and rejoin is not None else None
+        rejoin = self.supervisor.data.rejoin if self.supervisor.holds else None
+        if not isinstance(rejoin, LegRejoin):
+            return None
+        navigation = self._context.aircraft.navigation
+        if rejoin.leg_of == (navigation.mission, navigation.sequence):
+            return rejoin.leg
+        return rejoin.present_leg(self._context.aircraft)
 
     def answered(self, fact: CommandResult, now_s: float) -> None:
         """Process an acknowledgement."""

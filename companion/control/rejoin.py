@@ -5,17 +5,16 @@ height. So the aircraft flies back to its leg first, still avoiding, and is give
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from companion.autopilots.adapter import Adapter
-from companion.avoidance.leg import BesideLeg
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.avoidance.mission_path import BesideLeg
+from companion.geodesy import GeoPoint, LocalFrame, wrap_pi, wrap_two_pi
 from companion.model import Guidance, PriorFlightState, Vec3
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.legs import Leg, same_items
 from companion.ownship.mission import Mission
-from companion.units import wrap_pi, wrap_two_pi
 
 # A circle stays in place when its mode is entered at its centre; the mode change takes this long.
 _LEAD_S = 1.5
@@ -119,6 +118,8 @@ class LegRejoin:
     lowest_m: float | None  # above mean sea level
     began_s: float | None = None
     last_s: float | None = None
+    # The mission and its item of which is known that the leg is theirs.
+    leg_of: tuple[Mission, int] | None = field(default=None, compare=False)
 
     def present_leg(self, aircraft: Aircraft) -> Leg | None:
         """The leg, or the straight way to the item that is now the mission's; `None`: unknown."""
@@ -127,6 +128,7 @@ class LegRejoin:
         if mission is None or sequence is None:
             return None
         if sequence == self.leg.sequence and (mission is self.mission or same_items(mission, self.mission)):
+            self.leg_of = mission, sequence
             return self.leg
         return navigation.legs.straight_to(mission, sequence, aircraft.home_altitude_m())
 

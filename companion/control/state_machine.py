@@ -317,6 +317,11 @@ class Supervisor:
         return (self.state, event) in TRANSITIONS
 
     @property
+    def holds(self) -> bool:
+        """Whether the aircraft is ours, or is being taken over or given back."""
+        return self.state in HELD or self.state in ASKING
+
+    @property
     def flying(self) -> bool:
         """Whether setpoints may be sent."""
         return self.state in FLYING

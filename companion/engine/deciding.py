@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from companion.airspace.fences import AutopilotFence, limit_heights
 from companion.airspace.obstacles import ObstacleMap
-from companion.avoidance import Avoider, Envelope
-from companion.avoidance.envelope import Control
+from companion.avoidance import Avoider, Control, Envelope
 from companion.control.handover import Handover
 from companion.control.state_machine import WATCHING
 from companion.engine_config import EngineConfig
@@ -162,21 +161,23 @@ class Deciding:
         home_m = aircraft.home_altitude_m()
         if home_m is None:
             return
-        ground_m = aircraft.terrain.altitude_m(now_s)
+        queries, ground_m = self._queries, aircraft.terrain.altitude_m(now_s)
+        if now_s > queries.fence_until_s:
+            queries.refresh_fence(now_s)
         sources = _LimitSources(
             frame,
             float(round(home_m)),
             None if ground_m is None else float(math.ceil(ground_m)),
             self.config.supervisor.min_height_m,
             self.config.engine.max_height_m,
-            self._queries.envelope,
-            self._queries.autopilot_fence(now_s),
+            queries.limits.envelope,
+            queries.fence,
         )
         before, self._limits_from = self._limits_from, sources
         if sources != before:  # on most ticks they are the same
-            heights = self._queries.heights(sources.min_height_m, sources.max_height_m, now_s)
+            heights = queries.heights(sources.min_height_m, sources.max_height_m)
             self.avoider.envelope = limit_heights(sources.envelope, heights, sources.home_m, sources.ground_m)
-            self.avoider.fence = self._queries.local_fence(frame, sources.home_m, now_s)
+            self.avoider.fence = queries.local_fence(frame, sources.home_m)
 
 
 def _lost_controls(aircraft: Aircraft) -> frozenset[Control]:

@@ -4,7 +4,6 @@ The same object flies the aircraft, replays a log and runs in tests. It only kee
 has the aircraft, then the decision, then commands, then housekeeping.
 """
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -12,24 +11,20 @@ from functools import cache
 from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
-from companion.control.commanding import Commanding
 from companion.control.emergency import EmergencyRelease
 from companion.control.handover import Handover, Orders
 from companion.control.readiness import Readiness
 from companion.control.state_machine import State, Supervisor
 from companion.engine.deciding import Deciding
+from companion.engine.housekeeping import Housekeeping, Rooms
 from companion.engine_config import EngineConfig
-from companion.gcs.broadcasts import Broadcasts
-from companion.gcs.concern_values import concern_values
-from companion.gcs.conditions import Conditions
-from companion.gcs.forwarding import Forwarding
+from companion.gcs.forwarding import Forwarding, Received
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.notices import OperatorNotices
 from companion.gcs.phrases import TrafficSituation
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings
 from companion.gcs.statustext import StatusText
-from companion.gcs.traffic_conditions import traffic_conditions
 from companion.geodesy import LocalFrame
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -52,8 +47,7 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import Decision, Role, Snapshot
-from companion.output.decision_record import Circumstances
-from companion.output.effects import Effect, Keep, Record, Save, Say, Transmit
+from companion.output.effects import Effect, Save, Say, Transmit
 from companion.output.notice import AnyNotice, Condition, ConflictNotice, Notice, ResumeNotice
 from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
@@ -99,13 +93,11 @@ class Engine:
         self.operator = GcsRequests(
             self._settings,
             lambda: self.sender,
-            may_resume=lambda: self._handover.holds or self._handover.suppresses,
+            may_resume=lambda: self.supervisor.holds or self._handover.suppresses,
         )
         self._notices = OperatorNotices(self.aircraft, self.queries, self.operator, self._settings)
         self._statustext = StatusText()
         self._maneuvers = ManeuverNotices()
-        self._conditions = Conditions()
-        self._broadcasts = Broadcasts()
         self.forwarding = Forwarding(config.traffic.forward)
         self._readiness = Readiness(
             self.aircraft,
@@ -114,7 +106,7 @@ class Engine:
             other_avoider=self._notices.other_avoider,
         )
         self._handover = Handover(self.aircraft, config.supervisor, self._readiness, config.control)
-        self._commanding = Commanding(self.aircraft, self._handover)
+        self._commanding = self._handover.commanding
         self._deciding = Deciding(
             self.aircraft,
             self.queries,
@@ -124,15 +116,25 @@ class Engine:
             self._handover,
             avoider or Avoider(config.avoidance),
         )
-        self._boot_time_s = -math.inf
+        self._end = Housekeeping(
+            Rooms(
+                self.aircraft,
+                self.queries,
+                self._rates,
+                self._picture,
+                self.operator,
+                self._notices,
+                self._readiness,
+                self._handover,
+                self._deciding,
+                self.forwarding,
+            ),
+            lambda: self.sender,
+        )
         self._prompted = False  # a threat was reported since the last tick
         self._resume = False  # the operator requested to resume the mission since the last tick
         self._answers: list[Message] = []
-        self._left: PersistedState | None = None  # state of a former run, until its parameters are restored
-        self._kept_s: float | None = None
         self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
-        self.concerns: tuple[Concern, ...] = ()  # of the last tick: traffic that is not avoided or is odd
-        self._reports: dict[str, int] = {}  # how many updated each track
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -202,7 +204,12 @@ class Engine:
     @property
     def conditions(self) -> tuple[Condition, ...]:
         """What keeps the aircraft from being flown, is odd, or was given up; the most severe first."""
-        return self._conditions.holding
+        return self._end.conditions.holding
+
+    @property
+    def concerns(self) -> tuple[Concern, ...]:
+        """Traffic that was not avoided or was odd on the last tick."""
+        return self._end.concerns
 
     def snapshot(self, now_s: float) -> Snapshot:
         """The present state, for a display."""
@@ -233,7 +240,7 @@ class Engine:
         if left is None:
             return
         left = replace(left, time_s=now_s - age_s)
-        self._left = left
+        self._end.left = left
         if not left.is_fresh(now_s):
             return
         if left.role is not None:
@@ -291,7 +298,8 @@ class Engine:
             self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, at_s):
             self.foreign += 1
-            self._look_for_companion(fact, now_s)
+            if isinstance(fact, Heartbeat):
+                self.aircraft.identity.observe_component(fact, self.sender, now_s)
             return self._is_of_another_system(fact) and self._receive_traffic(fact, now_s)
         self._rates.observe(fact)
         self._picture.observe_ownship(fact, at_s)
@@ -304,11 +312,10 @@ class Engine:
                     self.aircraft.adapter.observe(fact, at_s)
                 return self.aircraft.custom_mode != mode_before
             case OwnPosition():
-                if fact.boot_time_s < self._boot_time_s - 1.0:
+                if self.aircraft.contact.restarted(fact.boot_time_s):
                     self._ask_again()
                     if self.aircraft.adapter is not None:
                         self.aircraft.adapter.restarted()
-                self._boot_time_s = fact.boot_time_s
             case CommandResult() if fact.target in (None, self.sender):
                 self._handover.answered(fact, now_s)
             case _ if isinstance(fact, _ADAPTER_FACTS) and self.aircraft.adapter is not None:
@@ -317,23 +324,17 @@ class Engine:
                 pass
         return False
 
-    def _look_for_companion(self, fact: Fact, now_s: float) -> None:
-        """Note another component of our system that announces itself as a companion like us."""
-        if not isinstance(fact, Heartbeat) or fact.sender.system_id != self.sender.system_id:
-            return
-        avoids = fact.sender.component_id == mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
-        if fact.is_companion or (avoids and fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID):
-            self.aircraft.identity.observe_companion(fact.sender.component_id, now_s)
-
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
-        if self.forwarding.is_echo(fact, now_s):
+        forwarding = self.forwarding
+        if forwarding.sent and forwarding.is_echo(fact, now_s):
             return False
         track_id = self._picture.receive(fact, now_s)
-        self.forwarding.observe(fact, track_id, self.aircraft.sender, now_s)
+        if forwarding.to is not None:
+            forwarding.received.append(Received(fact, track_id, self.aircraft.sender, now_s))
         if track_id is None:
             return False
-        self._reports[track_id] = self._reports.get(track_id, 0) + 1
+        self._end.reports[track_id] += 1
         prompted = any(threat.track_id == track_id for threat in self.decision.threats)
         self._prompted |= prompted
         return prompted
@@ -370,11 +371,13 @@ class Engine:
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()
-        self.aircraft.ours = self._handover.holds
+        self.aircraft.ours = self.supervisor.holds
         effects += self._command(now_s)
-        effects += self._housekeeping(now_s)
+        answers, self._answers = self._answers, []
+        effects += self._emit(self._end.outgoing(answers, self.shell_conditions, now_s), now_s)
+        effects += self._end.effects(now_s)
         if overridden is None:
-            effects += self._record(now_s)
+            effects += self._end.record(now_s)
         self._prompted = False
         return effects
 
@@ -409,90 +412,6 @@ class Engine:
             returning=self.supervisor.state is State.RETURNING,
         )
         return self._emit([*messages, *changes], now_s)
-
-    def _housekeeping(self, now_s: float) -> list[Effect]:
-        """Repetitions, rates, requests, answers, COLLISION, our own heartbeat, state for the next run."""
-        outgoing: list[Message | AnyNotice] = [*self._notices.tick()]
-        outgoing += self._conditions.tick(self._present_conditions(now_s), now_s)
-        adapter, flying = self.aircraft.adapter, self.supervisor.flying
-        if adapter is not None:
-            if self._left is not None:
-                # The state may be that of another aircraft.
-                if self._left.system_id == adapter.target.system_id:
-                    adapter.restore_parameters(self._left.borrowed)
-                self._left = None
-            if (self._commanding.may_fly or not flying) and self._commanding.in_contact(now_s):
-                outgoing += adapter.tick(now_s)
-            if self.aircraft.heard(now_s):
-                outgoing += self._rates.tick(adapter, now_s)
-                requests, notices = self.queries.tick(adapter, now_s)
-                outgoing += [*requests, *notices]
-                self.aircraft.note_mission(self.queries.mission, now_s, arrives=self.queries.mission_arrives)
-                self.aircraft.kinematics.airspeed.cruise_mps = self.queries.limits.cruise_airspeed_mps
-        answers, self._answers = self._answers, []
-        outgoing += [*answers, *self.operator.listed(now_s)]
-        outgoing += self._broadcasts.collisions(self.decision, now_s, flying=flying)
-        if adapter is not None:
-            if self._handover.holds:
-                outgoing += self._rates.heartbeat(adapter, self.aircraft.heartbeat_s, now_s)
-            # An autopilot that leaves the guided mode without our setpoints: do they arrive?
-            often = self._handover.holds and adapter.leaves_guided_by_itself
-            outgoing += self._broadcasts.time_sync(self.sender.component_id, now_s, often=often)
-        healthy = self.aircraft.heard(now_s) and not self.aircraft.position_lost(now_s)
-        outgoing += self._broadcasts.heartbeat(self.operator.role, now_s, healthy=healthy)
-        return self._emit(outgoing, now_s) + self._forward(now_s) + self._keep(now_s)
-
-    def _forward(self, now_s: float) -> list[Effect]:
-        """Traffic that others hear, from the ADS-B component of our system."""
-        place, deciding = self.forwarding.to, self._deciding
-        if place is None or not self.aircraft.heard(now_s):
-            return []
-        sender = _address(self.sender.system_id, mavlink.MAV_COMP_ID_ADSB)
-        messages = self.forwarding.messages(deciding.tracks, deciding.own, deciding.frame, now_s)
-        return [Transmit(sender, message, place) for message in messages]
-
-    def _present_conditions(self, now_s: float) -> list[Condition]:
-        """The conditions that hold now, of every room that reports any."""
-        threatened = bool(self.decision.threats)
-        alarms = self._handover.conditions(now_s)
-        own = self._notices.conditions(self._readiness, now_s, threatened=threatened)
-        self.concerns = self._picture.concerns(now_s)
-        traffic = traffic_conditions(self.concerns, self._deciding.own)
-        return [*alarms, *own, *traffic, *self.queries.conditions(), *self.shell_conditions]
-
-    def _keep(self, now_s: float) -> list[Effect]:
-        """Save the state for the next run once a second; remove it when there is none any more."""
-        state = self._handover.persisted(now_s, self.operator.changed_to)
-        if state is None:
-            changed, self._kept_s = self._kept_s is not None, None
-            return [Keep(None)] if changed else []
-        if self._kept_s is not None and now_s - self._kept_s < _KEEP_INTERVAL_S - 1e-3:
-            return []
-        self._kept_s = now_s
-        return [Keep(state)]
-
-    def _record(self, now_s: float) -> list[Effect]:
-        deciding, supervisor = self._deciding, self.supervisor
-        if deciding.own is None:
-            return []
-        aircraft, home_m = self.aircraft, self.aircraft.home_altitude_m()
-        around = Circumstances(
-            supervisor.state,
-            supervisor.flying,
-            aircraft.mode,
-            deciding.frame,
-            home_m,
-            [concern_values(concern) for concern in self.concerns],
-            self._counted_reports(),
-        )
-        return [Record(now_s, deciding.decision, deciding.own, deciding.tracks, around)]
-
-    def _counted_reports(self) -> dict[str, int]:
-        """The number of reports by track; of a flood, only of the present tracks."""
-        if len(self._reports) > _MOST_COUNTED:
-            tracks = {track.track_id for track in self._deciding.tracks}
-            self._reports = {name: count for name, count in self._reports.items() if name in tracks}
-        return self._reports.copy()
 
     def _emit(self, outgoing: Iterable[Message | AnyNotice], now_s: float) -> list[Effect]:
         """Messages and notices as effects, in their order."""

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from companion.geodesy import course_deg
 from companion.traffic import Concern, ConcernKind
-from companion.units import course_deg
 
 # Tracks exist of these: they are avoided, though there is something odd about them.
 _AVOIDED = frozenset(

@@ -8,18 +8,17 @@ import math
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from heapq import nsmallest
-from typing import Final
+from typing import Final, NamedTuple
 
 from companion.gcs.made_up_addresses import MadeUpAddresses
 from companion.gcs.sent_reports import SentReports
-from companion.geodesy import LocalFrame
+from companion.geodesy import LocalFrame, wrap_two_pi
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import RECEIVER, Fact, Sender, Traffic
 from companion.mavlink.translate.adsb import vehicle_message
 from companion.model import AltitudeReference, Ownship, Track, TrackState, TrafficReport, TrafficSource, Vec3
 from companion.output.effects import Place
 from companion.traffic.params import Forward
-from companion.units import wrap_two_pi
 
 # At most five a second, 50 bytes each: 4 % of a radio with 57600 baud.
 _SPACING_S: Final = 0.2
@@ -75,17 +74,27 @@ class _Heard:
             self.barometric_s = now_s
 
 
+class Received(NamedTuple):
+    """A report, or a position of another system, and the track that it updated; `None`: it was not used."""
+
+    fact: Fact
+    track_id: str | None
+    autopilot: Sender | None  # the address of ours at that time
+    at_s: float
+
+
 class Forwarding:
     """Chooses what is sent, and recognizes it when it comes back.
 
-    The shell sets `elsewhere`, the MAVLink senders that are not heard on the links we send to, and
-    `receiver_works`. `sent` counts reports.
+    What was `received` waits until the setpoints of the tick are made. `elsewhere` are the MAVLink senders
+    that are not heard on the links we send to. `sent` counts reports.
     """
 
     def __init__(self, forward: Forward) -> None:
         self.to: Place | None = None if forward == "off" else forward
         self.elsewhere: Set[tuple[int, int]] = frozenset()
         self.receiver_works = False
+        self.received: list[Received] = []
         self.sent = 0
         self._heard: dict[str, _Heard] = {}
         self._addresses = MadeUpAddresses()
@@ -96,13 +105,21 @@ class Forwarding:
     # --- what is heard
 
     def is_echo(self, fact: Fact, now_s: float) -> bool:
-        """Whether a report is one of ours that comes back."""
-        return self.sent > 0 and isinstance(fact, Traffic) and self._reports.has(fact.report, now_s)
+        """Whether a report is one of ours that comes back; none is before the first is `sent`."""
+        return isinstance(fact, Traffic) and self._reports.has(fact.report, now_s)
 
-    def observe(self, fact: Fact, track_id: str | None, autopilot: Sender | None, now_s: float) -> None:
-        """Note who reported a track, and what the report says of it; `None`: a report that was not used."""
-        if self.to is None:
-            return
+    def note_sources(self, *, receiver_works: bool, elsewhere: Set[tuple[int, int]]) -> None:
+        """Note, for what comes from now on, whether a receiver works and who is heard elsewhere."""
+        self.note_received()
+        self.receiver_works, self.elsewhere = receiver_works, elsewhere
+
+    def note_received(self) -> None:
+        """Note who reported which tracks since the last call, and what the reports say of them."""
+        received, self.received = self.received, []
+        for one in received:
+            self._observe(*one)
+
+    def _observe(self, fact: Fact, track_id: str | None, autopilot: Sender | None, now_s: float) -> None:
         sender, report = fact.sender, fact.report if isinstance(fact, Traffic) else None
         if sender == autopilot or (sender != RECEIVER and sender not in self.elsewhere):
             track_id = track_id or (None if report is None else report.key)
@@ -117,7 +134,7 @@ class Forwarding:
     def messages(
         self, tracks: Sequence[Track], own: Ownship | None, frame: LocalFrame | None, now_s: float
     ) -> list[Message]:
-        """The report that is due, and our heartbeat as an ADS-B receiver."""
+        """The report that is due, and our heartbeat as an ADS-B receiver; call `note_received` before."""
         if self.to is None or not self._is_fed(now_s):
             self._heard.clear()
             return []

@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 
 from companion.gcs.phrases import Maneuver, TrafficSituation, clear_notice, conflict_notice, resume_notice
+from companion.geodesy import wrap_pi
 from companion.model import Guidance, Ownship, TextUnits
 from companion.output.notice import AnyNotice, ConflictNotice, Notice, ResumeNotice
-from companion.units import wrap_pi
 
 # Changes that a pilot notices: of the course, of the height (50 ft) and of the airspeed.
 _COURSE_RAD, _HEIGHT_M, _SPEED_MPS = math.radians(20.0), 15.0, 2.0

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.control.readiness import Readiness
 from companion.gcs.requests import GcsRequests
 from companion.gcs.settings import Settings

@@ -11,7 +11,7 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 from annotated_types import Ge, Le
 
-from companion.avoidance.envelope import ALL_CONTROLS, Control
+from companion.avoidance import ALL_CONTROLS, Control
 from companion.engine_config import EngineConfig
 from companion.model import Role, TextUnits
 

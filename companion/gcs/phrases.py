@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from companion.geodesy import wrap_pi, wrap_two_pi
 from companion.mavlink.dialect import mavlink
 from companion.model import (
     LEVEL_M,
@@ -21,7 +22,7 @@ from companion.model import (
     Threat,
 )
 from companion.output.notice import TEXT_BYTES, Notice
-from companion.units import FOOT_M, KNOT_MPS, wrap_pi, wrap_two_pi
+from companion.units import FOOT_M, KNOT_MPS
 
 _HOLD = "HOLD"
 

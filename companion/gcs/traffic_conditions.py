@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterable, Iterator
 
+from companion.geodesy import wrap_two_pi
 from companion.mavlink.dialect import mavlink
 from companion.model import Ownship
 from companion.output.notice import Condition
 from companion.traffic import Concern, ConcernKind
-from companion.units import wrap_two_pi
 
 # A missing altitude, a contradiction or a silence of less than this is usual.
 _LASTING_S = 2.0

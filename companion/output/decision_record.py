@@ -7,9 +7,8 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
-from companion.geodesy import LocalFrame
+from companion.geodesy import LocalFrame, course_deg
 from companion.model import Decision, Guidance, Ownship, Threat, Track, TrackState, TrafficKind, Vec3
-from companion.units import course_deg
 
 
 class Circumstances(NamedTuple):

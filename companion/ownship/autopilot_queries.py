@@ -46,7 +46,7 @@ _UNANSWERED_S, _UNANSWERED_AGAIN_S = 10.0, 60.0
 _ANSWERS: frozenset[type] = frozenset((Parameter, CommandResult, *MISSION_PROTOCOL))
 _REQUEST_INTERVAL_S = 0.2
 # FENCE_STATUS comes once a second from an autopilot whose fence is enabled.
-_FENCE_HEARD_S = 5.0
+_FENCE_HEARD_S, _EARLY_S = 5.0, 1e-6
 _FENCE_OFF = FenceSettings(on=False, zones=False)
 # Parameters arrive one by one; the limits are announced when none has changed them for this long.
 _SETTLED_S = 3.0
@@ -74,6 +74,10 @@ class AutopilotQueries:
         self._fence_settings = FenceSettings()  # by the parameters alone
         self._fence_heard_s = -math.inf
         self._home: HomePosition | None = None
+        # The autopilot's own fence as known at present, equal as long as nothing changes; valid until
+        # `fence_until_s`, when it is looked at again (see `refresh_fence`).
+        self.fence = AutopilotFence(self._fence_settings, self._uploaded_zones, None)
+        self.fence_until_s = math.inf
         self._next_request_s = -math.inf
         self._reread_s = -math.inf
         self._limits_changed_s: float | None = None  # until they are announced
@@ -81,11 +85,6 @@ class AutopilotQueries:
         self._asked_s: float | None = None  # the first request since the last answer
         self._answered = False  # since the contact began
         self._unanswered = False
-
-    @property
-    def envelope(self) -> Envelope:
-        """The limits in effect, without floor and ceiling."""
-        return self.limits.envelope
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -129,8 +128,10 @@ class AutopilotQueries:
                 self._learn(fact, adapter, now_s)
             case FenceStatus():
                 self._fence_heard_s = now_s
+                self.refresh_fence(now_s)
             case HomePosition():
                 self._home = fact
+                self.refresh_fence(now_s)
             case _:
                 pass
 
@@ -142,7 +143,7 @@ class AutopilotQueries:
             self._asked_s = now_s
         patience_s = _UNANSWERED_AGAIN_S if self._answered else _UNANSWERED_S
         self._unanswered |= self._asked_s is not None and now_s - self._asked_s >= patience_s
-        notices = self._take_lists()
+        notices = self._take_lists(now_s)
         if self._limits_changed_s is not None and now_s - self._limits_changed_s >= _SETTLED_S:
             self._limits_changed_s = None
             notices += self._limit_notices()
@@ -170,23 +171,25 @@ class AutopilotQueries:
 
     # --- the fence
 
-    def heights(self, min_height_m: float, max_height_m: float | None, now_s: float) -> HeightLimits:
+    def heights(self, min_height_m: float, max_height_m: float | None) -> HeightLimits:
         """Floor and ceiling: those given, and those of the autopilot's fence within its margin."""
-        return HeightLimits.within_fence(min_height_m, max_height_m, self._settings(now_s))
+        return HeightLimits.within_fence(min_height_m, max_height_m, self.fence.settings)
 
-    def autopilot_fence(self, now_s: float) -> AutopilotFence:
-        """The autopilot's own fence as known at present; equal as long as nothing changes."""
-        home_deg = None if self._home is None else (self._home.lat_deg, self._home.lon_deg)
-        return AutopilotFence(self._settings(now_s), self._uploaded_zones, home_deg)
-
-    def local_fence(self, frame: LocalFrame, home_altitude_m: float, now_s: float) -> Fence | None:
+    def local_fence(self, frame: LocalFrame, home_altitude_m: float) -> Fence | None:
         """The fence in force in the local frame, see `fence_in_force`."""
-        return fence_in_force(self._configured_zones, self.autopilot_fence(now_s), frame, home_altitude_m)
+        return fence_in_force(self._configured_zones, self.fence, frame, home_altitude_m)
 
-    def _settings(self, now_s: float) -> FenceSettings:
-        """The settings of the autopilot's fence; without heights and zones when it is known to be off."""
+    def refresh_fence(self, now_s: float) -> None:
+        """Look at the fence again, as something changed, or after `fence_until_s`.
+
+        It has no heights and zones when it is known to be off: by its settings, and not heard.
+        """
         heard = now_s - self._fence_heard_s <= _FENCE_HEARD_S
-        return _FENCE_OFF if self._fence_settings.on is False and not heard else self._fence_settings
+        self.fence_until_s = self._fence_heard_s + _FENCE_HEARD_S - _EARLY_S if heard else math.inf
+        off = self._fence_settings.on is False and not heard
+        home_deg = None if self._home is None else (self._home.lat_deg, self._home.lon_deg)
+        settings = _FENCE_OFF if off else self._fence_settings
+        self.fence = AutopilotFence(settings, self._uploaded_zones, home_deg)
 
     # --- requests and answers
 
@@ -195,6 +198,7 @@ class AutopilotQueries:
             self._adapter = adapter
             self._parameters = ParameterReader(adapter.parameters.questions())
             self._fence_settings = adapter.parameters.fence(self.parameters)
+            self.refresh_fence(now_s)
             self._limits_changed_s = now_s
 
     def _requests(self, adapter: Adapter, now_s: float) -> list[Message]:
@@ -220,13 +224,14 @@ class AutopilotQueries:
             elif fact.name == table.fence_total:
                 self._missions.changed(FENCE, now_s)
         self._fence_settings = table.fence(self.parameters)
+        self.refresh_fence(now_s)
         reported = reported_limits(self.parameters, table)
         limits = limits_in_effect(self._assumed, self._configured, reported)
         if limits != self.limits:
             self.limits = limits
             self._limits_changed_s = now_s
 
-    def _take_lists(self) -> list[Notice]:
+    def _take_lists(self, now_s: float) -> list[Notice]:
         """Store the lists that were read; returns what to announce about them."""
         notices: list[Notice] = []
         mission, fence = self._missions.mission, self._missions.fence
@@ -241,6 +246,7 @@ class AutopilotQueries:
             news = bool(fence or self._fence_items)
             self._fence_items = fence
             self._uploaded_zones, useless = zones_of(fence)
+            self.refresh_fence(now_s)
             words = f"Fence: {len(self._uploaded_zones)} zones of the autopilot"
             words += f", {useless} items not understood" if useless else ""
             notices += [_to_log(words)] if news else []

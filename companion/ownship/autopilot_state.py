@@ -97,6 +97,14 @@ class Identity:
         """Note another companion in our system that avoids too."""
         self._companion = component_id, now_s
 
+    def observe_component(self, fact: Heartbeat, us: Sender, now_s: float) -> None:
+        """Note another component of our system that announces itself as a companion like us."""
+        if fact.sender.system_id != us.system_id:
+            return
+        avoids = fact.sender.component_id == mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
+        if fact.is_companion or (avoids and fact.autopilot == mavlink.MAV_AUTOPILOT_INVALID):
+            self.observe_companion(fact.sender.component_id, now_s)
+
     def other_companion(self, now_s: float) -> int | None:
         """Component id of another companion that is heard now; `None` without one."""
         if self._companion is None or now_s - self._companion[1] > _OTHER_HEARD_S:
@@ -138,6 +146,7 @@ class Contact:
     def __init__(self) -> None:
         self.heartbeat_s = -math.inf
         self.clock_offset_s: float | None = None  # the autopilot's Unix time minus ours
+        self._boot_time_s = -math.inf
         self._fact_s = -math.inf
         self._silent_until_s = -math.inf
         self._answered_s: float | None = None  # when the newest message was sent that was answered
@@ -149,6 +158,11 @@ class Contact:
         if now_s - self._fact_s > _SILENCE_S and math.isfinite(self._fact_s):
             self._silent_until_s = now_s
         self._fact_s = max(now_s, self._fact_s)
+
+    def restarted(self, boot_time_s: float) -> bool:
+        """Whether the autopilot has restarted, by the time since its start in its newest position."""
+        before, self._boot_time_s = self._boot_time_s, boot_time_s
+        return boot_time_s < before - 1.0
 
     def observe_clock(self, unix_s: float | None, now_s: float) -> None:
         """Compare the autopilot's Unix time with ours; `None`: it has none yet."""

@@ -3,10 +3,9 @@
 import math
 
 from companion.autopilots.adapter import GuidanceCommand
-from companion.geodesy import GeoPoint, LocalFrame
+from companion.geodesy import GeoPoint, LocalFrame, wrap_two_pi
 from companion.mavlink.facts import AirData, OwnPosition, TerrainReport, Wind
 from companion.model import Guidance, Ownship, Vec2, Vec3
-from companion.units import wrap_two_pi
 
 # Time constant of the wind estimate: longer than a gust or the swing of the nose.
 _WIND_TIME_CONSTANT_S = 10.0

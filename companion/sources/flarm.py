@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
+from companion.geodesy import wrap_two_pi
 from companion.mavlink.facts import RECEIVER, ReceiverOwnship, Traffic
 from companion.mavlink.translate.wire import printable
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, Vec3, adsb_key
@@ -22,7 +23,6 @@ from companion.sources.nmea import (
     number,
     pressure_altitude_m,
 )
-from companion.units import wrap_two_pi
 
 _AIRCRAFT_FIELDS, _STATUS_FIELDS = 13, 10
 _ADDRESS = re.compile(r"[0-9A-Fa-f]{6}")

@@ -1,9 +1,8 @@
 """Traffic: from reports of other aircraft to their tracks."""
 
-from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.concerns import Concern, ConcernKind
 from companion.traffic.measurement import DropReason
-from companion.traffic.params import TrafficParams
+from companion.traffic.params import HeightParams, TrafficParams
 from companion.traffic.picture import TrafficPicture
 from companion.traffic.tracker import Tracker
 

@@ -60,34 +60,23 @@ class OldReport(NamedTuple):
     place_deg: LatLon
 
 
+class Notes(NamedTuple):
+    """What is noted while reports are received, so that concerns are looked for only when they are asked for.
+
+    `without_altitude` has the ids of targets, `contested` the keys with several hypotheses, `old` the reports
+    that were thrown away because of their age, by the aircraft's name.
+    """
+
+    without_altitude: dict[str, None]
+    contested: dict[str, None]
+    old: dict[str, OldReport]
+
+
 class ConcernedView:
     """Places as seen from our aircraft, and which of them are near."""
 
     def __init__(self, params: TrafficParams, trail: OwnTrail) -> None:
         self._params, self._trail = params, trail
-        self._old: dict[str, OldReport] = {}
-
-    def note_old(self, name: str, report: OldReport) -> None:
-        """Note a report that was thrown away."""
-        self._old.pop(name, None)
-        if len(self._old) >= _MOST_OLD:
-            del self._old[next(iter(self._old))]
-        self._old[name] = report
-
-    def forget_old(self, name: str) -> None:
-        """Forget it, because the aircraft is a track."""
-        if self._old:
-            self._old.pop(name, None)
-
-    def old(self, now_s: float) -> Iterator[Concern]:
-        """Aircraft near us whose reports are too old to be used."""
-        for name, one in list(self._old.items()):
-            if now_s - one.received_s > _RECENT_S:
-                del self._old[name]
-                continue
-            seen = self.seen(ConcernKind.OLD_REPORTS, name, one.place_deg, one.age_s)
-            if self.is_near(seen):
-                yield seen
 
     def seen(self, kind: ConcernKind, name: str, place_deg: LatLon | None, seconds: float = 0.0) -> Concern:
         """A concern about an aircraft at a place."""
@@ -161,37 +150,24 @@ class Known(NamedTuple):
 
 
 class ConcernFinder:
-    """Notes what may be of concern while reports are received, and finds what is when it is asked for."""
+    """Finds what is of concern, from what the tracker knows and what it noted."""
 
-    def __init__(self, known: Known, view: ConcernedView) -> None:
-        self._known, self._view = known, view
-        self._without_altitude: dict[str, None] = {}
-        self._contested: dict[str, None] = {}
-
-    def note_altitude(self, track_id: str, *, known: bool) -> None:
-        """Note whether a target has an altitude."""
-        if not known:
-            self._without_altitude[track_id] = None
-        elif self._without_altitude:
-            self._without_altitude.pop(track_id, None)
-
-    def note_contested(self, key: str) -> None:
-        """Note that a key has several hypotheses."""
-        self._contested[key] = None
+    def __init__(self, known: Known, notes: Notes, view: ConcernedView) -> None:
+        self._known, self._notes, self._view = known, notes, view
 
     def note_old(self, name: str, report: OldReport) -> None:
-        """Note a report that was thrown away because of its age."""
-        self._view.note_old(name, report)
-
-    def note_fresh(self, name: str) -> None:
-        """Note a report that was not."""
-        self._view.forget_old(name)
+        """Note a report that was thrown away because of its age; only the newest are kept."""
+        old = self._notes.old
+        old.pop(name, None)
+        if len(old) >= _MOST_OLD:
+            del old[next(iter(old))]
+        old[name] = report
 
     def find(self, threats: set[str], evicted_s: float, evicted: int, now_s: float) -> tuple[Concern, ...]:
         """All concerns, the nearest of each kind; `evicted` targets made room, the last at `evicted_s`."""
         found = [
             *self._heightless(now_s),
-            *self._view.old(now_s),
+            *self._old(now_s),
             *self._silent(threats, now_s),
             *self._contradictions(now_s),
             *self._shadows(now_s),
@@ -204,8 +180,18 @@ class ConcernFinder:
     def _of(self, kind: ConcernKind, target: Target, now_s: float, seconds: float) -> Concern:
         return self._view.seen(kind, name_of(target), place_of(target, now_s), seconds)
 
+    def _old(self, now_s: float) -> Iterator[Concern]:
+        """Aircraft near us whose reports are too old to be used."""
+        for name, one in list(self._notes.old.items()):
+            if now_s - one.received_s > _RECENT_S:
+                del self._notes.old[name]
+                continue
+            seen = self._view.seen(ConcernKind.OLD_REPORTS, name, one.place_deg, one.age_s)
+            if self._view.is_near(seen):
+                yield seen
+
     def _heightless(self, now_s: float) -> Iterator[Concern]:
-        for track_id in list(self._without_altitude):
+        for track_id in list(self._notes.without_altitude):
             target = self._known.store.targets.get(track_id)
             if target is None or not self._known.is_track(target):
                 continue
@@ -226,10 +212,10 @@ class ConcernFinder:
                 yield self._view.seen(ConcernKind.LOST, lost.name, place_deg, now_s - lost.measured_s)
 
     def _contradictions(self, now_s: float) -> Iterator[Concern]:
-        for key in list(self._contested):
+        for key in list(self._notes.contested):
             contact = self._known.contacts.get(key)
             if contact is None or len(contact.hypotheses) < 2:
-                del self._contested[key]
+                del self._notes.contested[key]
             else:
                 yield from self._view.contradictions(contact, now_s)
 

@@ -2,10 +2,10 @@
 
 import math
 
+from companion.geodesy import wrap_two_pi
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Fact, Heartbeat, OwnPosition
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
-from companion.units import wrap_two_pi
 
 # A system lower above its home and slower than this is not flying: it is parked, or carried to its start.
 _GROUND_HEIGHT_M, _GROUND_SPEED_MPS = 2.0, 3.0

@@ -12,10 +12,9 @@ from typing import Final
 
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficReport, TrafficSource, adsb_key, uas_key
-from companion.traffic.altitude_datums import SeaLevelAltitude
-from companion.traffic.own_trail import OwnshipFix, OwnTrail
+from companion.traffic.altitudes import SeaLevelAltitude
+from companion.traffic.own_trail import Match, OwnshipFix, OwnTrail, Shadows
 from companion.traffic.params import EchoParams, TrafficParams
-from companion.traffic.shadow import Match, Shadows
 from companion.traffic.target import Motion, Target
 
 _SPACING_S = 0.2

@@ -6,11 +6,28 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from companion.traffic.altitude_datums import HeightParams
 from companion.traffic.estimate_params import EstimateParams
 
 Icao = Annotated[int, Ge(1), Le(0xFFFFFF)]
 Forward = Literal["autopilot", "station", "off"]
+
+
+@dataclass(frozen=True, slots=True)
+class HeightParams:
+    """Error of an altitude (one sigma) whose offset from mean sea level is unknown or old."""
+
+    # While our own pressure altitude is unknown, a pressure altitude is taken as height above the sea. The
+    # pressure at sea level is often 8 hPa off the standard's 1013.25, and 1 hPa is 8.3 m at low altitude.
+    pressure_unknown_m: Annotated[float, Ge(0)] = 60.0
+    # Our own pressure altitude counts as current for this time: 1 Hz with losses. After that its error grows,
+    # faster than with a passing front (3 hPa an hour: 0.007 m/s), because silence indicates a fault.
+    pressure_fresh_s: Annotated[float, Gt(0)] = 5.0
+    pressure_stale_mps: Annotated[float, Ge(0)] = 0.5
+    # Air 20 K warmer or colder than standard stretches altitudes by 7 %: the error of an old offset for each
+    # metre that we have climbed or descended since.
+    pressure_stretch: Annotated[float, Ge(0)] = 0.07
+    # The geoid lies between 106 m below and 85 m above the ellipsoid; within 50 m of it over most land.
+    geoid_unknown_m: Annotated[float, Ge(0)] = 50.0
 
 
 @dataclass(frozen=True, slots=True)

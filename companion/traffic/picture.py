@@ -16,7 +16,7 @@ from companion.mavlink.facts import (
     Traffic,
 )
 from companion.model import AltitudeReference, Track
-from companion.traffic.altitude_datums import OwnshipAltitudes
+from companion.traffic.altitudes import OwnshipAltitudes
 from companion.traffic.concerns import Concern
 from companion.traffic.mavlink_traffic import MavlinkTraffic
 from companion.traffic.own_trail import OwnshipFix

@@ -5,18 +5,19 @@ from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
 from companion.model import TrafficKind, TrafficSource, Vec2
-from companion.traffic.altitude_datums import ReportedAltitude, SeaLevelAltitude
-from companion.traffic.covariance import Moments, grown_sigmas
-from companion.traffic.evidence import NOISE_SHARE, KindEvidence, StatedRate, Surroundings
+from companion.traffic.altitudes import ReportedAltitude, SeaLevelAltitude, TargetAltitudes
+from companion.traffic.evidence import KindEvidence, Surroundings
 from companion.traffic.measurement import (
+    NOISE_SHARE,
     RANK,
     DropReason,
     Measurement,
+    StatedRate,
     position_sigma_m,
     velocity_sigma_mps,
 )
+from companion.traffic.motion_models import Moments, grown_sigmas
 from companion.traffic.params import TrafficParams
-from companion.traffic.target_altitudes import TargetAltitudes
 from companion.traffic.track_filter import HorizontalFilter, HorizontalFix
 
 # Errors of stated velocities below this are of no importance.

@@ -9,9 +9,15 @@ from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from companion.geodesy import LocalFrame
 from companion.model import Vec2
-from companion.traffic.covariance import Covariance, Moments, NoiseScale, grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
-from companion.traffic.interacting_models import AlongPath, LateralModels
+from companion.traffic.motion_models import (
+    AlongPath,
+    Covariance,
+    LateralModels,
+    Moments,
+    NoiseScale,
+    grown_sigmas,
+)
 
 # Chi-square gates of two axes and of one: one in a million true reports is outside. Errors of receivers are
 # not normal that far out, but the wrong ones are further by far.

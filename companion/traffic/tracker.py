@@ -5,10 +5,9 @@ from collections import Counter
 
 from companion.geodesy import LocalFrame
 from companion.model import LatLon, Track, TrafficKind, TrafficReport
-from companion.traffic.altitude_datums import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
+from companion.traffic.altitudes import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
 from companion.traffic.anonymous import AnonymousContacts
-from companion.traffic.association import Association
-from companion.traffic.concerns import Concern, ConcernedView, ConcernFinder, Known, OldReport
+from companion.traffic.concerns import Concern, ConcernedView, ConcernFinder, Known, Notes, OldReport
 from companion.traffic.contact import Assignment, Contact
 from companion.traffic.evidence import UNKNOWN, Surroundings
 from companion.traffic.measurement import (
@@ -22,7 +21,7 @@ from companion.traffic.measurement import (
 from companion.traffic.own_trail import OwnshipFix, OwnTrail
 from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
 from companion.traffic.params import TrafficParams
-from companion.traffic.store import TargetStore
+from companion.traffic.store import Association, TargetStore
 from companion.traffic.target import Target, stale_after_s
 from companion.traffic.tracks import Coasting, TrackMaker
 
@@ -88,8 +87,10 @@ class Tracker:
         self._anonymous = AnonymousContacts(params, self._store.grid)
         self._coasting = Coasting(params, self._trail)
         self._unplaced_received_s: dict[str, float] = {}  # the longest silence first
+        self._notes = Notes({}, {}, {})
         self._concerns = ConcernFinder(
             Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
+            self._notes,
             ConcernedView(params, self._trail),
         )
         self._evicted_s = -math.inf
@@ -208,13 +209,14 @@ class Tracker:
         time_s = observer.time_of(stated_s, monotonic_s)
         if monotonic_s - time_s > stale_after_s(report.kind, self.params):
             return self._too_old(report.callsign or report.key, place_deg, time_s, monotonic_s)
-        self._concerns.note_fresh(report.callsign or report.key)
+        if self._notes.old:
+            self._notes.old.pop(report.callsign or report.key, None)
         measurement = measure(report, time_s, monotonic_s, *place_deg, self.params)
         if self._idle:
             self._idle.pop(contact.key, None)
         assignment = contact.assign(measurement, observer, self._reach_s)
         if len(contact.hypotheses) > 1:
-            self._concerns.note_contested(contact.key)
+            self._notes.contested[contact.key] = None
         return assignment
 
     def _is_repeat(
@@ -279,7 +281,10 @@ class Tracker:
             height_m = None if altitude is None else altitude.altitude_m
             velocity_mps = target.motion.north_mps, target.motion.east_mps
             target.reach_s = self._trail.reach_s(target.measured_s, place_deg, velocity_mps, height_m)
-        self._concerns.note_altitude(target.track_id, known=altitude is not None)
+        if altitude is None:
+            self._notes.without_altitude[target.track_id] = None
+        else:
+            self._notes.without_altitude.pop(target.track_id, None)
         if not target.evidence.stated_airborne and target.evidence.on_ground:
             self.dropped[DropReason.ON_GROUND] += new
             self._association.remove(target.track_id)
@@ -396,4 +401,4 @@ class Tracker:
         if self._store.remove(target):
             self._association.remove(target.track_id)
             self._echo.remove(target.track_id)
-            self._concerns.note_altitude(target.track_id, known=True)
+            self._notes.without_altitude.pop(target.track_id, None)

@@ -12,11 +12,11 @@ from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame
 from companion.model import Track, TrackState, TrafficKind, Vec2
-from companion.traffic.altitude_datums import DatumOffsets, ReportedAltitude, SeaLevelAltitude, to_sea_level
-from companion.traffic.association import leading_target
+from companion.traffic.altitudes import DatumOffsets, ReportedAltitude, SeaLevelAltitude, to_sea_level
 from companion.traffic.contact import Observers
 from companion.traffic.own_trail import OwnTrail
 from companion.traffic.params import TrafficParams
+from companion.traffic.store import leading_target
 from companion.traffic.target import Motion, Target
 
 # A meeting: the straight predictions come this near within this time.

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from companion.airspace.fences import FenceZone
-from companion.avoidance.cone import approach_angle_rad, half_angle_rad
-from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead, mission_guidance, own_state
+from companion.avoidance.intruders import approach_angle_rad, half_angle_rad
+from companion.avoidance.mission_path import mission_guidance
+from companion.avoidance.trajectory import TIMES_S, Commands, fly_ahead, own_state
 from companion.gcs.concern_values import concern_values
 from companion.gcs.traffic_conditions import TRAFFIC_KEY
-from companion.geodesy import LocalFrame
+from companion.geodesy import LocalFrame, course_deg
 from companion.model import Layer, Ownship, Snapshot, Threat, Track
 from companion.output.decision_record import guidance_of, threat_text
 from companion.output.notice import Condition
-from companion.units import course_deg
 from companion.web.live_snapshot import LiveSnapshot
 from companion.web.rolling_stats import RollingStats
 

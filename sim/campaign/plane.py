@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.autopilots.ardupilot import GUIDED
-from companion.geodesy import LocalFrame
+from companion.geodesy import LocalFrame, wrap_pi
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
     AirData,
@@ -32,7 +32,7 @@ from companion.mavlink.facts import (
     Wind,
 )
 from companion.model import Vec3
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 from sim.campaign.route import Route
 from sim.compiled.airframe_step import L1_TIME_S
 from sim.dynamics import ARDUPLANE, Airframe, FixedWing

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from companion.geodesy import GeoPoint, LocalFrame
-from companion.units import wrap_pi
+from companion.geodesy import GeoPoint, LocalFrame, wrap_pi
 from sim.flight_test.judge import AT_HEIGHT_M, ON_LEG_M, Leg
 from sim.flight_test.observer import Observer
 from sim.scenario import MissionPlan

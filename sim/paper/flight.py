@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
+from companion.geodesy import wrap_pi
 from companion.model import Decision, Goal, Layer, Member, Ownship, Track, TrafficKind, Vec2
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 from sim.dynamics import Airframe, FixedWing
 from sim.paper.methods import Method, envelope_of
 from sim.paper.scene import Scale, Scene, Sphere, Uav

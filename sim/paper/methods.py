@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
-from companion.avoidance import AvoidanceParams, Envelope
-from companion.avoidance.envelope import Control
+from companion.avoidance import AvoidanceParams, Control, Envelope
 from companion.avoidance.group.formation import FormationParams
 from companion.avoidance.intruders import NO_MANEUVERS
 from companion.avoidance.params import FieldParams, Layers, OuterMethod

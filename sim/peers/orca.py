@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from companion.errors import ConfigError
+from companion.geodesy import wrap_pi
 from companion.model import Decision, Goal, Guidance, Layer, Ownship, Track, Vec2
-from companion.units import wrap_pi
 from sim.peers.peer import PeerLimits, Relative, course_of, mission_of, relatives, wind_of
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from companion.geodesy import wrap_two_pi
 from companion.model import (
     Decision,
     Goal,
@@ -17,7 +18,6 @@ from companion.model import (
     Vec2,
     Vec3,
 )
-from companion.units import wrap_two_pi
 
 # Below this ground speed the heading replaces the course.
 _SLOWEST_WITH_COURSE_MPS = 1.0

@@ -9,8 +9,8 @@ from functools import reduce
 from operator import xor
 from typing import ClassVar
 
-from companion.geodesy import LocalFrame
-from companion.units import FOOT_M, KNOT_MPS, course_deg
+from companion.geodesy import LocalFrame, course_deg
+from companion.units import FOOT_M, KNOT_MPS
 from sim.receivers.encoder import ReceiverEncoder, Reception, Transmission
 
 # Aircraft types by emitter category of ADS-B.

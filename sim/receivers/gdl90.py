@@ -7,7 +7,8 @@ ForeFlight.
 import math
 from typing import ClassVar
 
-from companion.units import FOOT_M, KNOT_MPS, course_deg
+from companion.geodesy import course_deg
+from companion.units import FOOT_M, KNOT_MPS
 from sim.receivers.encoder import ReceiverEncoder, Reception, Transmission
 
 _FLAG, _ESCAPE, _ESCAPED_BIT = 0x7E, 0x7D, 0x20

@@ -3,10 +3,9 @@
 import math
 from typing import ClassVar
 
-from companion.geodesy import GeoPoint
+from companion.geodesy import GeoPoint, course_deg
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.model import Vec3
-from companion.units import course_deg
 from sim.receivers.encoder import ReceiverEncoder, Reception, Transmission
 
 ADSB_RECEIVER = (1, 156)  # the MAVLink address of a receiver on the aircraft: MAV_COMP_ID_ADSB

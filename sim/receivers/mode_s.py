@@ -7,7 +7,8 @@ Source: RTCA DO-260B 2.2.3.2 and A.1.7 (squitters, compact position reports), IC
 import math
 from typing import Final
 
-from companion.units import FOOT_M, KNOT_MPS, course_deg
+from companion.geodesy import course_deg
+from companion.units import FOOT_M, KNOT_MPS
 from sim.receivers.encoder import Transmission
 
 _GENERATOR: Final = 0x1FFF409

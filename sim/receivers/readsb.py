@@ -4,7 +4,8 @@ import json
 import math
 from typing import Any, Final
 
-from companion.units import FOOT_M, KNOT_MPS, course_deg
+from companion.geodesy import course_deg
+from companion.units import FOOT_M, KNOT_MPS
 from sim.receivers.encoder import ReceiverEncoder, Reception, Transmission
 
 _LISTED_S: Final = 60.0

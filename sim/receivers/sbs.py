@@ -4,7 +4,8 @@ import math
 from datetime import UTC, datetime
 from typing import Final
 
-from companion.units import FOOT_M, KNOT_MPS, course_deg
+from companion.geodesy import course_deg
+from companion.units import FOOT_M, KNOT_MPS
 from sim.receivers.encoder import ReceiverEncoder, Reception, Transmission
 
 _IDENTIFICATION_S: Final = 5.0

@@ -9,9 +9,8 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
-from companion.geodesy import GeoPoint
+from companion.geodesy import GeoPoint, wrap_pi
 from companion.model import Vec2
-from companion.units import wrap_pi
 from sim.vehicle import mission as mission_items
 from sim.vehicle.flight import STEP_S, Flight
 from sim.vehicle.mission import MissionItem

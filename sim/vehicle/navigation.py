@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from companion.geodesy import wrap_pi
 from companion.model import Vec2
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 from sim.compiled.airframe_step import L1_TIME_S, line_bank_rad
 from sim.dynamics import FixedWing
 

@@ -5,8 +5,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar, Literal
 
+from companion.geodesy import course_deg, wrap_pi
 from companion.mavlink.dialect import Message, mavlink
-from companion.units import course_deg, wrap_pi
 from sim.vehicle.flight import Flight
 from sim.vehicle.peripherals import Battery
 

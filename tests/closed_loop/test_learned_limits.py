@@ -26,7 +26,7 @@ def flown_with(**parameters: float) -> ClosedLoop:
 def test_limits_and_mission_are_read_from_the_vehicle() -> None:
     loop = flown_with(ROLL_LIMIT_DEG=40.0, TECS_CLMB_MAX=3.0, AIRSPEED_MAX=26.0)
     assert loop.engine is not None
-    envelope = loop.engine.queries.envelope
+    envelope = loop.engine.queries.limits.envelope
     assert math.degrees(envelope.max_bank_rad) == pytest.approx(40.0)
     assert envelope.max_climb_mps == pytest.approx(2.7)
     assert envelope.max_sink_mps == pytest.approx(4.5)

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
-from companion.avoidance.cone import position_at
 from companion.avoidance.group.formation import JointResponse, MemberState, group_around, joint_response
+from companion.avoidance.trajectory import position_at
 from companion.model import Decision, Goal, Layer, Ownship, Track
 from companion.units import STANDARD_GRAVITY_MPS2
 from sim.paper.flight import LAYERS, Flight, UavFlight, fly

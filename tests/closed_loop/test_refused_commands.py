@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from companion.avoidance import AvoidanceParams
-from companion.avoidance.envelope import Control
+from companion.avoidance import AvoidanceParams, Control
 from companion.control.state_machine import State
 from companion.engine import EngineConfig, Transmit
 from companion.mavlink.dialect import mavlink

@@ -9,9 +9,9 @@ import math
 import pytest
 
 from companion.engine import Engine
+from companion.geodesy import wrap_pi
 from companion.model import Guidance, Layer
 from companion.output.notice import TEXT_BYTES
-from companion.units import wrap_pi
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, load_scenario, scenario_names
 from tests.support.autopilots import ALL, MISSION_MODE

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
-from companion.avoidance.cone import relative_motion
+from companion.avoidance.intruders import relative_motion
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.model import Decision, Goal, Layer, Ownship, Track, Vec3
 

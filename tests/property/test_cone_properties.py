@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from companion.avoidance.cone import Array, TransitionDomain, approach_angle_rad, half_angle_rad
+from companion.avoidance.intruders import TransitionDomain, approach_angle_rad, half_angle_rad
+from companion.avoidance.trajectory import Array
 from tests.support.avoidance_cases import (
     places,
     velocities,

@@ -7,8 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import Envelope, Fence, Zone
-from companion.avoidance.cone import Array
-from companion.avoidance.trajectory import Commands, OwnState, fly_ahead, times_until
+from companion.avoidance.trajectory import Array, Commands, OwnState, fly_ahead, times_until
 from companion.model import Guidance, Vec2
 
 # Single precision over some kilometres.

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from companion.avoidance.cone import Array
-from companion.avoidance.outer import (
+from companion.avoidance.layers import (
     RepellingTracks,
     attraction,
     repulsion,
@@ -16,6 +15,7 @@ from companion.avoidance.outer import (
     resultant_rad,
 )
 from companion.avoidance.params import FieldParams
+from companion.avoidance.trajectory import Array
 from tests.support.avoidance_cases import (
     places,
 )

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.cone import Mask
 from companion.avoidance.cost import Conflict, EvaluatedRows
 from companion.avoidance.inner import InnerLayer
-from companion.avoidance.policies import LayerPolicy, OuterPolicy
+from companion.avoidance.layers import LayerPolicy, OuterPolicy
+from companion.avoidance.trajectory import Mask
+from companion.geodesy import wrap_pi
 from companion.model import Layer, Ownship, Vec3
-from companion.units import wrap_pi
 from tests.support.avoidance_cases import (
     ALL_VARIANTS,
     Case,

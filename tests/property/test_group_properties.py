@@ -19,8 +19,8 @@ from companion.avoidance.group.formation import (
     joint_response,
 )
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
+from companion.geodesy import wrap_pi
 from companion.model import Decision, Goal, Guidance, Member, Ownship, Track, Vec3
-from companion.units import wrap_pi
 from tests.support.avoidance_cases import (
     PARAMS,
     TIMES_S,

@@ -8,21 +8,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.avoidance.cone import Array, approach_angle_rad, relative_motion
-from companion.avoidance.envelope import Envelope
 from companion.avoidance.intruders import (
     IntruderManeuvers,
     Tracks,
+    approach_angle_rad,
     heights_to_pass,
     losses,
     outcomes,
+    relative_motion,
     separation,
 )
 from companion.avoidance.params import CostWeights
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
+    Array,
     Commands,
+    Envelope,
     OwnState,
     Paths,
     fly_ahead,

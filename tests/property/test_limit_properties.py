@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.cost import CostContext
-from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
 from companion.avoidance.inner import StrategyTable
 from companion.avoidance.params import CostWeights
-from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
+from companion.avoidance.trajectory import ALL_CONTROLS, Commands, Control, OwnState, Pace, fly_ahead
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
 from tests.support.avoidance_cases import (

@@ -12,9 +12,9 @@ from companion.avoidance.assess import (
     needs_no_assessment,
     protected_tracks,
 )
-from companion.avoidance.cone import TransitionDomain, half_angle_rad
+from companion.avoidance.intruders import TransitionDomain, half_angle_rad
+from companion.avoidance.mission_path import OwnFlight
 from companion.avoidance.policies import policy_of
-from companion.avoidance.trajectory import OwnFlight
 from companion.model import Goal, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Envelope
 from companion.avoidance.cost import CostContext
-from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
 from companion.avoidance.intruders import Tracks
 from companion.avoidance.params import CostWeights, Layers, OuterMethod
-from companion.avoidance.trajectory import HORIZON_S, OwnState
+from companion.avoidance.trajectory import ALL_CONTROLS, HORIZON_S, Control, OwnState, Pace
+from companion.geodesy import wrap_pi
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
-from companion.units import wrap_pi
 
 ENVELOPE = Envelope(min_altitude_m=100.0, max_altitude_m=600.0)
 PARAMS = AvoidanceParams(envelope=ENVELOPE)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from companion.avoidance import AvoidanceParams, Avoider, Fence
+from companion.geodesy import wrap_pi
 from companion.model import Decision, Goal, Layer, Ownship, Track, Vec3
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 
 BANK_RAD, CLIMB_MPS = math.radians(30.0), 2.5
 ALTITUDE_M = 300.0

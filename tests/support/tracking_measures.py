@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.traffic.covariance import grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
+from companion.traffic.motion_models import grown_sigmas
 from companion.traffic.track_filter import HorizontalFilter, HorizontalFix, OutlierGate
 from tests.support.tracking_flights import FRAME, Reporting, State, reports
 

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from companion.avoidance.cone import Mask, position_at
 from companion.avoidance.constraints import Constraints
-from companion.avoidance.envelope import Envelope
 from companion.avoidance.group.formation import (
     FormationParams,
     JointResponse,
@@ -18,7 +16,8 @@ from companion.avoidance.group.formation import (
     joint_response,
 )
 from companion.avoidance.intruders import Tracks, separation
-from companion.avoidance.trajectory import Commands, OwnFlight, OwnState, fly_ahead
+from companion.avoidance.mission_path import OwnFlight
+from companion.avoidance.trajectory import Commands, Envelope, Mask, OwnState, fly_ahead, position_at
 from companion.model import Goal, Guidance, Member, Ownship, Track
 
 

@@ -16,11 +16,10 @@ import numpy as np
 from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
-from companion.avoidance.cone import Array
-from companion.avoidance.envelope import Envelope, Pace
-from companion.avoidance.trajectory import TIME_SHARES, Commands, OwnState, course_and_altitude_to, fly_ahead
+from companion.avoidance.mission_path import course_and_altitude_to
+from companion.avoidance.trajectory import TIME_SHARES, Array, Commands, Envelope, OwnState, Pace, fly_ahead
+from companion.geodesy import wrap_pi, wrap_two_pi
 from companion.model import Guidance, Member, Vec3
-from companion.units import wrap_pi, wrap_two_pi
 
 # In a larger group each member avoids the others like strangers.
 _LARGEST_GROUP = 8

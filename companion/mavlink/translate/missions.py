@@ -6,7 +6,6 @@ NaN means "not given", and terrain without data is reported as 0 m.
 
 import struct
 from collections import namedtuple
-from typing import Any
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import (
@@ -22,7 +21,7 @@ from companion.mavlink.facts import (
     Sender,
     TerrainReport,
 )
-from companion.mavlink.translate.wire import UINT16_MAX, Translation, finite, position_deg, target_of
+from companion.mavlink.translate.wire import UINT16_MAX, Layout, Translation, finite, position_deg, target_of
 
 # From the shore of the Dead Sea to Mount Everest.
 _MIN_TERRAIN_M, _MAX_TERRAIN_M = -500.0, 9_000.0
@@ -123,7 +122,7 @@ TRANSLATIONS: dict[int, Translation] = {
 
 # https://mavlink.io/en/messages/common.html: the ids in MISSION_CURRENT are extension fields, which the
 # checksum does not include.
-LAYOUTS: dict[int, tuple[struct.Struct, Any, tuple[int, ...]]] = {
+LAYOUTS: dict[int, Layout] = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (
         struct.Struct("<HHBBIII"),
         namedtuple(

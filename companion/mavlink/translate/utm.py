@@ -2,11 +2,11 @@
 
 import math
 
+from companion.geodesy import wrap_two_pi
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import Fact, Sender, Traffic
 from companion.mavlink.translate.wire import UINT16_MAX, Translation, altitude_m, position_deg
 from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
-from companion.units import wrap_two_pi
 
 _SHOWN_DIGITS = 6
 

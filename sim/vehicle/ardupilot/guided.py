@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from companion.geodesy import GeoPoint, LocalFrame
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from companion.geodesy import GeoPoint, LocalFrame, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 from sim.dynamics import FixedWing
 from sim.vehicle.commands import Result
 from sim.vehicle.mission import ABSOLUTE_FRAMES, GLOBAL_FRAMES

@@ -2,8 +2,8 @@
 
 import math
 
+from companion.geodesy import wrap_pi
 from companion.mavlink.dialect import Message, mavlink
-from companion.units import wrap_pi
 from sim.vehicle.ardupilot.flight import ArduPlaneFlight
 from sim.vehicle.ardupilot.modes import base_mode
 from sim.vehicle.ardupilot.parameters import Firmware

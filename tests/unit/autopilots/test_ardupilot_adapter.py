@@ -7,7 +7,7 @@ import pytest
 
 from companion.autopilots import ArduPlane, Px4FixedWing, choose
 from companion.autopilots.adapter import GuidanceCommand, RefusedValue
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import CommandResult, NavigationTarget, Sender

@@ -8,7 +8,7 @@ import pytest
 
 from companion.autopilots import Px4FixedWing
 from companion.autopilots.adapter import GuidanceCommand
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import Encoder, Message, mavlink
 from companion.mavlink.facts import AttitudeTarget, AutopilotVersion, CommandResult, Parameter, Sender

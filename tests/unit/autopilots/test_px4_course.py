@@ -7,7 +7,7 @@ import pytest
 
 from companion.autopilots import MODES_OF, ArduPlane, Px4FixedWing
 from companion.autopilots.adapter import GuidanceCommand, RefusedValue, is_setpoint
-from companion.avoidance.envelope import Control
+from companion.avoidance import Control
 from companion.geodesy import GeoPoint
 from companion.mavlink.dialect import AVAILABLE_MODES, Encoder, Message, mavlink
 from companion.mavlink.facts import (

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from companion.avoidance import AvoidanceParams, Envelope
+from companion.avoidance import AvoidanceParams, Control, Envelope
 from companion.avoidance.assess import TrafficAssessment, assess_traffic, protected_tracks
 from companion.avoidance.blocked_item import guidance_past, keeps_clear
-from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.constraints import Constraints, Refusals
-from companion.avoidance.envelope import Control
+from companion.avoidance.intruders import TransitionDomain
+from companion.avoidance.mission_path import OwnFlight
 from companion.avoidance.policies import policy_of
-from companion.avoidance.trajectory import OwnFlight
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 
 PARAMS, ENVELOPE = AvoidanceParams(), Envelope()

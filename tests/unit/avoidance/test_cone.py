@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from companion.avoidance.cone import (
+from companion.avoidance.intruders import (
     RelativeMotion,
     TransitionDomain,
-    any_of,
     approach_angle_rad,
     half_angle_rad,
     relative_motion,
 )
-from companion.avoidance.outer import attraction, repulsion_magnitude
+from companion.avoidance.layers import attraction, repulsion_magnitude
+from companion.avoidance.trajectory import any_of
 
 
 def rows(*vectors: tuple[float, ...]) -> np.ndarray:

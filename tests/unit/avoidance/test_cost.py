@@ -7,13 +7,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from companion.avoidance.cone import Array
+from companion.avoidance import Control
 from companion.avoidance.cost import CostContext, EvaluatedRows, evaluate_rows
-from companion.avoidance.envelope import Control
 from companion.avoidance.inner import TABLE, StrategyTable
 from companion.avoidance.intruders import Tracks, separation
 from companion.avoidance.params import CostWeights
-from companion.avoidance.trajectory import HORIZON_S, Commands, OwnState, fly_ahead
+from companion.avoidance.trajectory import HORIZON_S, Array, Commands, OwnState, fly_ahead
 from companion.model import Guidance
 from tests.support.avoidance_cases import ENVELOPE, TIMES_S, make_context, one_track, random_tracks
 

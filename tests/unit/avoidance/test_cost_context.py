@@ -4,12 +4,12 @@ import pytest
 
 from companion.avoidance import AvoidanceParams
 from companion.avoidance.assess import assess_traffic, protected_tracks
-from companion.avoidance.cone import TransitionDomain
 from companion.avoidance.constraints import Constraints, Refusals
 from companion.avoidance.cost import CostContext, conflict_context, evaluate_rows
-from companion.avoidance.intruders import Tracks
+from companion.avoidance.intruders import Tracks, TransitionDomain
+from companion.avoidance.mission_path import OwnFlight
 from companion.avoidance.policies import policy_of
-from companion.avoidance.trajectory import Commands, OwnFlight
+from companion.avoidance.trajectory import Commands
 from companion.model import Goal, Guidance, Ownship, Track
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
-from companion.avoidance.credible import credible_ownship, relevant_track
+from companion.avoidance.avoider import credible_ownship, relevant_track
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)

@@ -5,8 +5,7 @@ from itertools import chain, combinations
 
 import pytest
 
-from companion.avoidance import AvoidanceParams, Avoider, Control
-from companion.avoidance.envelope import ALL_CONTROLS
+from companion.avoidance import ALL_CONTROLS, AvoidanceParams, Avoider, Control
 from companion.model import Goal, Guidance, Ownship, Track
 
 GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)

@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import pytest
 
-from companion.avoidance.trajectory import HORIZON_S, OwnFlight, own_state, require_finite
+from companion.avoidance.avoider import require_finite
+from companion.avoidance.mission_path import OwnFlight
+from companion.avoidance.trajectory import HORIZON_S, own_state
 from companion.model import Goal, Ownship
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)

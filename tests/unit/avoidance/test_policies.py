@@ -7,17 +7,15 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.assess import protected_tracks
+from companion.avoidance.layers import OuterFirst, PredictedBreach, PricedField
 from companion.avoidance.params import Layers, OuterMethod
 from companion.avoidance.policies import (
     ClearedSphere,
     ConeField,
     InnerByDistance,
     InnerOnly,
-    OuterFirst,
     OuterOnly,
     PlainField,
-    PredictedBreach,
-    PricedField,
     TransitionField,
     policy_of,
 )

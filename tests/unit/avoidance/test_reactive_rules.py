@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from companion.avoidance.cone import Array
-from companion.avoidance.envelope import Pace
 from companion.avoidance.inner import heading_rule_rad, speed_rule
+from companion.avoidance.trajectory import Array, Pace
 
 OWN_MPS = 20.0
 STATIONARY = np.zeros(2)

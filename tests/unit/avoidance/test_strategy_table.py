@@ -6,8 +6,8 @@ from itertools import combinations, product
 import pytest
 
 from companion.avoidance.cost import CostContext, Height, Speed
-from companion.avoidance.envelope import ALL_CONTROLS, Control, Pace
 from companion.avoidance.inner import TABLE, Course, StrategyTable
+from companion.avoidance.trajectory import ALL_CONTROLS, Control, Pace
 from companion.model import Guidance
 from tests.support.avoidance_cases import ENVELOPE, MISSION, make_context
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.avoidance.envelope import Envelope
 from companion.avoidance.intruders import Tracks, separation
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
     Commands,
+    Envelope,
     OwnState,
     fly_ahead,
     ground_velocity_mps,

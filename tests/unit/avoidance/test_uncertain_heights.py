@@ -7,7 +7,7 @@ import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.assess import protected_tracks
-from companion.avoidance.credible import relevant_track
+from companion.avoidance.avoider import relevant_track
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
 
 PARAMS = AvoidanceParams()

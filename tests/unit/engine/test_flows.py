@@ -6,10 +6,9 @@ from sim.scenario import Autopilot
 from tests.tools.flows import Flow, in_room, measure, modules
 
 AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
-# It was 41 before traffic was judged by place and motion first: what is said of an aircraft became evidence.
-# Two more are the models of straight flight and turn, and their covariances.
-# What changes rarely is made only on a change: limits of the place, the goal on a leg, tracks of obstacles.
-MOST_FILES_OF_A_REPORT = 55
+# What changes rarely is made only on a change: limits of the place, fence, the leg flown back to, tracks of
+# obstacles. What serves others than the setpoint, as what is forwarded or of concern, comes after it.
+MOST_FILES_OF_A_REPORT = 40
 
 
 @pytest.fixture(scope="module", params=AUTOPILOTS)
@@ -26,7 +25,7 @@ def test_a_pilots_mode_change_takes_at_most_thirteen_functions_of_control(flows:
     assert len(functions) <= 13
 
 
-def test_a_traffic_report_crosses_at_most_55_files(flows: dict[str, Flow]) -> None:
+def test_a_traffic_report_crosses_at_most_40_files(flows: dict[str, Flow]) -> None:
     assert len(modules(flows["report"].before)) <= MOST_FILES_OF_A_REPORT
 
 

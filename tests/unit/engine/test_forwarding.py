@@ -148,7 +148,7 @@ def test_off_or_without_any_receiver_nothing_is_sent(forward: str) -> None:
 
 def test_a_silent_but_working_receiver_has_heartbeats_only() -> None:
     flight = Flight("station")
-    flight.engine.forwarding.receiver_works = True
+    flight.engine.forwarding.note_sources(receiver_works=True, elsewhere=frozenset())
     flight.fly(5.0)
     assert 4 <= len(flight.messages("HEARTBEAT")) <= 6
     assert flight.messages() == []
@@ -202,7 +202,8 @@ def test_traffic_of_a_mavlink_receiver_is_sent_if_it_is_not_heard_there(is_elsew
     flight = Flight()
     flight.reports = heard(report, sender=BESIDE)
     if is_elsewhere:
-        flight.engine.forwarding.elsewhere = frozenset({(9, 156)})
+        forwarding = flight.engine.forwarding
+        forwarding.note_sources(receiver_works=False, elsewhere=frozenset({(9, 156)}))
     assert bool(flight.fly(6.0).messages()) is is_elsewhere
 
 

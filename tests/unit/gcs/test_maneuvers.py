@@ -8,9 +8,9 @@ import pytest
 
 from companion.gcs.maneuvers import ManeuverNotices
 from companion.gcs.phrases import TrafficSituation
+from companion.geodesy import wrap_pi
 from companion.model import Decision, Guidance, Layer, Ownship, TextUnits, Threat
 from companion.output.notice import TEXT_BYTES, ConflictNotice
-from companion.units import wrap_pi
 
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0)
 THREAT = Threat("A1", None, 1800.0, 0.0, 0.0, 80.0, 25.0, 0.0, 0.0, Layer.OUTER)

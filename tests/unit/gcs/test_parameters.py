@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from companion.avoidance import AvoidanceParams
-from companion.avoidance.envelope import Control
+from companion.avoidance import AvoidanceParams, Control
 from companion.config import load_config
 from companion.config.keys import file_key
 from companion.control.state_machine import SupervisorParams

@@ -16,8 +16,8 @@ import pytest
 
 from companion import autopilots
 from companion.autopilots import MODES_OF, NAMES, NEVER_TAKEN, Adapter, choose
+from companion.avoidance import Control
 from companion.avoidance.cost import Height, Speed
-from companion.avoidance.envelope import Control
 from companion.avoidance.inner import TABLE, Course
 from companion.config import Config
 from companion.control.state_machine import SupervisorParams

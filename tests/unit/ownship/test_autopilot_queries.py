@@ -87,7 +87,7 @@ FRAME = LocalFrame(47.0, 8.0)
 
 
 def local_fence(talk: Talk, frame: LocalFrame = FRAME) -> Fence:
-    fence = talk.queries.local_fence(frame, 500.0, talk.now_s)
+    fence = talk.queries.local_fence(frame, 500.0)
     assert fence is not None
     return fence
 
@@ -103,7 +103,7 @@ def test_everything_is_known_within_20_seconds() -> None:
     talk.run(18.0)
     assert queries.complete
     assert queries.parameters == PARAMETERS
-    assert queries.envelope.max_airspeed_mps == 30.0
+    assert queries.limits.envelope.max_airspeed_mps == 30.0
     assert queries.mission is not None
     assert [item.command for item in queries.mission.items] == [16, 22, 16, 16]
     assert queries.mission.items[3].lat_deg == pytest.approx(47.02)
@@ -112,7 +112,7 @@ def test_everything_is_known_within_20_seconds() -> None:
         (True, 4, None),
         (False, 0, 300.0),
     ]
-    assert queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s + 1.0) == fence
+    assert queries.local_fence(LocalFrame(47.0, 8.0), 500.0) == fence
     assert local_fence(talk, LocalFrame(47.0, 8.1)) != fence
 
 
@@ -146,10 +146,10 @@ def test_a_reported_change_counts_at_once_and_a_missed_one_is_found() -> None:
     talk = Talk(complete()).run(20.0)
     talk.responder.parameters["AIRSPEED_MAX"] = 24.0
     talk.receive(talk.responder.parameter("AIRSPEED_MAX"))
-    assert talk.queries.envelope.max_airspeed_mps == 24.0
+    assert talk.queries.limits.envelope.max_airspeed_mps == 24.0
     talk.responder.parameters["AIRSPEED_MAX"] = 26.0
     talk.run(240.0)
-    assert talk.queries.envelope.max_airspeed_mps == 26.0
+    assert talk.queries.limits.envelope.max_airspeed_mps == 26.0
 
 
 def test_old_parameter_names_are_found() -> None:
@@ -170,23 +170,23 @@ def test_unanswered_requests_are_given_up_until_a_restart() -> None:
     talk.responder.parameters.update(PARAMETERS)
     talk.queries.restart()
     talk.run(20.0)
-    assert talk.queries.envelope.max_airspeed_mps == 30.0
+    assert talk.queries.limits.envelope.max_airspeed_mps == 30.0
 
 
 def test_an_implausible_value_is_a_warning_and_the_assumed_limit_applies() -> None:
     responder = complete()
     responder.parameters["ROLL_LIMIT_DEG"] = 0.0
     talk = Talk(responder).run(60.0)
-    assert talk.queries.envelope.max_bank_rad == Envelope().max_bank_rad
+    assert talk.queries.limits.envelope.max_bank_rad == Envelope().max_bank_rad
     assert list(talk.queries.limits.warnings) == ["ROLL_LIMIT_DEG 0 implausible, not used"]
 
 
 def test_px4_is_queried_by_its_own_names() -> None:
     values = {"FW_AIRSPD_MIN": 12.0, "FW_AIRSPD_MAX": 25.0, "FW_R_LIM": 50.0, "GF_ACTION": 0.0}
     talk = Talk(Responder(values, {MISSION: (), FENCE: ZONES}), Px4FixedWing(AUTOPILOT)).run(20.0)
-    assert talk.queries.envelope.max_airspeed_mps == 25.0
+    assert talk.queries.limits.envelope.max_airspeed_mps == 25.0
     assert "ROLL_LIMIT_DEG" not in talk.requested_names()
-    assert talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0, talk.now_s) is None, "switched off"
+    assert talk.queries.local_fence(LocalFrame(47.0, 8.0), 500.0) is None, "switched off"
 
 
 # --- lists
@@ -313,21 +313,23 @@ def fence_talk(zones: tuple[FenceZone, ...] = (), items: list[Item] | None = Non
 def test_a_fence_that_is_off_counts_only_when_its_status_is_heard() -> None:
     talk = fence_talk(FENCE_ENABLE=0.0)
     frame = LocalFrame(47.0, 8.0)
-    assert talk.queries.local_fence(frame, 500.0, talk.now_s) is None
+    assert talk.queries.local_fence(frame, 500.0) is None
     talk.receive(mavlink.MAVLink_fence_status_message(0, 0, 0, 0))
     assert len(local_fence(talk).zones) == 2
-    assert talk.queries.local_fence(frame, 500.0, talk.now_s + 10.0) is None
+    assert talk.queries.fence_until_s <= talk.now_s + 5.0
+    talk.queries.refresh_fence(talk.now_s + 10.0)
+    assert talk.queries.local_fence(frame, 500.0) is None
 
 
 def test_heights_and_circle_of_the_fence_parameters_are_kept_within_the_margin() -> None:
     limits = {"FENCE_ALT_MIN": 40.0, "FENCE_ALT_MAX": 300.0, "FENCE_RADIUS": 2000.0, "FENCE_MARGIN": 10.0}
     talk = fence_talk(FENCE_TYPE=15.0, **limits)
-    heights = talk.queries.heights(30.0, None, talk.now_s)
+    heights = talk.queries.heights(30.0, None)
     assert (heights.fence_min_height_m, heights.fence_max_height_m) == (50.0, 290.0)
     fence = local_fence(talk)
     assert fence.margin_m == 30.0, "at least"
     assert (fence.zones[0].centre_m, fence.zones[0].radius_m) == ((0.0, 0.0), 2000.0)
-    unlimited = fence_talk(FENCE_TYPE=4.0, **limits).queries.heights(30.0, None, talk.now_s)
+    unlimited = fence_talk(FENCE_TYPE=4.0, **limits).queries.heights(30.0, None)
     assert (unlimited.fence_min_height_m, unlimited.fence_max_height_m) == (None, None)
 
 

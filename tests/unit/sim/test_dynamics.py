@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.geodesy import wrap_pi
 from companion.model import Vec2
-from companion.units import STANDARD_GRAVITY_MPS2, wrap_pi
+from companion.units import STANDARD_GRAVITY_MPS2
 from sim.airframe import ARDUPLANE
 from sim.compiled.airframe_step import line_bank_rad
 from sim.dynamics import Airframe, FixedWing, heading_for_course_rad

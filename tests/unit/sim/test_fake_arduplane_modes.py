@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from companion.geodesy import wrap_pi
 from companion.mavlink.dialect import mavlink
-from companion.units import wrap_pi
 from sim.vehicle import MissionItem, Mode, takeoff_item, waypoint_item
 from sim.vehicle.mission import DO_CHANGE_SPEED, NAV_LAND, NAV_LOITER_UNLIM, NAV_RETURN_TO_LAUNCH
 from tests.support.arduplane_bench import (

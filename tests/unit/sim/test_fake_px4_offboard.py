@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from companion.geodesy import wrap_pi
 from companion.mavlink.dialect import mavlink
-from companion.units import wrap_pi
 from sim.vehicle import Px4Mode
 from tests.support.px4_bench import (
     NO_HEIGHT,

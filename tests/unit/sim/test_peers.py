@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.errors import ConfigError
+from companion.geodesy import wrap_pi
 from companion.model import Decision, Goal, Guidance, Layer, Ownship, Track, TrafficKind, Vec3
-from companion.units import wrap_pi
 from sim.dynamics import Airframe, FixedWing
 from sim.peers import PEERS, Peer, PeerLimits, make_peer
 from sim.peers.ardupilot import ArduPilot, ArduPilotParams, perpendicular

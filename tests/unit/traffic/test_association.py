@@ -16,7 +16,7 @@ from companion.model import (
     adsb_key,
 )
 from companion.traffic import DropReason, Tracker, TrafficParams
-from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
+from companion.traffic.altitudes import AS_REPORTED, DatumOffset
 from companion.traffic.own_trail import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.traffic.covariance import Covariance, TurnCovariance, grown_sigmas
+from companion.traffic.motion_models import Covariance, TurnCovariance, grown_sigmas
 
 
 def test_the_covariance_agrees_with_the_textbook() -> None:

@@ -18,7 +18,7 @@ from companion.model import (
     Vec3,
 )
 from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams, TrafficPicture
-from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
+from companion.traffic.altitudes import AS_REPORTED, DatumOffset
 from companion.traffic.evidence import Surroundings
 from companion.traffic.own_trail import OwnshipFix
 from tests.unit.traffic.straight_flight import FRAME, START_M, VELOCITY_MPS, follow, only, report_at, straight

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from companion.model import Vec2
 from companion.traffic.estimate_params import EstimateParams
-from companion.traffic.interacting_models import _STRAIGHT_S, _TURN_S, LateralModels
+from companion.traffic.motion_models import _STRAIGHT_S, _TURN_S, LateralModels
 
 Array = NDArray[np.float64]
 PARAMS = EstimateParams()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.traffic.covariance import NoiseScale
+from companion.traffic.motion_models import NoiseScale
 
 
 @pytest.mark.parametrize("sigma", [0.5, 1.0, 3.0])

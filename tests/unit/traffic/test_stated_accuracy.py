@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from companion.traffic.covariance import grown_sigmas
 from companion.traffic.estimate_params import EstimateParams
+from companion.traffic.motion_models import grown_sigmas
 from companion.traffic.track_filter import (
     HorizontalFilter,
     HorizontalFix,

@@ -10,7 +10,7 @@ from companion.model import (
     Vec3,
 )
 from companion.traffic import DropReason, Tracker, TrafficParams
-from companion.traffic.altitude_datums import AS_REPORTED, DatumOffset
+from companion.traffic.altitudes import AS_REPORTED, DatumOffset
 from companion.traffic.measurement import RepeatFilter
 from tests.unit.traffic.straight_flight import (
     FRAME,

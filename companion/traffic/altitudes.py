@@ -1,4 +1,4 @@
-"""Altitude datums: converts altitudes of different references, so that they can be compared with ours.
+"""Altitudes: those of a target as it reports them, and their datums, so that they can be compared with ours.
 
 Traffic reports its altitude in the standard atmosphere, above the ellipsoid, or above mean sea level; our own
 altitude is known in each of them as far as our autopilot reports it. A target keeps its altitude as reported.
@@ -9,12 +9,12 @@ offset was different further down.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
-
-from annotated_types import Ge, Gt
+from typing import Final, NamedTuple
 
 from companion.model import AltitudeReference
+from companion.traffic.measurement import NOISE_SHARE, DropReason, Measurement, StatedRate
+from companion.traffic.params import HeightParams, TrafficParams
+from companion.traffic.track_filter import OutlierGate, VerticalFilter, VerticalFix
 
 # Error that an old altitude gains, and the steps in which age and error count. The steps keep the selection
 # constant when two references are received alternately, once a second each.
@@ -30,24 +30,6 @@ _PREFERENCE = {
     AltitudeReference.BAROMETRIC: 1,
     AltitudeReference.GEOMETRIC: 2,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class HeightParams:
-    """Error of an altitude (one sigma) whose offset from mean sea level is unknown or old."""
-
-    # While our own pressure altitude is unknown, a pressure altitude is taken as height above the sea. The
-    # pressure at sea level is often 8 hPa off the standard's 1013.25, and 1 hPa is 8.3 m at low altitude.
-    pressure_unknown_m: Annotated[float, Ge(0)] = 60.0
-    # Our own pressure altitude counts as current for this time: 1 Hz with losses. After that its error grows,
-    # faster than with a passing front (3 hPa an hour: 0.007 m/s), because silence indicates a fault.
-    pressure_fresh_s: Annotated[float, Gt(0)] = 5.0
-    pressure_stale_mps: Annotated[float, Ge(0)] = 0.5
-    # Air 20 K warmer or colder than standard stretches altitudes by 7 %: the error of an old offset for each
-    # metre that we have climbed or descended since.
-    pressure_stretch: Annotated[float, Ge(0)] = 0.07
-    # The geoid lies between 106 m below and 85 m above the ellipsoid; within 50 m of it over most land.
-    geoid_unknown_m: Annotated[float, Ge(0)] = 50.0
 
 
 class DatumOffset(NamedTuple):
@@ -167,3 +149,117 @@ def _most_certain(
 
     valid = (altitude for altitude in altitudes if now_s <= altitude.valid_until_s)
     return min(valid, key=uncertainty, default=None)
+
+
+# Errors of stated climbs below this are of no importance.
+_CLIMB_ERROR_MPS: Final = 4.0
+
+
+class _Vertical(NamedTuple):
+    gate: OutlierGate[VerticalFilter, VerticalFix]
+    sigma_m: float
+
+
+class TargetAltitudes:
+    """Each reference has its own filter: the difference between two references would look like a climb."""
+
+    __slots__ = ("_climb", "_params", "_stands", "_verticals")
+
+    def __init__(self, params: TrafficParams) -> None:
+        self._params = params
+        self._climb = StatedRate(NOISE_SHARE * params.estimate.altitude_sigma_m, _CLIMB_ERROR_MPS, 1)
+        self._verticals: dict[AltitudeReference, _Vertical] = {}
+        self._stands = False
+
+    def explain(self, measurement: Measurement) -> bool:
+        """Whether one of the altitudes fits, or there is none to compare with."""
+        comparable = False
+        for reference, altitude_m, _ in measurement.altitudes:
+            known = self._verticals.get(reference)
+            if known is None or self._is_outdated(known, measurement.time_s):
+                continue
+            comparable = True
+            if not known.gate.estimate.is_outlier(VerticalFix(measurement.time_s, altitude_m, None)):
+                return True
+        return not comparable
+
+    def offset_m(self, measurement: Measurement) -> float:
+        """How far a measured altitude is from the predicted one; 0 if they are not comparable."""
+        for reference, altitude_m, _ in measurement.altitudes:
+            known = self._verticals.get(reference)
+            if known is not None:
+                here = known.gate.estimate
+                return abs(altitude_m - here.altitude_m - here.climb_mps * (measurement.time_s - here.time_s))
+        return 0.0
+
+    def estimates(self) -> tuple[ReportedAltitude, ...]:
+        """The estimate of each reference."""
+        return tuple(
+            ReportedAltitude(
+                reference,
+                one.gate.estimate.altitude_m,
+                one.gate.estimate.time_s,
+                one.gate.estimate.climb_mps,
+                self._valid_until_s(one.gate.estimate),
+                one.sigma_m,
+            )
+            for reference, one in self._verticals.items()
+        )
+
+    def receive(self, measurement: Measurement, dropped: list[DropReason], *, stands: bool) -> None:
+        """Process the altitudes of a report; those of something that `stands` are valid for ever."""
+        self._stands = stands
+        time_s = measurement.time_s
+        valid = [known for known in self._verticals.values() if not self._is_outdated(known, time_s)]
+        if not measurement.altitudes and not valid:
+            dropped.append(DropReason.NO_ALTITUDE)
+        climb_mps = measurement.climb_mps
+        for number, (reference, altitude_m, sigma_m) in enumerate(measurement.altitudes):
+            if number == 0 and climb_mps is not None:
+                trusted = self._climb.trusted
+                if not self._climb.receive(time_s, complex(altitude_m), complex(climb_mps), (altitude_m,)):
+                    dropped.append(DropReason.CLIMB_WRONG)
+                    climb_mps = None
+                    if trusted:
+                        self._restart_altitude(reference, sigma_m)
+                        continue
+            self._update(
+                reference, VerticalFix(time_s, altitude_m, climb_mps, sigma_m or None), sigma_m, dropped
+            )
+
+    def _restart_altitude(self, reference: AltitudeReference, sigma_m: float) -> None:
+        """Filter the last altitudes again, without the stated climbs that they contradict."""
+        (first_s, first_m), *others = self._climb.places
+        estimate = VerticalFilter(VerticalFix(first_s, first_m, None), self._params.estimate)
+        for time_s, altitude_m in others:
+            estimate.update(VerticalFix(time_s, altitude_m, None))
+        self._verticals = {reference: _Vertical(OutlierGate(estimate), sigma_m)}
+
+    def _update(
+        self, reference: AltitudeReference, fix: VerticalFix, sigma_m: float, dropped: list[DropReason]
+    ) -> None:
+        known = self._verticals.get(reference)
+        if known is None or self._stands or self._is_outdated(known, fix.time_s):
+            gate: OutlierGate[VerticalFilter, VerticalFix]
+            gate = OutlierGate(VerticalFilter(fix, self._params.estimate))
+            self._verticals[reference] = _Vertical(gate, sigma_m)
+            return
+        here = known.gate.estimate
+        if (
+            fix.climb_mps is not None
+            and here.is_outlier(fix)
+            and not here.is_outlier(fix._replace(climb_mps=None))
+        ):
+            dropped.append(DropReason.CLIMB_WRONG)
+            fix = fix._replace(climb_mps=None)
+        if not known.gate.receive(fix):
+            dropped.append(DropReason.ALTITUDE_JUMPED)
+            return
+        self._verticals[reference] = _Vertical(known.gate, sigma_m)
+
+    def _is_outdated(self, known: _Vertical, time_s: float) -> bool:
+        return time_s > self._valid_until_s(known.gate.estimate)
+
+    def _valid_until_s(self, here: VerticalFilter) -> float:
+        """An altitude is extrapolated for a limited time, unless it is that of an obstacle."""
+        return math.inf if self._stands else here.time_s + self._params.altitude_hold_s

@@ -1,4 +1,7 @@
-"""Outer layer: gentle, early avoidance by the potential field (paper §3.1, P4-P6) at aircraft scale.
+"""The layers as they fly by default: what is in conflict, the outer layer's rows, and which layer decides.
+
+The outer layer avoids gently and early, by the potential field (paper §3.1, P4-P6) at aircraft scale. `inner`
+has the strategy table of the other layer.
 
 The paper flies the direction of the summed force (`resultant_command`). A field alone guarantees no distance,
 and has minima without a way out. By default the field is only a source of rows (`field_commands`), which are
@@ -13,23 +16,29 @@ reach, the distance of the goal in the outer layer's radius.
 """
 
 import math
+from collections.abc import Sequence
 from functools import cache
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.avoidance.assess import TrafficAssessment
-from companion.avoidance.cone import Array
-from companion.avoidance.cost import CostContext, Height, Speed
-from companion.avoidance.params import FieldParams
-from companion.avoidance.trajectory import Commands
+from companion.avoidance.assess import EmergencyDetection, OuterDetection, TrafficAssessment
+from companion.avoidance.cost import Conflict, CostContext, EvaluatedRows, Height, Speed, evaluate_rows
+from companion.avoidance.inner import InnerLayer
+from companion.avoidance.intruders import (
+    RelativeMotion,
+    Tracks,
+    TransitionDomain,
+    half_angle_rad,
+)
+from companion.avoidance.params import AvoidanceParams, FieldParams
+from companion.avoidance.trajectory import Array, Commands, Control, Mask, OwnState
 from companion.compiled import kernels
-from companion.model import Guidance, Vec2
-from companion.units import wrap_pi
+from companion.geodesy import wrap_pi
+from companion.model import Goal, Guidance, Layer, Vec2
 
 _Place = TypeVar("_Place", float, Array)
-
 # The force at the surface is infinite. Closer than this (in the caller's unit of length) it stops growing.
 _CONTACT = 1e-3
 # Repulsion for an attraction of 1: deflections of 10 to 86 degrees where all threats push straight across.
@@ -167,3 +176,150 @@ def _stepped_deflections_rad(course_rad: float, tracks: RepellingTracks, pushes:
     aside, along = math.sin(across_rad), math.cos(across_rad)
     # The attraction is as long as the sum, so that the gains alone determine the deflection.
     return [math.atan2(gain * aside, 1.0 + gain * along) for gain in _GAIN_STEPS]
+
+
+class OuterPolicy(OuterDetection, Protocol):
+    """How the outer layer finds conflicts and steers."""
+
+    @property
+    def widening_rad(self) -> float:
+        """The angle by which a collision cone is wider once we are inside it."""
+
+    def evaluate(self, conflict: Conflict) -> EvaluatedRows:
+        """The rows that the outer layer chooses from."""
+
+    def accepts(self, rows: EvaluatedRows, context: CostContext) -> bool:
+        """Whether the best of these rows may be flown; otherwise the inner layer decides."""
+
+
+class LayerPolicy(Protocol):
+    """Which layers there are, and which of them decides."""
+
+    @property
+    def holding_layer(self) -> Layer:
+        """The layer that is shown while a guidance is held before the return."""
+
+    @property
+    def cooperates(self) -> bool:
+        """Whether conflicts within our group may be answered jointly."""
+
+    def conflict(self, outer: Mask, emergency: Mask) -> Mask:
+        """Which tracks are in conflict, from those of each layer, (N,) each."""
+
+    def choose(
+        self, conflict: Conflict, outer: OuterPolicy, inner: InnerLayer, last: Layer
+    ) -> tuple[Layer, EvaluatedRows]:
+        """The layer that decides, and its rows; `last` is the layer of the last decision."""
+
+
+class Policy(NamedTuple):
+    """One variant of the avoidance: its outer layer, its emergencies, and which layer decides.
+
+    `has_fast_path`: `assess.needs_no_assessment` is valid for it. It is not for the paper's variants, which
+    look along the velocity flown, nor for members of a group, which can be in conflict outside the layers.
+    """
+
+    outer: OuterPolicy
+    emergency: EmergencyDetection
+    layers: LayerPolicy
+    has_fast_path: bool
+
+    def conflict(self, outer: Mask, emergency: Mask) -> Mask:
+        """Which tracks are in conflict, from those of each layer, (N,) each."""
+        return self.layers.conflict(outer, emergency)
+
+
+class PricedField:
+    """The default: flying the mission ahead confirms conflicts, and the rows of the field are priced."""
+
+    def __init__(self, params: AvoidanceParams) -> None:
+        self.widening_rad = params.delta_beta_rad
+        self._gains, self._controls = params.field_gains, params.controls
+        self.turns = True  # whether courses can be commanded
+
+    def in_cone(
+        self,
+        _state: OwnState,
+        tracks: Tracks,
+        motion: RelativeMotion,
+        _velocity_mps: Array,
+        domain: TransitionDomain,
+    ) -> Mask:
+        """The tracks whose cone the mission's velocity points into, (N,)."""
+        radius_m = tracks.protected_horizontal_m + tracks.buffer_m
+        return domain.covers(tracks.ids, motion.approach_rad, half_angle_rad(motion.distance_m, radius_m))
+
+    def confirmed(self, within: Mask, too_near: Mask) -> Mask:
+        """Those that the mission comes too near to."""
+        return within & too_near
+
+    def remember(self, domain: TransitionDomain, ids: Sequence[str], conflict: Mask) -> None:
+        """Enter the cones of these conflicts, and leave all others."""
+        domain.keep(ids, conflict)
+
+    def evaluate(self, conflict: Conflict) -> EvaluatedRows:
+        """The rows of the field; in overtime also with other speeds."""
+        context = conflict.context
+        rows = field_commands(
+            context,
+            repelling_tracks(conflict.assessment),
+            self._gains,
+            turns=self.turns,
+            heights=Control.HEIGHT in self._controls,
+            speeds=context.overtime > 0.0 and Control.SPEED in self._controls,
+        )
+        return evaluate_rows(context, rows, conflict.urgent, conflict.last_guidance)
+
+    def accepts(self, rows: EvaluatedRows, context: CostContext) -> bool:
+        """Whether the best row keeps clear of the bare volumes and is allowed."""
+        keeps_clear = rows.closest[rows.best] >= context.breach_ratio
+        return bool(keeps_clear) and rows.best_is_allowed(context.refusals)
+
+
+class PredictedBreach:
+    """An emergency is a near track to which the mission, flown ahead, comes too near."""
+
+    def buffered(self, tracks: Tracks, _goal: Goal) -> Tracks:
+        """No buffers."""
+        return tracks
+
+    def reach_m(self, _tracks: Tracks, inner_reach_m: Array) -> Array:
+        """The reach by distance or time."""
+        return inner_reach_m
+
+    def confirmed(self, within: Mask, too_near: Mask) -> Mask:
+        """Those that the mission comes too near to."""
+        return within & too_near
+
+
+class BothLayers:
+    """Both layers are in use, and conflicts of either count."""
+
+    holding_layer = Layer.OUTER
+    cooperates = True
+
+    def conflict(self, outer: Mask, emergency: Mask) -> Mask:
+        """Those of either layer."""
+        return outer | emergency
+
+
+class OuterFirst(BothLayers):
+    """The outer layer decides as long as it keeps clear, also of near threats.
+
+    The inner layer takes over when the outer one has no acceptable row, or when a threat is near at first
+    sight. It then continues until the margin is regained, so that the layers do not alternate.
+    """
+
+    def choose(
+        self, conflict: Conflict, outer: OuterPolicy, inner: InnerLayer, last: Layer
+    ) -> tuple[Layer, EvaluatedRows]:
+        """The layer that decides, and its rows."""
+        if conflict.is_emergency and last is Layer.INNER:
+            rows = inner.evaluate(conflict)
+            has_margin = rows.closest[rows.best] >= 1.0
+            return Layer.OUTER if has_margin else Layer.INNER, rows
+        if last is not Layer.CLEAR or not conflict.is_emergency:
+            rows = outer.evaluate(conflict)
+            if outer.accepts(rows, conflict.context):
+                return Layer.OUTER, rows
+        return Layer.INNER, inner.evaluate(conflict)

@@ -3,14 +3,14 @@
 import pytest
 
 from companion.model import AltitudeReference
-from companion.traffic.altitude_datums import (
+from companion.traffic.altitudes import (
     AS_REPORTED,
     DatumOffset,
-    HeightParams,
     OwnshipAltitudes,
     ReportedAltitude,
     to_sea_level,
 )
+from companion.traffic.params import HeightParams
 
 BAROMETRIC, GEOMETRIC, SEA_LEVEL = AltitudeReference
 
