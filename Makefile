@@ -21,8 +21,8 @@ unexport PYTHONDONTWRITEBYTECODE
 run: setup
 	$(BIN)/companion-sim demo
 
-# A third of the tests' time is waiting for sockets and processes, so that five processes keep two cores at work.
-PYTEST = $(BIN)/pytest --numprocesses 5
+# More than half of the time of all tests is waiting, for sockets, processes and clocks: six keep two cores at work.
+PYTEST = $(BIN)/pytest --numprocesses 6
 
 test: checked
 	$(PYTEST)

@@ -68,7 +68,7 @@ def test_without_an_airspeed_sensor_no_speed_is_commanded_and_it_keeps_clear(
     assert flight.texts.count("Avoidance: no airspeed sensor, speed not commanded") == 1
 
 
-@ways(PX4)
+@ways(PX4, among=BOTH)
 def test_without_air_data_and_sensor_state_no_speed_is_commanded(autopilot: Autopilot) -> None:
     loop = Counting(replace(SOON, wind=Wind(9.0, -12.0)), autopilot)
     for message_id in (VFR_HUD, SYS_STATUS):
@@ -85,7 +85,7 @@ def test_ground_speed_shown_as_airspeed_is_recognised_by_the_wind() -> None:
     assert loop.commanded[SPEED] == 0
 
 
-@ways(ARDUPILOT)
+@ways(ARDUPILOT, among=BOTH)
 def test_without_a_sensor_and_without_a_wind_report_it_keeps_clear(autopilot: Autopilot) -> None:
     loop = Counting(replace(SOON, wind=Wind(-10.0, 5.0)), autopilot)
     loop.world.vehicle.remove_airspeed_sensor("zero")

@@ -10,7 +10,7 @@ from companion.links import open_link
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.server import VehicleServer
-from tests.support.autopilots import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, PX4, paired, ways
+from tests.support.autopilots import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, PX4, PX4_1_18, paired, ways
 from tests.support.faulty_flight import CLIMBS, FaultyFlight, faulty_flight, world_of
 from tests.support.virtual_time import in_virtual_time
 
@@ -25,13 +25,13 @@ async def lose_the_link(flight: FaultyFlight, seconds: float) -> None:
     flight.relay.mend()
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4-1.18"])
-@pytest.mark.parametrize(("seconds", "engagements"), [(3.0, 1), (12.0, 2)])
+@paired("seconds", [3.0, 12.0], (ARDUPILOT, PX4_1_18))
 @in_virtual_time
 async def test_guided_and_guided_course_fly_on_while_the_link_is_lost(
-    autopilot: Autopilot, seconds: float, engagements: int
+    autopilot: Autopilot, seconds: float
 ) -> None:
     """Up to five seconds the decision stands; after that it is given back as soon as it is heard again."""
+    engagements = 1 if seconds < 5.0 else 2
     async with faulty_flight(autopilot) as flight:
         await flight.engaged()
         await lose_the_link(flight, seconds)
