@@ -12,17 +12,31 @@ CREATED := $(VENV)/.created
 NEEDED := $(VENV)/.requirements
 BUILT = $(VENV)/.$(shell $(CAN_COMPILE) && echo compiled || echo plain)
 TOOLS := $(VENV)/.dev
+READ := $(VENV)/.read
+# Many processes are started, and start in half of the time where Python keeps what it compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test thorough check setup compiler browser receiver-tools orca lock clean pictures
+.PHONY: run test thorough checked check setup compiler browser receiver-tools orca lock clean pictures
 
 run: setup
 	$(BIN)/companion-sim demo
 
-test: check
-	$(BIN)/pytest --numprocesses 3
+# More than half of the time of all tests is waiting, for sockets, processes and clocks: six keep two cores at work.
+PYTEST = $(BIN)/pytest --numprocesses 6
 
-thorough: check
-	THOROUGH=1 $(BIN)/pytest --numprocesses 3
+test: checked
+	$(PYTEST)
+
+thorough: checked
+	THOROUGH=1 $(PYTEST)
+
+# Beside the checks the tests are read once: otherwise each process of pytest compiles all of them by itself.
+checked: setup $(TOOLS)
+	@$(MAKE) --no-print-directory --jobs 2 check $(READ)
+
+$(READ): $(BUILT) $(TOOLS) $(shell find companion sim tests -name '*.py')
+	@$(BIN)/pytest --collect-only --quiet >$@.log || { cat $@.log; exit 1; }
+	@touch $@
 
 check: setup $(TOOLS)
 	$(BIN)/ruff check .
@@ -49,8 +63,8 @@ $(NEEDED): $(CREATED) requirements.lock
 	@$(PIP) --require-hashes -r requirements.lock
 	@touch $@
 
-$(BUILT): $(NEEDED) pyproject.toml setup.py companion/compiled/kernels.py sim/compiled/airframe_step.py
-	@$(CAN_COMPILE) && echo "== Installing Companion: compiling two files, half a minute" || \
+$(BUILT): $(NEEDED) pyproject.toml setup.py companion/compiled/kernels.py companion/compiled/pairs.py sim/compiled/airframe_step.py
+	@$(CAN_COMPILE) && echo "== Installing Companion: compiling three files, half a minute" || \
 		echo "== Installing Companion: without a C compiler and Python's headers (make compiler)"
 	@PYTHONWARNINGS=ignore $(PIP) --quiet --no-deps --no-build-isolation -e .
 	@$(BIN)/python -c 'from companion.compiled import slow_notice; print("==", slow_notice() or "Ready")'

@@ -10,7 +10,7 @@ SOURCES = [
         [name.replace(".", "/") + ".py"],
         extra_compile_args=["-O3", "-g0", "-ffp-contract=off", "-fno-math-errno"],
     )
-    for name in ("companion.compiled.kernels", "sim.compiled.airframe_step")
+    for name in ("companion.compiled.kernels", "companion.compiled.pairs", "sim.compiled.airframe_step")
 ]
 DIRECTIVES = {
     "language_level": 3,

@@ -56,6 +56,10 @@ class EngineConfig:
     fences: tuple[FenceZone, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.avoidance.formation.members and self.engine.autopilot_system_id == "auto":
+            raise ValueError(
+                "avoidance.formation.members needs engine.autopilot_system_id: several autopilots are heard"
+            )
         ceiling_m = self.engine.max_height_m
         if ceiling_m is not None and ceiling_m <= self.supervisor.min_height_m:
             raise ValueError("engine.max_height_m must be above supervisor.min_height_m")

@@ -1,7 +1,7 @@
 """The data types that all rooms share. SI units, radians, north-east-down; `None` means unknown."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import Literal
@@ -154,7 +154,8 @@ class Track:
     """Another aircraft, as estimated at `time_s` in the shared local frame (north, east, down).
 
     `protected_horizontal_m` and `protected_vertical_m` define the volume to stay out of; `None` selects the
-    well-clear volume of the avoidance parameters. `member` is set for an aircraft of our group. An OBSTACLE
+    well-clear volume of the avoidance parameters. `is_member` marks an aircraft of our formation, `member` is
+    what it announces, if that is known. An OBSTACLE
     stands on the ground: its position is its top, and the space below it is blocked. `turn_radps` is its rate
     of turn, positive to the right. `vertical_uncertainty_m` is the possible error of its altitude relative to
     ours that the avoidance's own margin does not cover (unknown altimeter setting, different references).
@@ -180,6 +181,7 @@ class Track:
     velocity_sigma_mps: float | None = None
     sources: tuple[str, ...] = ()
     alarm: int = 0
+    is_member: bool = False
 
     @property
     def name(self) -> str:
@@ -213,22 +215,52 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
-    """The goal and performance that a UAV of our group announces to the others."""
-
-    goal: Goal
-    min_airspeed_mps: float
-    max_airspeed_mps: float
-    max_turn_rate_radps: float
-
-
-@dataclass(frozen=True, slots=True)
 class Guidance:
     """Absolute targets: course over ground, airspeed, height above the zero of the local frame."""
 
     course_rad: float
     airspeed_mps: float
     altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """An answer that a member would fly once the others agree; `guidance` is `None` for its mission."""
+
+    number: int
+    guidance: Guidance | None
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """What a member of a group flies, and what it proposes to fly instead.
+
+    `flown` is the answer that was checked and is flown, `None` for the mission. `heard` has the number of the
+    newest proposal that it has heard of each other member, by id. A member that does not `answer` flies its
+    mission whatever happens, as a pilot or its autopilot has it.
+    """
+
+    flown: Guidance | None = None
+    proposal: Proposal | None = None
+    heard: Mapping[str, int] = field(default_factory=dict)
+    answers: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """The goal and performance that a UAV of our group announces to the others.
+
+    `member_id` is the same for all members; by default the id of the track. Without an `intent`, members know
+    each other's states exactly and at once, as in one process, and each flies its part of the joint response
+    without agreeing on it.
+    """
+
+    goal: Goal
+    min_airspeed_mps: float
+    max_airspeed_mps: float
+    max_turn_rate_radps: float
+    intent: Intent | None = None
+    member_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)

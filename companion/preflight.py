@@ -142,11 +142,16 @@ def _receivers(runtime: Runtime, now_s: float, span_s: float) -> Iterator[Findin
         yield Finding(f"receiver {receiver.address}", text, problem is None)
 
 
-# What a kind of report by MAVLink cannot say.
+# What a kind of report by MAVLink cannot say; "" for those that come by other receivers only.
 _LACKS = {
     TrafficSource.ADSB: "accuracy; ages are whole seconds",
-    TrafficSource.UTM: "the age of positions",
+    TrafficSource.ADSR: "",
+    TrafficSource.TISB: "",
+    TrafficSource.MLAT: "",
+    TrafficSource.MODE_S: "",
+    TrafficSource.FLARM: "",
     TrafficSource.REMOTE_ID: "the age of positions, and range",
+    TrafficSource.UTM: "the age of positions",
     TrafficSource.SYSTEM: "accuracy",
 }
 
@@ -154,7 +159,7 @@ _LACKS = {
 def _mavlink_sources(runtime: Runtime, span_s: float) -> Iterator[Finding]:
     """Who sends traffic by MAVLink, how often, and what that lacks."""
     for (source, sender), count in sorted(runtime.engine.mavlink_sources.items()):
-        lacks = f"; lacks {_LACKS[source]}" if source in _LACKS else ""
+        lacks = f"; lacks {_LACKS[source]}" if _LACKS[source] else ""
         name = f"receiver {source} by MAVLink {sender.system_id}/{sender.component_id}"
         yield Finding(name, f"{count / span_s:.1f} reports/s{lacks}")
 

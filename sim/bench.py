@@ -26,10 +26,15 @@ from companion.model import Goal, Ownship, Track
 from companion.replay import replay
 from companion.runtime import Runtime
 from sim.closed_loop import ClosedLoop
+from sim.formation.crossing import crossing
+from sim.formation.engines import COMPANION
+from sim.formation.flight import Conditions, fly
+from sim.formation.radio import RadioQuality
 from sim.scenario import load_scenario
 
 TRACK_COUNTS = (1, 10, 50, 100, 1000)
 _OTHERS_PER_S = 500
+_MEMBERS = 10
 _AUTOPILOT = Sender(1, 1)
 _HOME_LAT_DEG, _HOME_LON_DEG = -35.36, 149.16
 _M_PER_DEG = 111_000.0
@@ -43,8 +48,15 @@ def run(on_progress: Callable[[str], None] = lambda _: None) -> dict[str, Any]:
         decide_ms[str(count)] = _percentiles(_decide_ms(count))
     on_progress("datagram in to setpoint out")
     wire_ms = _percentiles(asyncio.run(_wire_latency_ms()))
+    on_progress("a formation")
+    formation_ms = {str(_MEMBERS): _percentiles(_formation_ms())}
     on_progress("replay")
-    return {"decide_ms": decide_ms, "wire_latency_ms": wire_ms, **_replay_rates()}
+    return {
+        "decide_ms": decide_ms,
+        "formation_ms": formation_ms,
+        "wire_latency_ms": wire_ms,
+        **_replay_rates(),
+    }
 
 
 def _percentiles(values_ms: Sequence[float]) -> dict[str, float]:
@@ -65,6 +77,12 @@ def _decide_ms(count: int, decisions: int = 300) -> list[float]:
         avoider.decide(now_s, own, tracks, goal)
         times_ms.append(1e3 * (time.perf_counter() - started_s))
     return times_ms
+
+
+def _formation_ms() -> list[float]:
+    """Times [ms] of the ticks of all members of a formation that meets, over a radio with loss and delay."""
+    meeting = crossing(_MEMBERS, seed=1, number=0, separation_m=50.0)
+    return fly(meeting, COMPANION, Conditions(RadioQuality(loss=0.3, delay_s=0.3))).decision_ms
 
 
 def _collider(number: int, now_s: float) -> Track:

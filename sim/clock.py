@@ -11,8 +11,9 @@ _MICROSECONDS = 1_000_000
 class ScaledClock:
     """Unix time in whole microseconds, `speedup` times as fast as real time; never backwards.
 
-    `hold_at` sets a time at which the clock stops until the next call. `slipped_s` is the time lost by that:
-    on a machine that is too slow for the speedup the clock waits, so that nothing flies on old data.
+    `hold_at` sets a time at which the clock stops until the next call; of the times of several holders the
+    first counts. `slipped_s` is the time lost by that: on a machine that is too slow for the speedup the
+    clock waits, so that nothing flies on old data.
     """
 
     def __init__(
@@ -32,6 +33,7 @@ class ScaledClock:
         self._start_us = round((time.time() if start_s is None else start_s) * _MICROSECONDS)
         self._slipped_us = 0
         self._limit_us: int | None = None
+        self._limits_us: dict[object, int] = {}
         self._held = False
 
     def __call__(self) -> float:
@@ -63,10 +65,11 @@ class ScaledClock:
         """Real seconds until a simulated time, for the companion's `Clock` protocol."""
         return max((time_us / _MICROSECONDS - self.now_s()) / self.speedup, 0.0)
 
-    def hold_at(self, limit_s: float) -> None:
-        """Stop at this time until the next call; a limit in the past stops the clock at once."""
+    def hold_at(self, limit_s: float, holder: object = None) -> None:
+        """Stop at this time until the holder's next call; a limit in the past stops the clock at once."""
         now_us = round(self.now_s() * _MICROSECONDS)  # time until now counts under the old limit
-        limit_us = max(round(limit_s * _MICROSECONDS), now_us)
+        self._limits_us[holder] = round(limit_s * _MICROSECONDS)
+        limit_us = max(min(self._limits_us.values()), now_us)
         if self._limit_us is None or limit_us > self._limit_us:
             self._limit_us = limit_us
             self._held = False

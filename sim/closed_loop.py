@@ -68,14 +68,17 @@ class ClosedLoop:
         seed: int = 0,
         autopilot: Autopilot = "ardupilot",
         receivers: Sequence[str] = (),
+        world: World | None = None,
+        score: FlightScore | None = None,
     ) -> None:
+        """`world` and `score` are made from the scenario unless given."""
         self.start_us = start_us
         self.scenario = scenario
         self.engine = engine
-        self.world: World = build_world(scenario, start_us / 1e6, seed=seed, autopilot=autopilot)
+        self.world: World = world or build_world(scenario, start_us / 1e6, seed=seed, autopilot=autopilot)
         self.world.vehicle.add_channel(COMPANION_CHANNEL)
         self.world.vehicle.add_channel(RECEIVER_CHANNEL, stream_rate_hz=0.0)  # no listener
-        self.flight = Flight(score_of(scenario, self.world), self.world.vehicle.truth)
+        self.flight = Flight(score or score_of(scenario, self.world), self.world.vehicle.truth)
         self._encoder, self._boots, self._own_encoder = Encoder(), self.world.vehicle.boots, Encoder()
         self._intake = Intake(mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
         self._up, self._down = FrameSplitter(), FrameSplitter()
@@ -89,13 +92,17 @@ class ClosedLoop:
         """Fly for `seconds` (default: the scenario's duration, or until its mission is completed)."""
         until_us = self._now_us + round((self.scenario.duration_s if seconds is None else seconds) * 1e6)
         while self._now_us < until_us:
-            self._now_us += _STEP_US
-            self._step()
+            self.step()
             if on_step is not None:
                 on_step(self, (self._now_us - self.start_us) / 1e6)
             if seconds is None and self.flight.mission_completed:
                 break
         return self.flight
+
+    def step(self) -> None:
+        """Fly for one step of 50 ms."""
+        self._now_us += _STEP_US
+        self._step()
 
     def _step(self) -> None:
         now_s = self._now_us / 1e6
@@ -108,6 +115,8 @@ class ClosedLoop:
         for outgoing in world.vehicle.step(now_s):
             if outgoing.channel == COMPANION_CHANNEL and self._stepper is not None:
                 self._hear(outgoing.message)
+            elif outgoing.channel not in (COMPANION_CHANNEL, RECEIVER_CHANNEL):
+                self.pass_on(outgoing.message)
         if self._stepper is not None:
             self._stepper.advance(self._now_us)
         truth = world.vehicle.truth
@@ -120,6 +129,12 @@ class ClosedLoop:
         if truth.mission_completed and flight.completed_s is None:
             flight.completed_s = now_s - self.start_us / 1e6
         flight.truth = truth
+
+    def pass_on(self, message: Message) -> None:
+        """Called with what the vehicle sends on further channels; nothing listens to them here."""
+
+    def transmitted(self, effect: Transmit) -> None:
+        """Called with each message that the companion sends; nothing but the autopilot listens here."""
 
     def _hear(self, message: Message) -> None:
         assert self._stepper is not None
@@ -167,6 +182,7 @@ class ClosedLoop:
         self.flight.setpoints_sent += is_setpoint(effect.message)
         if kind == "STATUSTEXT":
             self.flight.texts.append(str(effect.message.text))
+        self.transmitted(effect)
         for frame in self._down.feed_datagram(raw):
             message = decode(frame)
             if message is not None:

@@ -134,13 +134,14 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     world = build_world(options.scenario, start_s, seed=options.seed, autopilot=options.autopilot)
     score = score_of(options.scenario, world)
     clock = ScaledClock(options.speedup, start_s=start_s)
-    to_companion, to_receiver, from_receiver = _free_ports(3)
-    beside = _receivers(options, world, from_receiver)
+    to_companion, to_receiver, from_receiver = free_ports(3)
+    beside = receivers_of(options, world, from_receiver)
     recorder, runtime = None, None
     if options.avoidance:
         if options.record is not None:
             recorder = Recorder(options.record, time.time())
-        links, receivers = _links_of_companion(options, to_companion, beside)
+        autopilot = open_link(f"udpin:127.0.0.1:{to_companion}")
+        links, receivers = links_of_companion(options, autopilot, beside)
         display = None if options.display is None else Display(options.display)
         runtime = Runtime(
             Engine(options.engine),
@@ -163,7 +164,7 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     async with asyncio.TaskGroup() as tasks:
         companion = None if runtime is None else tasks.create_task(runtime.run(), name="companion")
         vehicle = tasks.create_task(server.run(), name="vehicle")
-        receiver = tasks.create_task(_report_traffic(state, to_receiver), name="receiver")
+        receiver = tasks.create_task(report_traffic(state, to_receiver), name="receiver")
         await state.ended.wait()
         if runtime is not None and companion is not None:
             runtime.stop()
@@ -174,7 +175,7 @@ async def fly_demo(options: DemoOptions, on_start: Callable[[DemoState], None] =
     return state
 
 
-def _receivers(options: DemoOptions, world: World, port: int) -> list[ReceiverOutput]:
+def receivers_of(options: DemoOptions, world: World, port: int) -> list[ReceiverOutput]:
     """The receiver at the companion, if there is one."""
     if options.receiver is None:
         return []
@@ -183,11 +184,11 @@ def _receivers(options: DemoOptions, world: World, port: int) -> list[ReceiverOu
     return [output]
 
 
-def _links_of_companion(
-    options: DemoOptions, port: int, beside: Sequence[ReceiverOutput]
+def links_of_companion(
+    options: DemoOptions, autopilot: Link, beside: Sequence[ReceiverOutput]
 ) -> tuple[list[Link], list[ReceiverLink]]:
     """The links of the companion: to the autopilot, and to its receiver."""
-    links, receivers = [open_link(f"udpin:127.0.0.1:{port}")], []
+    links, receivers = [autopilot], []
     for output in beside:
         text = heard_at(output.name, output.link.address)
         if is_of_receiver(text):
@@ -199,7 +200,7 @@ def _links_of_companion(
     return links, receivers
 
 
-async def _report_traffic(state: DemoState, port: int) -> None:
+async def report_traffic(state: DemoState, port: int) -> None:
     """The ADS-B receiver beside the autopilot: its serial port is a socket here."""
     if state.options.receiver is not None:
         return
@@ -212,7 +213,7 @@ async def _report_traffic(state: DemoState, port: int) -> None:
             await asyncio.sleep(_RECEIVER_PERIOD_S / state.clock.speedup)
 
 
-def _free_ports(count: int) -> list[int]:
+def free_ports(count: int) -> list[int]:
     """Unused ports on loopback."""
     sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
     try:

@@ -12,6 +12,7 @@ from companion.geodesy import course_deg
 from companion.model import Layer, Snapshot
 from sim.demo import DemoState
 from sim.live_view import LiveView, clock
+from sim.metrics import EncounterScore
 
 _REFRESH_PER_S = 8
 _COLOURS = {Layer.CLEAR: "green", Layer.OUTER: "yellow", Layer.INNER: "bold red"}
@@ -54,7 +55,7 @@ def _aircraft(state: DemoState) -> Table:
     table = Table.grid(padding=(0, 2))
     north_m, east_m, down_m = truth.position_m
     height_m = -down_m - state.options.scenario.home.altitude_m
-    course = _course(math.atan2(truth.velocity_mps[1], truth.velocity_mps[0]))
+    course = course_text(math.atan2(truth.velocity_mps[1], truth.velocity_mps[0]))
     table.add_row(
         "position", f"{north_m / 1000:z6.2f} km N  {east_m / 1000:z6.2f} km E  {height_m:z5.0f} m above home"
     )
@@ -66,11 +67,12 @@ def _aircraft(state: DemoState) -> Table:
     if truth.uncontrolled:
         mode.append(" UNCONTROLLED", style="bold red")
     table.add_row("mode", mode)
-    table.add_row("companion", _companion(snapshot, state.options.scenario.home.altitude_m))
+    table.add_row("companion", companion_text(snapshot, state.options.scenario.home.altitude_m))
     return table
 
 
-def _companion(snapshot: Snapshot | None, home_m: float) -> Text:
+def companion_text(snapshot: Snapshot | None, home_m: float) -> Text:
+    """What the companion decides; `home_m` is home's altitude."""
     if snapshot is None:
         return Text("off (--no-avoidance)", style="red")
     decision = snapshot.decision
@@ -79,7 +81,7 @@ def _companion(snapshot: Snapshot | None, home_m: float) -> Text:
     if decision.guidance is not None:
         guidance = decision.guidance
         text.append(
-            f": course {_course(guidance.course_rad)}, {guidance.airspeed_mps:.0f} m/s, "
+            f": course {course_text(guidance.course_rad)}, {guidance.airspeed_mps:.0f} m/s, "
             f"{guidance.altitude_m - home_m:.0f} m above home"
         )
     return text
@@ -112,8 +114,16 @@ def _traffic(state: DemoState) -> Table:
     return table
 
 
-def _course(course_rad: float) -> str:
+def course_text(course_rad: float) -> str:
+    """A course in three digits."""
     return f"{round(course_deg(course_rad)) % 360:03d}"
+
+
+def result_text(encounter: EncounterScore) -> str:
+    """How an encounter ended, with markup."""
+    if encounter.nmac:
+        return "[bold red]NEAR MID-AIR COLLISION[/]"
+    return "[yellow]well clear lost[/]" if encounter.lowc else "[green]well clear[/]"
 
 
 def print_result(console: Console, state: DemoState) -> None:
@@ -122,12 +132,6 @@ def print_result(console: Console, state: DemoState) -> None:
     for heading in ("traffic", "slant", "horizontal", "vertical", "first action", "result"):
         table.add_column(heading, justify="left" if heading in ("traffic", "result") else "right")
     for encounter in state.score.encounters.values():
-        if encounter.nmac:
-            result = "[bold red]NEAR MID-AIR COLLISION[/]"
-        elif encounter.lowc:
-            result = "[yellow]well clear lost[/]"
-        else:
-            result = "[green]well clear[/]"
         action = "-" if encounter.first_action_s is None else clock(encounter.first_action_s).strip()
         table.add_row(
             encounter.callsign,
@@ -135,7 +139,7 @@ def print_result(console: Console, state: DemoState) -> None:
             f"{encounter.min_horizontal_m:.0f} m",
             f"{encounter.vertical_m:.0f} m",
             action,
-            result,
+            result_text(encounter),
         )
     console.print(table)
     report = state.report()

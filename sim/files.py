@@ -16,15 +16,25 @@ T = TypeVar("T")
 
 def read_checked(path: Path, kind: type[T]) -> T:
     """The file's content as a validated dataclass; `ConfigError` if it is invalid."""
+    return checked_from(_content(path), kind, str(path))
+
+
+def has_key(path: Path, key: str) -> bool:
+    """Whether the file has this key at its top; `ConfigError` if it cannot be read."""
+    content = _content(path)
+    return isinstance(content, dict) and key in content
+
+
+def _content(path: Path) -> Any:
+    """The parsed file; `ConfigError` if it cannot be read."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not a text file in UTF-8") from error
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: {' '.join(str(error).split())}") from error
-    return checked_from(content, kind, str(path))
 
 
 def checked_from(content: Any, kind: type[T], source: str) -> T:

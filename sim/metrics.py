@@ -14,6 +14,7 @@ from companion.units import (
 from sim.path import Polyline, thinned_path
 from sim.scenario import Scenario
 from sim.traffic import Intruder
+from sim.vehicle import Truth
 from sim.world import World, undisturbed
 
 _ROUNDING_M = 1e-6
@@ -114,5 +115,10 @@ class FlightScore:
 
 def score_of(scenario: Scenario, world: World) -> FlightScore:
     """An empty score for a flight of this scenario, against its path without avoidance."""
-    planned = [(t.position_m[0], t.position_m[1]) for t in undisturbed(scenario, world.start_s, 1.0)]
-    return FlightScore(world.intruders, thinned_path(planned), world.start_s)
+    return score_against(undisturbed(scenario, world.start_s, 1.0), world)
+
+
+def score_against(planned: Sequence[Truth], world: World) -> FlightScore:
+    """An empty score for a flight in this world, against the path of these states."""
+    places = [(truth.position_m[0], truth.position_m[1]) for truth in planned]
+    return FlightScore(world.intruders, thinned_path(places), world.start_s)

@@ -1,5 +1,6 @@
 """Scenario files: a mission and the conflicts on it, read from YAML."""
 
+from collections.abc import Sequence
 from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -7,12 +8,14 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Len, Lt
 from pydantic import dataclasses as checked
 
+from companion.errors import ConfigError
 from companion.geodesy import GeoPoint, LocalFrame
-from sim.files import STRICT, names_in, read_named
+from sim.files import STRICT, has_key, names_in, read_named
 from sim.receivers.mavlink import ALL_VALID
 from sim.vehicle import MissionItem, takeoff_item, waypoint_item
 
 SCENARIO_FOLDER = Path(__file__).with_name("scenarios")
+FORMATION_FOLDER = SCENARIO_FOLDER / "formations"
 DEFAULT_SCENARIO = "two-intruders"
 
 # "px4" is 1.16, which is flown in OFFBOARD; 1.18 in GUIDED_COURSE.
@@ -125,13 +128,8 @@ class Scenario:
     receiver: Receiver = field(default_factory=Receiver)
 
     def __post_init__(self) -> None:
-        """Refuse two aircraft with one address, and meetings after the end."""
-        addresses = [int(conflict.icao, 16) for conflict in self.intruders]
-        if len(set(addresses)) < len(addresses):
-            raise ValueError("intruders: two of them have the same icao")
-        for conflict in self.intruders:
-            if conflict.meet_at_s > self.duration_s:
-                raise ValueError(f"intruders: {conflict.callsign} meets us after duration_s")
+        """Refuse intruders that do not fit."""
+        check_conflicts(self.intruders, self.duration_s)
 
     @property
     def home_place(self) -> GeoPoint:
@@ -154,11 +152,31 @@ class Scenario:
         return self.frame.to_geo(north_m, east_m, -(self.home.altitude_m + height_m))
 
 
+def check_conflicts(conflicts: Sequence[Conflict], duration_s: float) -> None:
+    """Refuse two aircraft with one address, and meetings after the end, by `ValueError`."""
+    addresses = [int(conflict.icao, 16) for conflict in conflicts]
+    if len(set(addresses)) < len(addresses):
+        raise ValueError("intruders: two of them have the same icao")
+    for conflict in conflicts:
+        if conflict.meet_at_s > duration_s:
+            raise ValueError(f"intruders: {conflict.callsign} meets us after duration_s")
+
+
 def scenario_names() -> list[str]:
-    """Names of the scenarios that come with the project."""
+    """Names of the scenarios of one vehicle that come with the project."""
     return names_in(SCENARIO_FOLDER)
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:
-    """Read a scenario by name or from a file; `ConfigError` names file and key."""
+    """Read a scenario of one vehicle by name or from a file; `ConfigError` names file and key."""
+    if has_members(name_or_path):
+        raise ConfigError(f"{name_or_path}: a scenario of a formation, which only `companion-sim demo` flies")
     return read_named(name_or_path, SCENARIO_FOLDER, Scenario, "scenario")
+
+
+def has_members(name_or_path: str | Path) -> bool:
+    """Whether a scenario, by name or file, is one of a formation."""
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        return has_key(path, "formation")
+    return str(name_or_path) in names_in(FORMATION_FOLDER)

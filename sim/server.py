@@ -52,7 +52,7 @@ class VehicleServer:
         self._closed = False
         for channel in range(len(self._links)):
             vehicle.add_channel(channel, stream_rate_hz=stream_rate_hz)
-        clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S)
+        clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S, self)
 
     @property
     def overruns(self) -> int:
@@ -86,7 +86,7 @@ class VehicleServer:
         vehicle, clock = self._vehicle, self._clock
         while not self._closed:
             self._advance(clock.now_s())
-            clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S)
+            clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S, self)
             await clock.sleep_until(vehicle.time_s + STEP_S)
 
     def _advance(self, now_s: float) -> None:

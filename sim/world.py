@@ -40,15 +40,29 @@ def kind_of(autopilot: Autopilot) -> tuple[type[FakeArduPlane] | type[FakePx4], 
     return FakePx4, {"firmware": "1.18" if autopilot == "px4-1.18" else "1.16"}
 
 
-def make_vehicle(scenario: Scenario, start_s: float, autopilot: Autopilot = "ardupilot") -> FakeVehicle:
-    """The scenario's vehicle on its mission and armed: about to take off, or in the air on the way."""
+def make_vehicle(
+    scenario: Scenario,
+    start_s: float,
+    autopilot: Autopilot = "ardupilot",
+    *,
+    system_id: int = 1,
+    cruise_mps: float | None = None,
+) -> FakeVehicle:
+    """The scenario's vehicle on its mission and armed: about to take off, or in the air on the way.
+
+    `cruise_mps` is its airspeed on the mission, if not the usual one.
+    """
     start = scenario.start
     heading_rad = math.radians(start.heading_deg)
     kind, options = kind_of(autopilot)
+    parameters = dict(_PX4_PARAMETERS) if kind is FakePx4 else {}
+    if cruise_mps is not None:
+        parameters["FW_AIRSPD_TRIM" if kind is FakePx4 else "AIRSPEED_CRUISE"] = cruise_mps
     options |= {
+        "system_id": system_id,
         "mission": scenario.items,
         "wind_mps": (scenario.wind.north_mps, scenario.wind.east_mps),
-        "parameters": _PX4_PARAMETERS if kind is FakePx4 else {},
+        "parameters": parameters,
     }
     if start.where == "air":
         return kind.airborne(
@@ -76,7 +90,7 @@ def build_world(
         aimed[conflict.icao] = aim(conflict, scout.truth)
     intruders = tuple(aimed[conflict.icao] for conflict in scenario.intruders)
     receiver = AdsbReceiver(
-        intruders, scenario.frame, start_s, model=_receiver_model(scenario.receiver), seed=seed
+        intruders, scenario.frame, start_s, model=receiver_model(scenario.receiver), seed=seed
     )
     vehicle = make_vehicle(scenario, start_s, autopilot)
     return World(start_s, scenario.frame, vehicle, intruders, receiver)
@@ -114,7 +128,8 @@ def aside(relative_north_mps: float, relative_east_mps: float, own_course_rad: f
     return side * across_n, side * across_e
 
 
-def _receiver_model(receiver: Receiver) -> ReceiverModel:
+def receiver_model(receiver: Receiver) -> ReceiverModel:
+    """The errors of a scenario's receiver."""
     return ReceiverModel(
         horizontal_sigma_m=receiver.horizontal_sigma_m,
         vertical_sigma_m=receiver.vertical_sigma_m,
@@ -133,9 +148,13 @@ def undisturbed(
     scenario: Scenario, start_s: float = 0.0, period_s: float = 0.1, autopilot: Autopilot = "ardupilot"
 ) -> Sequence[Truth]:
     """The states of the vehicle without avoidance, every `period_s` for the scenario's duration."""
-    vehicle = make_vehicle(scenario, start_s, autopilot)
-    truths = [vehicle.truth]
-    for number in range(1, int(scenario.duration_s / period_s) + 1):
+    return flown_by(make_vehicle(scenario, start_s, autopilot), scenario.duration_s, period_s)
+
+
+def flown_by(vehicle: FakeVehicle, duration_s: float, period_s: float) -> Sequence[Truth]:
+    """The states of a vehicle on its own, every `period_s`."""
+    start_s, truths = vehicle.time_s, [vehicle.truth]
+    for number in range(1, int(duration_s / period_s) + 1):
         vehicle.step(start_s + number * period_s)
         truths.append(vehicle.truth)
     return truths

@@ -18,10 +18,17 @@ settings.register_profile(
 )
 settings.load_profile("any-machine")
 
-# Tests of these folders take seconds each: they come first, and are handed to the processes one by one. All
-# others take less than the handing over, and go file by file, as do those that share a fixture of seconds.
-_ONE_BY_ONE = ("tests/integration/", "tests/closed_loop/")
-_SHARE_A_FIXTURE = ("/test_paper_command.py", "/test_installed_package.py", "/test_campaign.py")
+# Tests of these folders take seconds each: they come first, and are handed to the processes one by one.
+# Those of the first wait most of their time, the others compute. All other tests take less than the handing
+# over: they go file by file, as do those that share what takes seconds to make, which come before all.
+_WAITING, _FLYING = "tests/integration/", "tests/closed_loop/"
+_SHARE_SECONDS = tuple(
+    f"/test_{name}.py"
+    for name in (
+        "paper_command", "installed_package", "browser", "campaign", "web", "fit_recordings",
+        "paper_flights", "one_aircraft", "readme", "dump1090",
+    )
+)  # fmt: skip
 
 # The tests of one flight of these files have its parameters, and run together: it is flown once.
 _SHARE_A_FLIGHT = ("/test_scenarios.py",)
@@ -29,7 +36,7 @@ _SHARE_A_FLIGHT = ("/test_scenarios.py",)
 
 def _goes_alone(nodeid: str) -> bool:
     path, _, _ = nodeid.partition("::")
-    return path.startswith(_ONE_BY_ONE) and not path.endswith(_SHARE_A_FIXTURE)
+    return path.startswith((_WAITING, _FLYING)) and not path.endswith(_SHARE_SECONDS)
 
 
 class _Scheduling(LoadScopeScheduling):
@@ -42,8 +49,22 @@ class _Scheduling(LoadScopeScheduling):
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the long tests first: a long one at the end would be waited for."""
-    items.sort(key=lambda item: not item.nodeid.startswith(_ONE_BY_ONE))
+    """Put the long tests first, those that wait evenly among those that compute.
+
+    A long one at the end would be waited for. Where all processes wait at once, the computer is idle.
+    """
+    together, waiting, flying, short = [], [], [], []
+    for item in items:
+        path = item.nodeid.partition("::")[0]
+        group = waiting if path.startswith(_WAITING) else flying if path.startswith(_FLYING) else short
+        (together if path.endswith(_SHARE_SECONDS) else group).append(item)
+    items[:] = [*together, *_mixed(waiting, flying), *short]
+
+
+def _mixed(one: list[pytest.Item], other: list[pytest.Item]) -> list[pytest.Item]:
+    """Both in their order, each spread over the whole."""
+    placed = [(place / len(items), item) for items in (one, other) for place, item in enumerate(items)]
+    return [item for _, item in sorted(placed, key=lambda pair: pair[0])]
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -146,6 +146,10 @@ class TrafficAssessment(NamedTuple):
         to_closest_s = float(self.motion.time_to_closest_s[self.conflict].min())
         return kernels.early(to_closest_s, params.inner_time_s, params.outer_time_s)
 
+    def without(self, members: Mask) -> "TrafficAssessment":
+        """The same without the conflicts with these tracks, (N,): they keep clear of us by agreement."""
+        return self._replace(conflict=self.conflict & ~members, emergency=self.emergency & ~members)
+
     @property
     def nearest(self) -> int:
         """Index of the nearest conflict."""

@@ -21,7 +21,7 @@ from companion.avoidance.blocked_item import guidance_past, keeps_clear
 from companion.avoidance.constraints import Constraints, HeightReference, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
 from companion.avoidance.fence import Fence
-from companion.avoidance.group.cooperation import Cooperation, JointGuidance, describe_member
+from companion.avoidance.group.cooperation import Cooperation, describe_member
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.intruders import Tracks, TransitionDomain
 from companion.avoidance.mission_path import OwnFlight, mission_path, with_path
@@ -69,9 +69,8 @@ class Avoider:
         self._policy = policy_of(params)
         self._domain = TransitionDomain(self._policy.outer.widening_rad)
         self._inner = InnerLayer(params.controls)
-        self._cooperation = Cooperation(
-            params.formation, params.release_margin, enabled=self._policy.layers.cooperates
-        )
+        self._cooperation = self._made_cooperation()
+        self._answered = False  # the last decision was our part of an agreed answer
         self._last_guidance: Guidance | None = None
         self._last_layer = Layer.CLEAR
         self._clear_since_s: float | None = None
@@ -85,9 +84,22 @@ class Avoider:
         self._policy = policy_of(replace(params, controls=controls), self._lost)
         self._domain.delta_beta_rad = self._policy.outer.widening_rad
         self._inner.retune(controls)
-        # A joint response relies on every control of every member.
-        enabled = self._policy.layers.cooperates and not self._lost
-        self._cooperation.retune(params.formation, params.release_margin, enabled=enabled)
+        if self._cooperation is None:
+            self._cooperation = self._made_cooperation()
+        else:
+            self._cooperation.retune(params.formation, params.release_margin, enabled=self._may_cooperate)
+
+    @property
+    def _may_cooperate(self) -> bool:
+        """Whether joint responses can be flown: they rely on every control of every member."""
+        return self._policy.layers.cooperates and not self._lost
+
+    def _made_cooperation(self) -> Cooperation | None:
+        """Our part in the group; `None` without one."""
+        if not self.params.formation.configured:
+            return None
+        margin = self.params.release_margin
+        return Cooperation(self.params.formation, margin, enabled=self._may_cooperate)
 
     def withhold(self, lost: frozenset[Control]) -> None:
         """Use only rows without these controls, which cannot be flown at present."""
@@ -105,11 +117,22 @@ class Avoider:
     def reset(self) -> None:
         """Forget the conflict at hand, because the aircraft is out of our hands. Refusals are remembered."""
         self._forget_conflict()
-        self._cooperation.reset()
+        if self._cooperation is not None:
+            self._cooperation.reset()
 
     def member(self, own: Ownship, goal: Goal) -> Member:
         """Our goal and limits, for the other members of our group."""
         return describe_member(own, goal, self.envelope)
+
+    def announced(self, own: Ownship, goal: Goal) -> Member:
+        """The same with our intent, for members that agree before they answer."""
+        member = self.member(own, goal)
+        return member if self._cooperation is None else self._cooperation.announced(member)
+
+    def join(self, own_id: str, *, answers: bool) -> None:
+        """Our id in the group, and whether an answer of ours could be flown now."""
+        if self._cooperation is not None:
+            self._cooperation.own_id, self._cooperation.answers = own_id, answers
 
     def decide(self, now_s: float, own: Ownship, tracks: Sequence[Track], goal: Goal) -> Decision:
         """The decision at `now_s` for our aircraft among the tracks, in one north-east-down frame [m, m/s].
@@ -121,7 +144,7 @@ class Avoider:
         """
         require_finite(own, goal)
         self._refusals = self._refusals.at(now_s)
-        own_id = self.params.formation.own_id
+        own_id = "" if self._cooperation is None else self._cooperation.own_id
         own = credible_ownship(own, now_s)
         believed = [relevant_track(t, now_s) for t in tracks if not (own_id and t.track_id == own_id)]
         relevant = [track for track in believed if track is not None]
@@ -136,17 +159,31 @@ class Avoider:
             and needs_no_assessment(flight, now_s, relevant, self.params, self._domain)
         ):
             self._domain.reset()
+            if self._cooperation is not None:
+                self._cooperation.reset()
             return self._without_conflict(now_s, flight)
         assessment = self._assess(now_s, flight, relevant)
-        if self._cooperation.enabled:
+        if self._cooperation is not None and self._cooperation.enabled:
             joint = self._cooperation.joint_guidance(
                 now_s, own, flight, relevant, assessment.tracks, assessment.conflict, self._constraints
             )
+            if joint is not None and joint.guidance is not None:
+                members = assessment._replace(conflict=joint.members)
+                return self._fly_jointly(joint.guidance, flight, members, relevant)
             if joint is not None:
-                return self._fly_jointly(joint, flight, assessment._replace(conflict=joint.members), relevant)
+                assessment = assessment.without(joint.members)
+                if not any_of(assessment.conflict) and self._answered:
+                    self._forget_conflict()
+        self._answered = False
         if not any_of(assessment.conflict):
-            return self._without_conflict(now_s, flight)
-        return self._avoid(now_s, flight, assessment, relevant)
+            return self._noted(self._without_conflict(now_s, flight))
+        return self._noted(self._avoid(now_s, flight, assessment, relevant))
+
+    def _noted(self, decision: Decision) -> Decision:
+        """The decision, known to the group as what we fly without having agreed on it."""
+        if self._cooperation is not None:
+            self._cooperation.note_flown(decision.guidance)
+        return decision
 
     def _bound_heights(self, now_s: float, flight: OwnFlight) -> None:
         """Limit the heights to the permitted change, from the mission's heights."""
@@ -256,23 +293,26 @@ class Avoider:
 
     def _fly_jointly(
         self,
-        joint: JointGuidance,
+        guidance: Guidance,
         flight: OwnFlight,
         assessment: TrafficAssessment,
         relevant: Sequence[Track],
     ) -> Decision:
         """Our part of the joint response, held like any other guidance when the conflict is over."""
         self._forget_conflict()
+        self._answered = True
         found = threats_of(assessment, relevant, self.params.priced_tracks)
-        near = min(threat.distance_m for threat in found) < self.params.formation.separation_m
-        self._last_layer, self._last_guidance = Layer.INNER if near else Layer.OUTER, joint.guidance
-        words = "group: " + reason(found[0], joint.guidance, flight.state)
-        return Decision(self._last_layer, joint.guidance, found, words)
+        nearest_m = min((threat.distance_m for threat in found), default=math.inf)
+        near = nearest_m < self.params.formation.separation_m
+        self._last_layer, self._last_guidance = Layer.INNER if near else Layer.OUTER, guidance
+        # None is left where the others have become unable to answer since it was agreed.
+        words = "group: " + (reason(found[0], guidance, flight.state) if found else "as agreed")
+        return Decision(self._last_layer, guidance, found, words)
 
     def _without_conflict(self, now_s: float, flight: OwnFlight) -> Decision:
         """Hold the last guidance for a while, return along the fence if needed, then fly the mission."""
         if self._last_guidance is None:
-            self.reset()
+            self._forget_conflict()
             return Decision(Layer.CLEAR, because="no conflict")
         if self._clear_since_s is None or now_s < self._clear_since_s:
             self._clear_since_s = now_s
@@ -284,7 +324,7 @@ class Avoider:
             context = return_context(flight, params, constraints, prefers_turns=self.prefers_turns)
             rows = self._inner.evaluate_table(context, Tracks.none(), last)
             return self._hold(rows.best_guidance, "clear of conflict, returning along the fence")
-        self.reset()
+        self._forget_conflict()
         return Decision(Layer.CLEAR, because="clear of conflict")
 
     def _mission_keeps_fence(self, flight: OwnFlight) -> bool:

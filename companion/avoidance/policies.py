@@ -44,7 +44,7 @@ def policy_of(params: AvoidanceParams, lost: frozenset[Control] = frozenset()) -
     layers: LayerPolicy = OuterFirst() if by_default else InnerByDistance()
     if params.layers is not Layers.BOTH:
         layers = OuterOnly() if params.layers is Layers.OUTER else InnerOnly()
-    return Policy(outer, emergency, layers, has_fast_path=by_default and not params.formation.own_id)
+    return Policy(outer, emergency, layers, has_fast_path=by_default and not params.formation.configured)
 
 
 class PlainField:

@@ -8,19 +8,24 @@ from companion.airspace.fences import AutopilotFence, limit_heights
 from companion.airspace.obstacles import ObstacleMap
 from companion.avoidance import Avoider, Control, Envelope
 from companion.control.handover import Handover
-from companion.control.state_machine import WATCHING
+from companion.control.readiness import Readiness
+from companion.control.state_machine import WATCHING, State
 from companion.engine_config import EngineConfig
 from companion.geodesy import LocalFrame
+from companion.mavlink.facts import MemberIntent, Sender
 from companion.model import Decision, Goal, Layer, Ownship, Role, Track
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 from companion.ownship.legs import Leg
 from companion.traffic import TrafficPicture
+from companion.traffic.members import fact_of
 
 # The error of a flat frame grows with the distance from its origin; within this it is negligible.
 _FRAME_REACH_M = 5_000.0
 # After an avoidance the aircraft is back at its mission's speed within this time.
 _SPEED_RETURNS_S = 20.0
+# Announcements are numbered by time, so that those after a restart are newer.
+_COUNTS_PER_S = 10.0
 
 
 class _LimitSources(NamedTuple):
@@ -49,6 +54,7 @@ class Deciding:
         obstacles: ObstacleMap | None,
         config: EngineConfig,
         handover: Handover,
+        readiness: Readiness,
         avoider: Avoider,
     ) -> None:
         self.avoider = avoider
@@ -63,6 +69,7 @@ class Deciding:
         self._picture = picture
         self._obstacles = obstacles
         self._handover = handover
+        self._readiness = readiness
         self._conflict_over = False
         self._held_s = -math.inf  # when the aircraft was ours last
         self._limits_from: _LimitSources | None = None  # those of the limits in effect
@@ -97,8 +104,26 @@ class Deciding:
             self._picture.note_threats([], now_s)
             return
         self._apply_limits(self.frame, now_s)
+        if self.config.avoidance.formation.members and aircraft.sender is not None:
+            self.avoider.join(str(aircraft.sender.system_id), answers=self._may_answer(role, now_s))
         self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
         self._picture.note_threats([threat.track_id for threat in self.decision.threats], now_s)
+
+    def _may_answer(self, role: Role, now_s: float) -> bool:
+        """Whether an answer of ours would be flown: the aircraft is ours, or would be taken over."""
+        handover = self._handover
+        if handover.supervisor.holds:
+            return handover.supervisor.state is not State.STOPPING
+        return not self._readiness.hindrances(now_s, role)
+
+    def announcement(self, sender: Sender, now_s: float) -> MemberIntent | None:
+        """What the other members of our formation should know; `None` on the ground or without members."""
+        if not self.config.avoidance.formation.members or self.own is None or self.frame is None:
+            return None
+        if self.goal is None or not self._may_decide():
+            return None
+        member = self.avoider.announced(self.own, self.goal)
+        return fact_of(member, self.frame, sender, int(now_s * _COUNTS_PER_S))
 
     def _do_without(self, because: str) -> None:
         self.avoider.reset()

@@ -12,6 +12,7 @@ from functools import cache
 from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
+from companion.avoidance.group.formation import FormationParams
 from companion.control.emergency import EmergencyRelease
 from companion.control.handover import Handover, Orders
 from companion.control.readiness import Readiness
@@ -55,6 +56,7 @@ from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
 from companion.traffic import Concern, Tracker, TrafficPicture, Urgency
+from companion.traffic.members import MemberParams
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
@@ -90,7 +92,7 @@ class Engine:
         # The autopilot's answers to our requests; `companion check --link` shows them.
         self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = MessageRates()
-        self._picture = TrafficPicture(config.traffic)
+        self._picture = TrafficPicture(config.traffic, _members(config.avoidance.formation))
         self.operator = GcsRequests(
             self._settings,
             lambda: self.sender,
@@ -115,6 +117,7 @@ class Engine:
             ObstacleMap(config.known_obstacles, config.obstacles) if config.known_obstacles else None,
             config,
             self._handover,
+            self._readiness,
             avoider or Avoider(config.avoidance),
         )
         self._end = Housekeeping(
@@ -342,7 +345,7 @@ class Engine:
     def _receive_traffic(self, fact: Fact, now_s: float) -> bool:
         """Take in a report about another aircraft; true when it is a threat."""
         forwarding = self.forwarding
-        if forwarding.sent and forwarding.is_echo(fact, now_s):
+        if (forwarding.sent or forwarding.systems_s) and forwarding.is_echo(fact, now_s):
             return False
         self._count_source(fact)
         track_id = self._picture.receive(fact, now_s)
@@ -455,6 +458,13 @@ class Engine:
     def _situation(self) -> TrafficSituation:
         deciding = self._deciding
         return TrafficSituation(deciding.decision, deciding.own, self.aircraft.home_altitude_m())
+
+
+def _members(formation: FormationParams) -> MemberParams:
+    """The formation as the picture of the traffic knows it."""
+    return MemberParams(
+        formation.members, formation.silent_s, formation.smallest_m, formation.smallest_vertical_m
+    )
 
 
 @cache

@@ -1,14 +1,18 @@
-"""Messages at regular intervals: our own HEARTBEAT, TIMESYNC, and COLLISION for the threats."""
+"""Messages at regular intervals: our own HEARTBEAT, TIMESYNC, our intent, and COLLISION for the threats."""
 
 import math
 
 from companion.mavlink.dialect import Message, mavlink
+from companion.mavlink.facts import MemberIntent
 from companion.mavlink.intake import time_sync_request
+from companion.mavlink.translate.formation import intent_message
 from companion.model import Decision, Layer, Role, Threat
 
 _HEARTBEAT_INTERVAL_S = 1.0
 _COLLISION_INTERVAL_S = 1.0
 _TIME_SYNC_INTERVAL_S, _TIME_SYNC_OFTEN_S = 2.0, 0.1
+# A formation of ten then sends 288 bytes a second each.
+_INTENT_INTERVAL_S = 1.0 / 3.0
 _MAX_COLLISIONS = 4
 
 
@@ -19,6 +23,7 @@ class Broadcasts:
         self._heartbeat_s = -math.inf
         self._collisions_s = -math.inf
         self._time_sync_s = -math.inf
+        self._intent_s = -math.inf
 
     def heartbeat(self, role: Role, now_s: float, *, healthy: bool) -> list[Message]:
         """Our own HEARTBEAT, once a second; its custom mode is our role."""
@@ -43,6 +48,13 @@ class Broadcasts:
             return []
         self._time_sync_s = now_s
         return [time_sync_request(component_id, now_s)]
+
+    def intent(self, announcement: MemberIntent | None, now_s: float) -> list[Message]:
+        """V2_EXTENSION with our intent for the other members of a formation, three times a second."""
+        if announcement is None or 0.0 <= now_s - self._intent_s < _INTENT_INTERVAL_S - 1e-3:
+            return []
+        self._intent_s = now_s
+        return [intent_message(announcement)]
 
     def collisions(self, decision: Decision, now_s: float, *, flying: bool) -> list[Message]:
         """COLLISION for at most four of the most urgent threats, once a second."""

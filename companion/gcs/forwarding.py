@@ -1,7 +1,8 @@
 """Traffic that others than the autopilot hear, sent on as ADSB_VEHICLE: which aircraft, and when.
 
 Sent are the places of the tracks: the best of all sources, above mean sea level, as of `tslc` ago. Only news
-is sent. A track that is coasted has none, and who reads our messages forgets it by itself.
+is sent. A track that is coasted has none, and who reads our messages forgets it by itself. Members of our
+formation are not sent: the autopilot's own avoidance would avoid them.
 """
 
 import math
@@ -35,6 +36,8 @@ _LEAST_CLOSING_MPS: Final = 5.0
 _THERE_S: Final = 10.0
 # It is not sent for this time after the last report of others: the track is that of other sources.
 _HEARD_S: Final = 30.0
+# A report of a MAVLink system is no news for this time after the system itself was heard.
+_SYSTEM_HEARD_S: Final = 5.0
 # Heartbeats go on for this time after the last report: PX4 may return home (COM_TRAFF_AVOID) when they end.
 _FEEDING_S: Final = 10.0
 _HEARTBEAT_INTERVAL_S: Final = 1.0
@@ -98,6 +101,7 @@ class Forwarding:
         self.sent = 0
         self._heard: dict[str, _Heard] = {}
         self._addresses = MadeUpAddresses()
+        self.systems_s: dict[int, float] = {}  # when each system was heard, by its made-up address
         self._reports = SentReports()
         self._nearest: dict[str, float] = {}  # how soon each may be here, the soonest first
         self._chosen_s = self._sent_s = self._heartbeat_s = self._fed_s = -math.inf
@@ -105,8 +109,15 @@ class Forwarding:
     # --- what is heard
 
     def is_echo(self, fact: Fact, now_s: float) -> bool:
-        """Whether a report is one of ours that comes back; none is before the first is `sent`."""
-        return isinstance(fact, Traffic) and self._reports.has(fact.report, now_s)
+        """Whether a report is one of ours that comes back; none is while `sent` and `systems_s` are empty.
+
+        One with the address that we make up for a MAVLink system is, too, while we hear the system itself: a
+        replay does not know on which link it was heard, and sends nothing on.
+        """
+        if not isinstance(fact, Traffic):
+            return False
+        system_s = self.systems_s.get(fact.report.icao or 0, -math.inf)
+        return now_s - system_s <= _SYSTEM_HEARD_S or self._reports.has(fact.report, now_s)
 
     def note_sources(self, *, receiver_works: bool, elsewhere: Set[tuple[int, int]]) -> None:
         """Note, for what comes from now on, whether a receiver works and who is heard elsewhere."""
@@ -121,6 +132,8 @@ class Forwarding:
 
     def _observe(self, fact: Fact, track_id: str | None, autopilot: Sender | None, now_s: float) -> None:
         sender, report = fact.sender, fact.report if isinstance(fact, Traffic) else None
+        if report is None and track_id is not None:
+            self.systems_s[self._addresses.made_up(track_id)] = now_s
         if sender == autopilot or (sender != RECEIVER and sender not in self.elsewhere):
             track_id = track_id or (None if report is None else report.key)
             if track_id and self._is_fed(now_s):
@@ -185,6 +198,7 @@ class Forwarding:
         heard = self._heard.get(track.track_id)
         return (
             heard is not None
+            and not track.is_member
             and track.state is TrackState.CONFIRMED
             and now_s - heard.there_s > _THERE_S
             and now_s - heard.heard_s <= _HEARD_S

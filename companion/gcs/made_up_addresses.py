@@ -21,9 +21,10 @@ class MadeUpAddresses:
     def of(self, track: Track) -> int:
         """The address of a track: its own, or a made-up one, also for a second aircraft with its address."""
         is_first = "/" not in track.track_id
-        return track.icao if track.icao and is_first else self._made_up(track.track_id)
+        return track.icao if track.icao and is_first else self.made_up(track.track_id)
 
-    def _made_up(self, track_id: str) -> int:
+    def made_up(self, track_id: str) -> int:
+        """The made-up address of a track."""
         start = int.from_bytes(blake2s(track_id.encode(), digest_size=4).digest())
         address = _FIRST + start % _COUNT
         while self._tracks.get(address, track_id) != track_id:

@@ -4,11 +4,12 @@ Every fact has its `sender`, because several systems may share a link. Positions
 frame is the engine's. `climb` is positive up, `velocity_mps` is north-east-down.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from companion.model import TrafficReport, Vec3
+from companion.model import Guidance, LatLon, Proposal, TrafficReport, Vec3
 
 # The parameter with the address of our own transponder, in both autopilots.
 OWN_ICAO_PARAMETER = "ADSB_ICAO_ID"
@@ -367,6 +368,32 @@ class Traffic:
 
 
 @dataclass(frozen=True, slots=True)
+class MemberIntent:
+    """What another companion of our formation announces: goal, limits, what it flies and what it proposes.
+
+    `then_deg` is the place after the goal. `counter` orders the messages of one sender. Altitudes, also those
+    of the two guidances, are above mean sea level. `heard` has the newest proposal heard of each other
+    system, by system id.
+    """
+
+    sender: Sender
+    counter: int
+    goal_deg: LatLon | None
+    then_deg: LatLon | None
+    goal_course_rad: float | None
+    goal_altitude_m: float
+    goal_airspeed_mps: float
+    goal_is_end: bool
+    min_airspeed_mps: float
+    max_airspeed_mps: float
+    max_turn_rate_radps: float
+    flown: Guidance | None
+    proposal: Proposal | None
+    heard: Mapping[int, int]
+    answers: bool
+
+
+@dataclass(frozen=True, slots=True)
 class ReceiverOwnship:
     """A receiver's report of the aircraft that carries it; ours only if it is where we are.
 
@@ -411,5 +438,6 @@ Fact = (
     | ParameterSet
     | OwnTransponder
     | Traffic
+    | MemberIntent
     | ReceiverOwnship
 )

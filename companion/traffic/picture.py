@@ -8,6 +8,7 @@ from companion.mavlink.facts import (
     Fact,
     GeoidSeparation,
     HomePosition,
+    MemberIntent,
     OwnPosition,
     OwnTransponder,
     Parameter,
@@ -19,6 +20,7 @@ from companion.model import AltitudeReference, Track
 from companion.traffic.altitudes import OwnshipAltitudes
 from companion.traffic.concerns import Concern
 from companion.traffic.mavlink_traffic import MavlinkTraffic
+from companion.traffic.members import MemberParams, Members
 from companion.traffic.own_trail import OwnshipFix
 from companion.traffic.params import TrafficParams
 from companion.traffic.tracker import Tracker
@@ -33,8 +35,9 @@ _PRESSURE_MISSING_S = 10.0
 class TrafficPicture:
     """Turns facts into tracks. Times are those of the engine's clock."""
 
-    def __init__(self, params: TrafficParams) -> None:
+    def __init__(self, params: TrafficParams, members: MemberParams | None = None) -> None:
         self.tracker = Tracker(params)
+        self._members = Members(members) if members is not None and members.system_ids else None
         self._own_altitudes = OwnshipAltitudes(params.heights)
         self._mavlink_traffic = MavlinkTraffic()
         self._pressure_s = -math.inf  # of our autopilot
@@ -88,15 +91,23 @@ class TrafficPicture:
 
         Returns the id of the track that it updates, `None` if there is none.
         """
+        if isinstance(fact, MemberIntent):
+            if self._members is not None:
+                self._members.observe_intent(fact, now_s)
+            return None
         report = fact.report if isinstance(fact, Traffic) else self._mavlink_traffic.observe(fact, now_s)
         if report is None:
             return None
         sender = "" if report.heard_by else "{}/{}".format(*fact.sender)
-        return self.tracker.receive(report, now_s, self._own_altitudes.offsets(now_s), sender)
+        track_id = self.tracker.receive(report, now_s, self._own_altitudes.offsets(now_s), sender)
+        if self._members is not None and track_id is not None and isinstance(fact, OwnPosition):
+            self._members.note_track(fact.sender.system_id, track_id, now_s)
+        return track_id
 
     def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
         """All tracks in the local frame, extrapolated to `now_s`, ordered by `track_id`."""
-        return self.tracker.tracks(now_s, frame, self._own_altitudes.offsets(now_s))
+        tracks = self.tracker.tracks(now_s, frame, self._own_altitudes.offsets(now_s))
+        return self._members.marked(tracks, frame, now_s) if self._members else tracks
 
     def note_threats(self, track_ids: list[str], now_s: float) -> None:
         """Note which tracks are in conflict with us now: they are coasted when they fall silent."""

@@ -5,12 +5,16 @@ import contextlib
 import json
 import os
 import sys
+from collections.abc import Mapping
 from typing import Any
+
+from starlette.types import ASGIApp
 
 from companion.errors import CompanionError
 from companion.web.app import build
 from companion.web.display import unpack
 from companion.web.live_snapshot import LiveSnapshot
+from companion.web.members import Members
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
 from companion.web.source import LiveSource
@@ -32,23 +36,29 @@ async def main() -> None:
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
     settings = await unpack(reader)
     assert isinstance(settings, Settings)
-    source = LiveSource()
+    sources = {name: LiveSource() for name in settings.members or ("",)}
     listening = listen(settings)
-    app = build(source, settings, lambda role: report(role=role))
+    app = Members(sources, settings) if settings.members else _alone(sources[""], settings)
     serving = asyncio.create_task(serve(app, listening), name="serving")
     report(serving=settings.url)
-    receiving = asyncio.create_task(_receive(reader, source), name="snapshots")
+    receiving = asyncio.create_task(_receive(reader, sources), name="snapshots")
     done, _ = await asyncio.wait({serving, receiving}, return_when=asyncio.FIRST_COMPLETED)
     for task in done:
         task.result()
 
 
-async def _receive(reader: asyncio.StreamReader, source: LiveSource) -> None:
+def _alone(source: LiveSource, settings: Settings) -> ASGIApp:
+    return build(source, settings, lambda role: report(role=role))
+
+
+async def _receive(reader: asyncio.StreamReader, sources: Mapping[str, LiveSource]) -> None:
+    """Show what arrives: the snapshots of one aircraft, or of several with their names."""
     with contextlib.suppress(EOFError):
         while True:
-            snapshot = await unpack(reader)
+            item = await unpack(reader)
+            name, snapshot = item if isinstance(item, tuple) else ("", item)
             if isinstance(snapshot, LiveSnapshot):
-                source.show(snapshot)
+                sources[name].show(snapshot)
 
 
 async def _main_then_exit() -> None:

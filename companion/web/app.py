@@ -14,7 +14,7 @@
 
 import asyncio
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,9 +43,15 @@ _LONGEST_MESSAGE = 256
 _TOO_MANY = 1013
 
 
-def build(source: Source, settings: Settings, ask_role: Callable[[str], None] = lambda _: None) -> Starlette:
-    """The application for a source of states; calls `ask_role` with each requested role."""
-    return _Handlers(source, settings, ask_role).app()
+def build(
+    source: Source,
+    settings: Settings,
+    ask_role: Callable[[str], None] = lambda _: None,
+    *,
+    beside: Sequence[Route] = (),
+) -> Starlette:
+    """The application for a source of states, with the routes `beside`; calls `ask_role` with each role."""
+    return _Handlers(source, settings, ask_role).app(beside)
 
 
 class _Handlers:
@@ -56,9 +62,10 @@ class _Handlers:
         self._viewers = 0
         self._metrics = Metrics(source, lambda: self._viewers) if isinstance(source, LiveSource) else None
 
-    def app(self) -> Starlette:
+    def app(self, beside: Sequence[Route]) -> Starlette:
         return Starlette(
             routes=[
+                *beside,
                 Route("/", self._index),
                 Route("/api/state", self._state),
                 Route("/api/info", self._info),
@@ -83,6 +90,7 @@ class _Handlers:
         return Response(text, media_type="application/json")
 
     async def _info(self, _: Request) -> Response:
+        several = {"members": self._settings.members} if self._settings.members else {}
         return JSONResponse(
             {
                 "kind": self._source.kind,
@@ -90,6 +98,7 @@ class _Handlers:
                 "duration_s": self._source.duration_s,
                 "height_unit": "ft" if self._settings.feet else "m",
                 "may_command": self._settings.token is not None and self._metrics is not None,
+                **several,
             }
         )
 

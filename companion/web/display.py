@@ -71,7 +71,7 @@ class Display:
 
     def is_ready(self) -> bool:
         """True when a snapshot is due and the pipe is empty. Starts the next interval; counts a full pipe."""
-        pipe, wall_s = self._pipe, time.monotonic()
+        pipe, wall_s = self.pipe, time.monotonic()
         if pipe is None or wall_s - self._shown_s < self._interval_s:
             return False
         self._shown_s = wall_s
@@ -81,11 +81,19 @@ class Display:
 
     def show(self, snapshot: LiveSnapshot) -> None:
         """Send a snapshot; call only when `is_ready`."""
-        if self._pipe is not None:
-            begun_s = time.perf_counter()
-            self._pipe.write(pack(snapshot))
-            took_s = time.perf_counter() - begun_s
-            self._interval_s = max(_SHORTEST_INTERVAL_S, min(took_s / _LARGEST_SHARE, _LONGEST_INTERVAL_S))
+        begun_s = time.perf_counter()
+        self._write(snapshot)
+        took_s = time.perf_counter() - begun_s
+        self._interval_s = max(_SHORTEST_INTERVAL_S, min(took_s / _LARGEST_SHARE, _LONGEST_INTERVAL_S))
+
+    @property
+    def pipe(self) -> asyncio.StreamWriter | None:
+        """The pipe to the display's process, while that runs."""
+        return self._pipe
+
+    def _write(self, item: object) -> None:
+        if self.pipe is not None:
+            self.pipe.write(pack(item))
 
     async def run(self) -> None:
         """Run the display's process, and restart it whenever it ends, until cancelled."""
@@ -146,6 +154,29 @@ class Display:
             case _:
                 pass
         return None
+
+
+class MemberDisplay(Display):
+    """One aircraft's part of a display that shows several, which is run by itself: here `run` only waits."""
+
+    def __init__(self, shared: Display, member: str) -> None:
+        """`member` is one of the names in the settings of `shared`."""
+        super().__init__(shared.settings)
+        self._shared = shared
+        self._member = member
+
+    @property
+    def pipe(self) -> asyncio.StreamWriter | None:
+        """The pipe to the process of the display that is shared."""
+        return self._shared.pipe
+
+    def show(self, snapshot: LiveSnapshot) -> None:
+        """Send a snapshot with the aircraft's name."""
+        self._write((self._member, snapshot))
+
+    async def run(self) -> None:
+        """Wait until cancelled."""
+        await asyncio.Event().wait()
 
 
 def _lower_priority(process_id: int) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import cast
 
 import uvicorn
-from starlette.applications import Starlette
+from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol, RequestResponseCycle
 
 from companion.errors import PORT_IN_USE, CompanionError
@@ -64,7 +64,7 @@ def listen(settings: Settings) -> socket.socket:
     return listening
 
 
-async def serve(app: Starlette, listening: socket.socket) -> None:
+async def serve(app: ASGIApp, listening: socket.socket) -> None:
     """Serve until cancelled."""
     config = uvicorn.Config(
         app,

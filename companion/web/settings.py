@@ -11,7 +11,7 @@ class Settings:
     """Where the display listens, and who may use it.
 
     `token` allows changes of the role; without one the display is read-only. `origins` are URLs of other
-    servers whose pages may open the stream.
+    servers whose pages may open the stream. `members` are the names of several aircraft that share a display.
     """
 
     host: str = "127.0.0.1"
@@ -20,6 +20,7 @@ class Settings:
     origins: tuple[str, ...] = ()
     title: str = "Companion"
     feet: bool = False  # unit of heights, until the user chooses one on the page
+    members: tuple[str, ...] = ()
 
     @property
     def url(self) -> str:

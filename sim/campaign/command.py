@@ -17,12 +17,12 @@ from rich.table import Table
 from companion.errors import CompanionError, ConfigError, require
 from sim.campaign.avoiders import NONE
 from sim.campaign.cluster import parse_scheduler_address, run_on
-from sim.campaign.flight import EncounterResult, fly, unmitigated
+from sim.campaign.flight import ClosestApproach, EncounterResult
 from sim.campaign.plan import Plan
 from sim.campaign.results import Key, ResultLine, Results, key_of, read_results
-from sim.campaign.runner import run_here
+from sim.campaign.runner import fly_one, run_here
 from sim.campaign.summary import LOWC_RATIO_LINE, RISK_RATIO_LINE, gather, summary_of
-from sim.encounters import SURVEILLANCE_PRESETS, Encounter
+from sim.encounters import Encounter
 
 # The scheduler of this machine's own processes.
 LOCAL = "local"
@@ -45,7 +45,7 @@ def run(
     results = Results.open(out, plan.identity())
     before, begun = len(results.done), time.perf_counter()
     try:
-        with _progress(console, plan, results) as on_flown:
+        with progress(console, plan.flights, results) as on_flown:
             if scheduler == LOCAL:
                 run_here(plan, results, workers=workers, on_flown=on_flown)
             else:
@@ -76,22 +76,24 @@ def _report(plan: Plan, out: Path, rate: float | None) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _progress(console: Console, plan: Plan, results: Results) -> Iterator[Callable[[int], None]]:
-    total = plan.flights
+def progress(
+    console: Console, total: int, results: Results, what: str = "encounters"
+) -> Iterator[Callable[[int], None]]:
+    """A progress bar on a terminal; call what it gives with the number newly flown."""
     if not console.is_terminal:
         yield lambda _: None
         return
     rate = TextColumn("{task.fields[rate]} a second")
-    columns = (TextColumn("encounters"), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
         done_before, begun, flown = len(results.done), time.perf_counter(), 0
-        task = progress.add_task("", total=total, completed=done_before, rate="0.0")
+        task = bar.add_task("", total=total, completed=done_before, rate="0.0")
 
         def on_flown(more: int) -> None:
             nonlocal flown
             flown += more
             rate_hz = flown / max(time.perf_counter() - begun, 1e-9)
-            progress.update(task, advance=more, rate=f"{rate_hz:.1f}")
+            bar.update(task, advance=more, rate=f"{rate_hz:.1f}")
 
         yield on_flown
 
@@ -133,7 +135,19 @@ def _way_back(report: dict[str, Any]) -> str:
         f"{figures['given_back_on_leg']} given back on the leg, {figures['back_on_left_leg']} back on the "
         f"one they left, {figures['back_on_later_leg']} on a later one; off it in the mission's mode for "
         f"{_two(figures['strayed_s'])}; {figures['engaged_more_than_once']} engaged more than once"
+        + _mirrored(figures)
         for name, figures in report["avoiders"].items()
+    )
+
+
+def _mirrored(figures: dict[str, Any]) -> str:
+    """Of the encounters in which both avoided, those whose maneuvers cancelled."""
+    if "mirrored" not in figures:
+        return ""
+    ways = figures["mirrored"]
+    return (
+        f"; both avoided in {figures['both_avoided']}, mirrored in {ways['either']} ({ways['vertical']} in "
+        f"height, {ways['sideways']} sideways), of which {ways['lowc']} lost well clear"
     )
 
 
@@ -168,7 +182,7 @@ def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
 
     source, figures = plan.source(), gather(_wanted(plan, out))
     worst = {
-        name: [_fly_again(plan, source, key_of(line)) for line in _worst(_wanted(plan, out, name))]
+        name: [_fly_again(plan, source, key_of(line))[::2] for line in _worst(_wanted(plan, out, name))]
         for name in figures
         if name != NONE
     }
@@ -188,25 +202,16 @@ def _worst(lines: Iterator[ResultLine]) -> list[ResultLine]:
     return nsmallest(_DRAWN, lost, key=lambda line: (line["flown"]["severity"], line["number"]))
 
 
-def _fly_again(plan: Plan, source: Callable[[int], Encounter], key: Key) -> tuple[Encounter, EncounterResult]:
-    avoider, preset, number = key
-    encounter, surveillance = source(number), SURVEILLANCE_PRESETS[preset]
-    flown = fly(
-        encounter,
-        plan.engine_for(avoider),
-        surveillance,
-        plan.limits,
-        seed=plan.seed + number,
-        route=plan.route_of(encounter, number),
-    )
-    return encounter, flown
+def _fly_again(
+    plan: Plan, source: Callable[[int], Encounter], key: Key
+) -> tuple[Encounter, ClosestApproach, EncounterResult]:
+    return fly_one(plan, key, source(key[2]))
 
 
 def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) -> None:
     """Print one encounter, and draw it to `out`."""
     key = plan.avoiders[0], plan.surveillance[0], number
-    encounter, flown = _fly_again(plan, plan.source(), key)
-    nominal = unmitigated(encounter, plan.route_of(encounter, number), plan.limits)
+    encounter, nominal, flown = _fly_again(plan, plan.source(), key)
     for name, near in (("unmitigated", nominal), ("flown", flown.closest)):
         outcome = "near mid-air collision" if near.nmac else "well clear lost" if near.lowc else "well clear"
         console.print(

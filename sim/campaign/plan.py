@@ -12,6 +12,7 @@ from sim.campaign.avoiders import COMPANION, engine_for
 from sim.campaign.plane import Limits
 from sim.campaign.results import ResultLine
 from sim.campaign.route import Route, legs
+from sim.campaign.two_sided import is_flyable
 from sim.dynamics import AIRFRAMES
 from sim.encounters import (
     SURVEILLANCE_PRESETS,
@@ -28,6 +29,10 @@ from sim.peers import PEERS
 # With the height locked: distance of floor and ceiling from the mission's height.
 _SLACK_M = 1.0
 _FILES = (".csv", ".daa")
+# The end of an avoider's name if both aircraft of a two-sided encounter fly it.
+BOTH = "-both"
+# An encounter whose intruder cannot fly Companion is drawn again with a number further on by this.
+_DRAWN_AGAIN = 10_000_000
 
 
 class Part(StrEnum):
@@ -36,6 +41,12 @@ class Part(StrEnum):
     ALL = "all"
     TUNING = "tuning"  # even numbers
     EVALUATION = "evaluation"  # odd numbers
+
+    def numbers(self, count: int) -> range:
+        """The numbers of so many encounters."""
+        if self is Part.ALL:
+            return range(count)
+        return range(int(self is Part.EVALUATION), 2 * count, 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +72,10 @@ class Plan:
     legs: bool = False
     rejoin: RejoinMode = "line"
     airframe: str = "ardupilot"
+    two_sided: bool = False
 
     def __post_init__(self) -> None:
-        for name in self.avoiders:
+        for name in map(self.method_of, self.avoiders):
             if name != COMPANION and name not in PEERS:
                 raise ConfigError(f"--avoider {name}: there are {COMPANION}, {', '.join(PEERS)}")
         for name in self.surveillance:
@@ -90,7 +102,12 @@ class Plan:
 
     def identity(self) -> dict[str, object]:
         """The settings that all results of one file share: all but number, avoiders and surveillance."""
-        return {k: v for k, v in asdict(self).items() if k not in ("encounters", "avoiders", "surveillance")}
+        varied = {"encounters", "avoiders", "surveillance"} | (set() if self.two_sided else {"two_sided"})
+        return {k: v for k, v in asdict(self).items() if k not in varied}
+
+    def method_of(self, avoider: str) -> str:
+        """The method of an avoider, without the mark that both aircraft fly it."""
+        return avoider.removesuffix(BOTH) if self.two_sided else avoider
 
     def wants(self, result: ResultLine) -> bool:
         """True for a result of this plan."""
@@ -102,9 +119,7 @@ class Plan:
 
     def numbers(self) -> range:
         """The numbers of the plan's encounters."""
-        if self.part is Part.ALL:
-            return range(self.encounters)
-        return range(int(self.part is Part.EVALUATION), 2 * self.encounters, 2)
+        return self.part.numbers(self.encounters)
 
     def inputs(self) -> Inputs:
         """Read the models or files; `ConfigError` if that fails."""
@@ -119,6 +134,21 @@ class Plan:
     def source(self, inputs: Inputs | None = None) -> Callable[[int], Encounter]:
         """A function from a number to its encounter; without `inputs`, models or files are read."""
         inputs = inputs or self.inputs()
+        if not self.two_sided:
+            return self._any_source(inputs)
+        flyable = tuple(encounter for encounter in inputs.encounters if is_flyable(encounter))
+        if inputs.encounters and not flyable:
+            raise ConfigError("--two-sided: no intruder in the files flies at 15 to 60 m/s")
+        drawn = self._any_source(replace(inputs, encounters=flyable))
+
+        def draw(number: int) -> Encounter:
+            while not is_flyable(encounter := drawn(number)):
+                number += _DRAWN_AGAIN
+            return encounter
+
+        return draw
+
+    def _any_source(self, inputs: Inputs) -> Callable[[int], Encounter]:
         listed, models = inputs.encounters, inputs.models
         if listed:
             # A file's encounters repeat, each time with other surveillance errors.
@@ -140,6 +170,6 @@ class Plan:
         for avoider in self.avoiders:
             self.engine_for(avoider)(generate("level", 0, 0))
 
-    def engine_for(self, avoider: str) -> Callable[[Encounter], Engine]:
-        """A function that makes the engine for an encounter."""
-        return engine_for(avoider, self.limits, self.rejoin)
+    def engine_for(self, avoider: str, limits: Limits | None = None) -> Callable[[Encounter], Engine]:
+        """A function that makes the engine for an encounter, of the plan's aircraft or of these limits."""
+        return engine_for(self.method_of(avoider), limits or self.limits, self.rejoin)

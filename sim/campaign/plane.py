@@ -40,7 +40,7 @@ from sim.path import off_leg
 
 AUTOPILOT = Sender(1, 1)
 AUTO = 10
-_COMPANION = Sender(1, 196)
+_COMPANION = 196  # component
 # The largest distance before a corner at which the turn begins (WP_RADIUS).
 _TURN_M = 90.0
 # A smaller difference of height is flown at once (ALT_SLOPE_MIN).
@@ -80,7 +80,10 @@ class Limits:
 class Plane:
     """One aircraft on its route, in the campaign's frame (north-east-down)."""
 
-    def __init__(self, position_m: Vec3, airspeed_mps: float, route: Route, limits: Limits) -> None:
+    def __init__(
+        self, position_m: Vec3, airspeed_mps: float, route: Route, limits: Limits, system_id: int = 1
+    ) -> None:
+        self.sender, self._companion = Sender(system_id, 1), Sender(system_id, _COMPANION)
         self._route, self._airspeed_mps = route, airspeed_mps
         self._to = 1
         while self._to + 1 < len(route.places_m) and self._is_passed(position_m):
@@ -155,7 +158,7 @@ class Plane:
         place = FRAME.to_geo(*position_m)
         answers = self.take_answers()
         position = OwnPosition(
-            AUTOPILOT,
+            self.sender,
             now_s,
             place.lat_deg,
             place.lon_deg,
@@ -174,17 +177,17 @@ class Plane:
     def heartbeat(self) -> Heartbeat:
         """The present heartbeat."""
         kind, autopilot = mavlink.MAV_TYPE_FIXED_WING, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
-        return Heartbeat(AUTOPILOT, kind, autopilot, True, self.mode, _ACTIVE)
+        return Heartbeat(self.sender, kind, autopilot, True, self.mode, _ACTIVE)
 
     def rare_facts(self) -> list[Fact]:
         """The facts that change slowly or never."""
         return [
-            AirData(AUTOPILOT, self._wing.airspeed_mps),
-            AirspeedSensor(AUTOPILOT, True),
-            Wind(AUTOPILOT, 0.0, 0.0),
-            LandedState(AUTOPILOT, mavlink.MAV_LANDED_STATE_IN_AIR),
-            MissionProgress(AUTOPILOT, self._to + 1, len(self._route.places_m)),
-            NavigationTarget(AUTOPILOT, *FRAME.to_geo(*self._to_m)),
+            AirData(self.sender, self._wing.airspeed_mps),
+            AirspeedSensor(self.sender, True),
+            Wind(self.sender, 0.0, 0.0),
+            LandedState(self.sender, mavlink.MAV_LANDED_STATE_IN_AIR),
+            MissionProgress(self.sender, self._to + 1, len(self._route.places_m)),
+            NavigationTarget(self.sender, *FRAME.to_geo(*self._to_m)),
         ]
 
     def execute(self, messages: Iterable[Message]) -> bool:
@@ -199,7 +202,7 @@ class Plane:
                 self._execute_guided(message)
             elif kind == "MISSION_REQUEST_LIST":
                 count = 0 if message.mission_type else len(self._route.places_m) + 1
-                self._answers.append(MissionCount(AUTOPILOT, _COMPANION, message.mission_type, count))
+                self._answers.append(MissionCount(self.sender, self._companion, message.mission_type, count))
             elif kind == "MISSION_REQUEST_INT":
                 self._answers.append(self._item(message.seq))
         return self.mode != before
@@ -219,7 +222,7 @@ class Plane:
         nothing = (0.0, 0.0, 0.0, 0.0)
         command = mavlink.MAV_CMD_NAV_WAYPOINT
         above = HeightAbove.SEA
-        return MissionItem(AUTOPILOT, _COMPANION, 0, sequence, command, nothing, *place, above)
+        return MissionItem(self.sender, self._companion, 0, sequence, command, nothing, *place, above)
 
     def _execute_guided(self, message: Message) -> None:
         if self.mode != GUIDED:
@@ -237,4 +240,4 @@ class Plane:
         self._answer(message.command, mavlink.MAV_RESULT_ACCEPTED)
 
     def _answer(self, command: int, result: int) -> None:
-        self._answers.append(CommandResult(AUTOPILOT, command, result, None))
+        self._answers.append(CommandResult(self.sender, command, result, None))

@@ -15,7 +15,7 @@ from sim.encounters import Encounter
 _SHORTEST_MS, _WIDER = 0.01, 1.05
 
 ResultLine = dict[str, Any]
-Key = tuple[str, str, int]  # avoider, surveillance, number of the encounter
+Key = tuple[str, str, int]  # avoider, surveillance or radio, number of the encounter
 
 
 def result_line(
@@ -44,7 +44,8 @@ def result_line(
         "on_left_leg": flown.on_left_leg,
         "given_back_on_leg": flown.given_back_on_leg,
         "strayed_s": round(flown.strayed_s, 1),
-        "timing": _histogram(flown.decision_ms),
+        **({} if flown.mirrored is None else {"mirrored": list(flown.mirrored)}),
+        "timing": histogram(flown.decision_ms),
     }
 
 
@@ -58,7 +59,8 @@ def _approach(near: ClosestApproach) -> dict[str, object]:
     }
 
 
-def _histogram(durations_ms: list[float]) -> dict[str, int]:
+def histogram(durations_ms: list[float]) -> dict[str, int]:
+    """Counts of decision times by bin."""
     counts: dict[str, int] = {}
     for duration_ms in durations_ms:
         place = max(round(math.log(max(duration_ms, _SHORTEST_MS) / _SHORTEST_MS, _WIDER)), 0)
@@ -121,7 +123,7 @@ class Results:
 
 def key_of(result: ResultLine) -> Key:
     """The key of a result's flight."""
-    return result["avoider"], result["surveillance"], result["number"]
+    return result["avoider"], result.get("surveillance") or result["radio"], result["number"]
 
 
 def read_results(path: Path) -> Iterator[ResultLine]:
@@ -129,7 +131,7 @@ def read_results(path: Path) -> Iterator[ResultLine]:
     for number, line in _lines(path):
         if "campaign" in line:
             continue
-        if not line.keys() >= {"avoider", "surveillance", "number"}:
+        if not (line.keys() >= {"avoider", "number"} and line.keys() & {"surveillance", "radio"}):
             raise ConfigError(f"{path}, line {number}: not a result of a campaign")
         yield line
 

@@ -1,4 +1,4 @@
-"""The mission of an encounter: one endless straight line, or legs of 3 km with slopes and corners."""
+"""The mission of an encounter: an endless line, legs of 3 km with slopes and corners, or a path's legs."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.model import Vec3
-from sim.encounters import Encounter
+from sim.encounters import Encounter, Path
 from sim.encounters.encounter import passing
 from sim.path import off_leg
 
@@ -23,6 +23,9 @@ _CORNERS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0)
 # Change of height along a leg, and the lowest height; half of the legs are level.
 _SLOPES_M = (-100.0, 100.0)
 _LOWEST_M = 100.0
+# Legs follow a path within this distance; differences of height count for more. The first leg is that long.
+_WITHIN_M, _HEIGHTS_COUNT = 20.0, 2.5
+_LEADS_M = 2000.0
 
 
 @dataclass(frozen=True)
@@ -110,3 +113,34 @@ def _beyond(start_m: Vec3, course_rad: float, length_m: float, rise_m: float) ->
         east_m + length_m * math.sin(course_rad),
         down_m - rise_m,
     )
+
+
+def along(path: Path) -> Route:
+    """Legs between the corners of a path, the first and the last straight on beyond its ends and level."""
+    corners_m = path.position_m[_corners(path.position_m * (1.0, 1.0, _HEIGHTS_COUNT))]
+    first_m = _level(corners_m[0], corners_m[0] - corners_m[1], _LEADS_M)
+    last_m = _level(corners_m[-1], corners_m[-1] - corners_m[-2], _ENDLESS_M)
+    places = [first_m, *corners_m, last_m]
+    return Route(tuple((float(north), float(east), float(down)) for north, east, down in places))
+
+
+def _level(from_m: Array, towards_m: Array, length_m: float) -> Array:
+    along = towards_m[:2] / max(float(np.hypot(*towards_m[:2])), 1e-6)
+    return np.array([*(from_m[:2] + length_m * along), from_m[2]])
+
+
+def _corners(places_m: Array) -> list[int]:
+    """The places that a polyline within `_WITHIN_M` needs, by Douglas and Peucker."""
+    needed, pieces = {0, len(places_m) - 1}, [(0, len(places_m) - 1)]
+    while pieces:
+        begin, end = pieces.pop()
+        if end - begin < 2:
+            continue
+        chord_m, off_m = places_m[end] - places_m[begin], places_m[begin + 1 : end] - places_m[begin]
+        along = np.clip(off_m @ chord_m / max(float(chord_m @ chord_m), 1e-9), 0.0, 1.0)
+        away_m = np.linalg.norm(off_m - along[:, None] * chord_m, axis=1)
+        if away_m.max() > _WITHIN_M:
+            middle = begin + 1 + int(np.argmax(away_m))
+            needed.add(middle)
+            pieces += [(begin, middle), (middle, end)]
+    return sorted(needed)

@@ -1,20 +1,24 @@
 """Flies a campaign on the cores of this machine; their number does not change the results."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
 from itertools import islice, product
+from typing import TypeVar
 
 from companion.errors import CompanionError
 from sim.campaign.avoiders import NONE
-from sim.campaign.flight import EncounterResult, fly, unmitigated
-from sim.campaign.plan import Plan
-from sim.campaign.results import ResultLine, Results, result_line
+from sim.campaign.flight import ClosestApproach, EncounterResult, fly, unmitigated
+from sim.campaign.plan import BOTH, Plan
+from sim.campaign.results import Key, ResultLine, Results, result_line
+from sim.campaign.two_sided import fly_both, sides_of
 from sim.encounters import SURVEILLANCE_PRESETS, Encounter
 
 Task = tuple[Plan, str, str, tuple[int, ...]]  # avoider, surveillance, numbers of the encounters
+
+AnyTask = TypeVar("AnyTask")
 
 # Encounters per task: some seconds of work, so that overhead is small and little is lost with a worker.
 _TASK_SIZE = 20
@@ -36,19 +40,31 @@ def _remaining(avoider: str, preset: str, plan: Plan, results: Results) -> Itera
 def fly_task(task: Task, source: Callable[[int], Encounter] | None = None) -> list[ResultLine]:
     """Fly a task in this process; without a `source` the plan's models or files are read."""
     plan, avoider, preset, numbers = task
-    surveillance = SURVEILLANCE_PRESETS[preset]
-    source, make_engine = source or _source(plan), plan.engine_for(avoider)
+    source = source or _source(plan)
     flown: list[ResultLine] = []
     for number in numbers:
-        encounter = source(number)
-        route = plan.route_of(encounter, number)
-        nominal = unmitigated(encounter, route, plan.limits)
-        if avoider == NONE:
-            one = EncounterResult(nominal, back_s=encounter.duration_s)
-        else:
-            one = fly(encounter, make_engine, surveillance, plan.limits, seed=plan.seed + number, route=route)
-        flown.append(result_line((avoider, preset, number), encounter, nominal, one))
+        key = avoider, preset, number
+        encounter, nominal, one = fly_one(plan, key, source(number))
+        flown.append(result_line(key, encounter, nominal, one))
     return flown
+
+
+def fly_one(plan: Plan, key: Key, encounter: Encounter) -> tuple[Encounter, ClosestApproach, EncounterResult]:
+    """The encounter as it was flown, its closest approach without avoidance, and the result."""
+    avoider, preset, number = key
+    route, seed = plan.route_of(encounter, number), plan.seed + number
+    surveillance = SURVEILLANCE_PRESETS[preset]
+    if plan.two_sided:
+        sides = sides_of(encounter, plan.limits, route)
+        encounter, route = sides[0].encounter, sides[0].route
+    nominal = unmitigated(encounter, route, plan.limits)
+    if avoider == NONE:
+        return encounter, nominal, EncounterResult(nominal, back_s=encounter.duration_s)
+    if plan.two_sided and avoider.endswith(BOTH):
+        both = fly_both(sides, lambda one, limits: plan.engine_for(avoider, limits)(one), surveillance, seed)
+        return both[0], nominal, both[1]
+    make_engine = plan.engine_for(avoider)
+    return encounter, nominal, fly(encounter, make_engine, surveillance, plan.limits, seed=seed, route=route)
 
 
 @lru_cache(maxsize=1)
@@ -67,13 +83,24 @@ def run_here(
 
     `CompanionError` if a process died, as for lack of memory; the results until then are kept.
     """
+    _source(plan)  # read once: forked processes inherit it
+    run_tasks(tasks_of(plan, results), fly_task, results, workers=workers, on_flown=on_flown)
+
+
+def run_tasks(
+    tasks: Iterable[AnyTask],
+    fly_task: Callable[[AnyTask], list[ResultLine]],
+    results: Results,
+    *,
+    workers: int | None = None,
+    on_flown: Callable[[int], None] = lambda _: None,
+) -> None:
+    """Fly tasks in processes of this machine, as `run_here` does."""
     workers = workers or len(os.sched_getaffinity(0))
-    tasks = tasks_of(plan, results)
     if workers == 1:
         for task in tasks:
             store(results, fly_task(task), on_flown)
         return
-    _source(plan)  # read once: forked processes inherit it
     with ProcessPoolExecutor(workers) as pool:
         flying: set[Future[list[ResultLine]]] = set()
         try:

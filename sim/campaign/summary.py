@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.campaign.mirroring import SIDEWAYS, VERTICAL
 from sim.campaign.results import ResultLine, percentile_ms
 
 Array = NDArray[np.floating]
@@ -16,7 +17,7 @@ _CHUNK = 2_000_000  # encounters resampled at a time, to bound memory
 _COLUMNS = (
     "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
     "avoided", "deviation_m", "height_m", "engagements", "return_s", "on_left_leg", "given_back_on_leg",
-    "strayed_s",
+    "strayed_s", "mirrored",
 )  # fmt: skip
 # Pass lines for cooperative traffic, of ASTM F3442.
 RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
@@ -44,7 +45,7 @@ class Figures:
                 result["closing_mps"], result["weight"], nominal["nmac"], nominal["lowc"], flown["nmac"],
                 flown["lowc"], result["avoided"], result["deviation_m"], result["height_m"],
                 result["engagements"], _number_or_nan(result["return_s"]), bool(result["on_left_leg"]),
-                bool(result["given_back_on_leg"]), result["strayed_s"],
+                bool(result["given_back_on_leg"]), result["strayed_s"], _mirrored(result.get("mirrored")),
             )
         )  # fmt: skip
         self.not_back += result["back_s"] is None
@@ -85,6 +86,8 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         "conflicts": int(conflicts.sum()),
         "p_nmac": _mean(columns, "nmac"),
         "p_lowc": _mean(columns, "lowc"),
+        "induced_nmac": _induced(columns, "nmac"),
+        "induced_lowc": _induced(columns, "lowc"),
         **ratio_of(columns, "risk_ratio", "nmac"),
         **ratio_of(columns, "lowc_ratio", "lowc"),
         "median_max_deviation_m": _weighted_median(columns["deviation_m"], columns["weight"], conflicts),
@@ -97,12 +100,18 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         "latest_back_s": figures.latest_back_s,
         "back_s": _quantiles(columns["return_s"]),
         "strayed_s": _quantiles(columns["strayed_s"][columns["engagements"] > 0.0]),
+        **_cancelling(columns),
         "decision_ms": {
             "p50": percentile_ms(figures.timing, 0.5),
             "p99": percentile_ms(figures.timing, 0.99),
         },
         "encounters_per_s": encounters_per_s,
     }
+
+
+def _induced(columns: dict[str, Array], event: str) -> int:
+    """The number of encounters in which the event happens only with avoidance."""
+    return int(((columns[event] > 0.0) & (columns[f"{event}0"] == 0.0)).sum())
 
 
 def ratio_of(columns: dict[str, Array], name: str, event: str) -> dict[str, object]:
@@ -115,7 +124,7 @@ def ratio_of(columns: dict[str, Array], name: str, event: str) -> dict[str, obje
     if nominal.sum() <= 0.0:
         return {name: None, f"{name}_ci95": None}
     ratio = float(flown.sum() / nominal.sum())
-    low, high = _interval(len(weight), lambda picked: _divided(flown[picked].sum(1), nominal[picked].sum(1)))
+    low, high = interval(len(weight), lambda picked: _divided(flown[picked].sum(1), nominal[picked].sum(1)))
     if not flown.any():
         # Resampling shows no spread if the event never happened: the rule of three bounds it.
         high = _bound_without_events(nominal)
@@ -134,14 +143,14 @@ def _nuisance(columns: dict[str, Array]) -> dict[str, object]:
     flown, all_clear = columns["weight"] * columns["avoided"] * clear, columns["weight"] * clear
     if all_clear.sum() <= 0.0:
         return {"nuisance_rate": None, "nuisance_rate_ci95": None}
-    low, high = _interval(len(clear), lambda picked: _divided(flown[picked].sum(1), all_clear[picked].sum(1)))
+    low, high = interval(len(clear), lambda picked: _divided(flown[picked].sum(1), all_clear[picked].sum(1)))
     return {
         "nuisance_rate": _shown(float(flown.sum() / all_clear.sum())),
         "nuisance_rate_ci95": [_shown(low), _shown(high)],
     }
 
 
-def _interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tuple[float, float]:
+def interval(count: int, statistic: Callable[[NDArray[np.intp]], Array]) -> tuple[float, float]:
     """The bootstrap's 2.5 and 97.5 percentiles over encounters, with a fixed seed."""
     rng = np.random.default_rng(20_000)
     at_once = max(_CHUNK // count, 1)
@@ -168,6 +177,27 @@ def _back_on(columns: dict[str, Array]) -> dict[str, int]:
         "given_back_on_leg": int(given_back.sum()),
         "back_on_left_leg": int(on_left.sum()),
         "back_on_later_leg": int((back & ~on_left).sum()),
+    }
+
+
+def _mirrored(ways: list[str] | None) -> float:
+    """How maneuvers cancelled, as a number: 1 vertically, 2 sideways, 3 both; NaN unless both avoided."""
+    return float("nan") if ways is None else (VERTICAL in ways) + 2.0 * (SIDEWAYS in ways)
+
+
+def _cancelling(columns: dict[str, Array]) -> dict[str, object]:
+    """In two-sided encounters: how often both avoided, how often they mirrored, and lost well clear so."""
+    mirrored = columns["mirrored"]
+    both = mirrored[np.isfinite(mirrored)]
+    if not len(both):
+        return {}
+    counts = {
+        VERTICAL: np.isin(both, (1.0, 3.0)), SIDEWAYS: both >= 2.0, "either": both > 0.0,
+        "lowc": (mirrored > 0.0)[np.isfinite(mirrored)] & (columns["lowc"][np.isfinite(mirrored)] > 0.0),
+    }  # fmt: skip
+    return {
+        "both_avoided": len(both),
+        "mirrored": {name: int(chosen.sum()) for name, chosen in counts.items()},
     }
 
 

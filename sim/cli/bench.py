@@ -31,6 +31,8 @@ def bench(
         table.add_row(
             f"decision with {count} tracks, all in conflict", f"{times['p50']:.2f}", f"{times['p99']:.2f}"
         )
+    for count, times in figures["formation_ms"].items():
+        table.add_row(f"tick of a member among {count}", f"{times['p50']:.2f}", f"{times['p99']:.2f}")
     wire = figures["wire_latency_ms"]
     table.add_row("ADS-B datagram in to setpoint out", f"{wire['p50']:.2f}", f"{wire['p99']:.2f}")
     console.print(table)

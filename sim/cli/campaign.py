@@ -8,9 +8,11 @@ from rich.console import Console
 
 from companion.cli.common import note_if_slow, writable
 from companion.control.rejoin import RejoinMode
-from companion.errors import require
-from sim.campaign.plan import Part, Plan
+from companion.errors import ConfigError, require
+from sim.campaign.plan import BOTH, Part, Plan
 from sim.cli.common import ReportOption
+from sim.formation.engines import separated
+from sim.formation.plan import FormationPlan
 
 EncountersOption = Annotated[
     int, typer.Option("--encounters", min=1, max=10_000_000, help="Number of encounters.")
@@ -50,6 +52,30 @@ AirframeOption = Annotated[
     str, typer.Option("--airframe", metavar="NAME", help="Dynamics as recorded: ardupilot (default) or px4.")
 ]
 
+TwoSidedOption = Annotated[
+    bool,
+    typer.Option("--two-sided", help="Intruders fly the avoider too, as strangers: NAME-both beside NAME."),
+]
+
+FormationOption = Annotated[
+    int | None,
+    typer.Option("--formation", metavar="N", help="Crossings of 2 to 10 members instead of encounters."),
+]
+LossOption = Annotated[
+    list[float] | None,
+    typer.Option("--loss", min=0.0, max=0.95, help="Of a formation's radio: share lost; may be repeated."),
+]
+DelayOption = Annotated[
+    list[float] | None,
+    typer.Option("--delay", min=0.0, max=10.0, help="Of a formation's radio: longest delay [s]; repeatable."),
+]
+SeparationOption = Annotated[
+    float, typer.Option(min=10.0, max=500.0, help="Members nearer than this have collided [m].")
+]
+SilentOption = Annotated[
+    bool, typer.Option("--falls-silent", help="One member sends nothing from 20 s before the meeting.")
+]
+
 
 def campaign(
     encounters: EncountersOption = 1000,
@@ -62,6 +88,12 @@ def campaign(
     legs: LegsOption = False,
     rejoin: RejoinOption = "line",
     airframe: AirframeOption = "ardupilot",
+    two_sided: TwoSidedOption = False,
+    formation: FormationOption = None,
+    loss: LossOption = None,
+    delay: DelayOption = None,
+    separation: SeparationOption = 50.0,
+    falls_silent: SilentOption = False,
     part: Annotated[
         Part, typer.Option(help="Half of the encounters: tune on one, quote the other.")
     ] = Part.ALL,
@@ -89,10 +121,20 @@ def campaign(
     for path in (page, report):
         if path is not None:
             writable(path)
+    if formation is not None:
+        if two_sided or scheduler != "local":
+            raise ConfigError("--formation: not with --two-sided or --scheduler")
+        crossings = FormationPlan(
+            formation, encounters, seed, losses=tuple(loss or (0.0,)), delays_s=tuple(delay or (0.0,)),
+            separation=separated(separation), surveillance=(surveillance or ["perfect"])[0], part=part,
+            falls_silent=falls_silent,
+        )  # fmt: skip
+        _formation(crossings, tuple(dict.fromkeys(avoider or ())), results, workers, page, report)
+        return
     plan = Plan(
-        encounters, seed, tuple(dict.fromkeys(avoider or ["companion"])), tuple(map(str, model or ())),
-        tuple(dict.fromkeys(surveillance or ["perfect"])), intruders, lock_height, part, legs, rejoin,
-        airframe,
+        encounters, seed, _avoiders(avoider or ["companion"], two_sided=two_sided),
+        tuple(map(str, model or ())), tuple(dict.fromkeys(surveillance or ["perfect"])), intruders,
+        lock_height, part, legs, rejoin, airframe, two_sided,
     )  # fmt: skip
     note_if_slow()
     console = Console(highlight=False)
@@ -102,6 +144,31 @@ def campaign(
         command.write_report(report, figures)
     if page is not None:
         page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
+
+
+def _formation(
+    plan: FormationPlan, avoiders: tuple[str, ...], results: Path, workers: int | None,
+    page: Path | None, report: Path | None,
+) -> None:  # fmt: skip
+    """Fly the crossings of a formation."""
+    from sim.campaign.command import write_report
+    from sim.formation import command
+
+    note_if_slow()
+    console = Console(highlight=False)
+    plan = command.available(avoiders, console, plan)
+    figures = command.run(plan, results, console, workers=workers)
+    command.print_figures(console, figures)
+    if report is not None:
+        write_report(report, figures)
+    if page is not None:
+        page.write_text(command.page_of(plan, results, figures), encoding="utf-8")
+
+
+def _avoiders(names: list[str], *, two_sided: bool) -> tuple[str, ...]:
+    """Each avoider once; two-sided, the same flown on both sides follows it."""
+    ways = [(name, name + BOTH) if two_sided and name != "none" else (name,) for name in names]
+    return tuple(dict.fromkeys(name for way in ways for name in way))
 
 
 def encounter(
@@ -117,6 +184,12 @@ def encounter(
     legs: LegsOption = False,
     rejoin: RejoinOption = "line",
     airframe: AirframeOption = "ardupilot",
+    two_sided: TwoSidedOption = False,
+    formation: FormationOption = None,
+    loss: LossOption = None,
+    delay: DelayOption = None,
+    separation: SeparationOption = 50.0,
+    falls_silent: SilentOption = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Draw paths, heights and separation.")
     ] = None,
@@ -127,10 +200,19 @@ def encounter(
     if out is not None:
         require("matplotlib", "companion-sim encounter --out", "sim")
         writable(out)
+    if formation is not None:
+        from sim.formation.command import show_crossing
+
+        crossings = FormationPlan(
+            formation, number + 1, seed, (avoider,), tuple(loss or (0.0,)), tuple(delay or (0.0,)),
+            separated(separation), surveillance, falls_silent=falls_silent,
+        )  # fmt: skip
+        show_crossing(crossings, number, Console(highlight=False), out)
+        return
     models = tuple(map(str, model or ()))
     plan = Plan(
         number + 1, seed, (avoider,), models, (surveillance,), intruders, lock_height,
-        legs=legs, rejoin=rejoin, airframe=airframe,
+        legs=legs, rejoin=rejoin, airframe=airframe, two_sided=two_sided,
     )  # fmt: skip
     note_if_slow()
     command.show_encounter(plan, number, Console(highlight=False), out)

@@ -6,11 +6,19 @@ from typing import Annotated
 
 import typer
 
+from sim.members.scenario import formation_names
 from sim.receivers import FORMATS
 from sim.scenario import Autopilot, scenario_names
 
 ScenarioOption = Annotated[
     str, typer.Option(metavar="NAME|FILE", help=f"One of {', '.join(scenario_names())}, or a YAML file.")
+]
+AnyScenarioOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME|FILE",
+        help=f"One of {', '.join((*scenario_names(), *formation_names()))}, or a YAML file.",
+    ),
 ]
 AutopilotOption = Annotated[
     Autopilot, typer.Option(help="The autopilot that the vehicle imitates; px4 is version 1.16.")

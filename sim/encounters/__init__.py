@@ -5,7 +5,7 @@ from sim.encounters.files import read_encounters, write_encounters
 from sim.encounters.generators import KINDS, generate
 from sim.encounters.model import EncounterModel, read_model
 from sim.encounters.sampling import sample
-from sim.encounters.surveillance import SURVEILLANCE_PRESETS, Heard, Observer, Surveillance
+from sim.encounters.surveillance import SURVEILLANCE_PRESETS, Heard, Observer, Reception, Surveillance
 
 __all__ = [
     "KINDS",
@@ -16,6 +16,7 @@ __all__ = [
     "Observer",
     "Passing",
     "Path",
+    "Reception",
     "Surveillance",
     "generate",
     "passing",

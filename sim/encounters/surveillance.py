@@ -85,53 +85,23 @@ SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
 Heard = tuple[int, float, Vec3, Vec3, float]
 
 
-class Observer:
-    """The received reports of an encounter's intruders; query times must not decrease."""
+class Reception:
+    """Errors and losses of the reports of `transmitters` aircraft."""
 
-    def __init__(self, encounter: Encounter, surveillance: Surveillance, seed: int = 0) -> None:
+    def __init__(self, surveillance: Surveillance, transmitters: int, seed: int = 0) -> None:
         self._how, self._exact = surveillance, surveillance.exact
-        self._intruders = encounter.intruders
-        self._own_m, self._own_mps = encounter.own_position_m, encounter.own_velocity_mps
-        self._arrivals = self._all_arrivals()
-        self._next = next(self._arrivals)
-        self._lost = [False] * len(encounter.intruders)
+        self._lost = [False] * transmitters
         self._rng = np.random.default_rng([seed, 77])
-        bias_m = self._rng.normal(0.0, 1.0, len(encounter.intruders)) * surveillance.height_bias_sigma_m
+        bias_m = self._rng.normal(0.0, 1.0, transmitters) * surveillance.height_bias_sigma_m
         self._bias_m: list[float] = bias_m.tolist()
 
-    def reports(self, now_s: float) -> list[Heard]:
-        """The reports that arrived since the last call."""
-        heard: list[Heard] = []
-        while self._next[0] <= now_s + 1e-9:
-            arrives_s, states = self._next
-            for index, state in enumerate(states):
-                report = self._report(index, arrives_s - self._how.latency_s, state)
-                if report is not None:
-                    heard.append(report)
-            self._next = next(self._arrivals)
-        return heard
-
-    def _all_arrivals(self) -> Iterator[tuple[float, list[State]]]:
-        """Endless arrival times, and the intruders' states at the time of transmission."""
-        arrives_s = 0.0
-        while True:
-            arrivals_s = []
-            for _ in range(_LOOKED_UP):
-                arrivals_s.append(arrives_s)
-                arrives_s += self._how.period_s
-            sent_s = np.array(arrivals_s) - self._how.latency_s
-            paths = [path.states_at(sent_s) for path in self._intruders]
-            for place, at_s in enumerate(arrivals_s):
-                yield at_s, [states[place] for states in paths]
-
-    def _report(self, index: int, sent_s: float, state: State) -> Heard | None:
+    def report(self, index: int, sent_s: float, state: State, away_m: float) -> Heard | None:
+        """The report of a state at `sent_s`, `away_m` from the receiver; `None` if it is not received."""
         how, reported = self._how, state
         if not self._exact:
             reported = self._with_errors(index, state)
             if self._is_lost(index):
                 return None
-        (north_m, east_m, _), own_m, own_mps = state[0], self._own_m, self._own_mps
-        away_m = math.hypot(north_m - own_m[0] - own_mps[0] * sent_s, east_m - own_m[1] - own_mps[1] * sent_s)
         if away_m > how.first_heard_m:
             return None
         position_m, velocity_mps = reported
@@ -162,3 +132,44 @@ class Observer:
         begins = ends * how.loss / (1.0 - how.loss)
         self._lost[index] = chance >= ends if self._lost[index] else chance < begins
         return self._lost[index]
+
+
+class Observer:
+    """The received reports of an encounter's intruders; query times must not decrease."""
+
+    def __init__(self, encounter: Encounter, surveillance: Surveillance, seed: int = 0) -> None:
+        self._how, self._reception = surveillance, Reception(surveillance, len(encounter.intruders), seed)
+        self._intruders = encounter.intruders
+        self._own_m, self._own_mps = encounter.own_position_m, encounter.own_velocity_mps
+        self._arrivals = self._all_arrivals()
+        self._next = next(self._arrivals)
+
+    def reports(self, now_s: float) -> list[Heard]:
+        """The reports that arrived since the last call."""
+        heard: list[Heard] = []
+        while self._next[0] <= now_s + 1e-9:
+            arrives_s, states = self._next
+            for index, state in enumerate(states):
+                report = self._report(index, arrives_s - self._how.latency_s, state)
+                if report is not None:
+                    heard.append(report)
+            self._next = next(self._arrivals)
+        return heard
+
+    def _all_arrivals(self) -> Iterator[tuple[float, list[State]]]:
+        """Endless arrival times, and the intruders' states at the time of transmission."""
+        arrives_s = 0.0
+        while True:
+            arrivals_s = []
+            for _ in range(_LOOKED_UP):
+                arrivals_s.append(arrives_s)
+                arrives_s += self._how.period_s
+            sent_s = np.array(arrivals_s) - self._how.latency_s
+            paths = [path.states_at(sent_s) for path in self._intruders]
+            for place, at_s in enumerate(arrivals_s):
+                yield at_s, [states[place] for states in paths]
+
+    def _report(self, index: int, sent_s: float, state: State) -> Heard | None:
+        (north_m, east_m, _), own_m, own_mps = state[0], self._own_m, self._own_mps
+        away_m = math.hypot(north_m - own_m[0] - own_mps[0] * sent_s, east_m - own_m[1] - own_mps[1] * sent_s)
+        return self._reception.report(index, sent_s, state, away_m)

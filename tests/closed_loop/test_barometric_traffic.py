@@ -10,9 +10,12 @@ from companion.mavlink.dialect import Message
 from companion.model import Track
 from companion.traffic import HeightParams, TrafficParams
 from sim.closed_loop import ClosedLoop
-from sim.scenario import Scenario, load_scenario
+from sim.scenario import Scenario
+from tests.support.monitored_loop import SOON
 
 QNH_HPA, STANDARD_HPA = 1005.25, 1013.25
+# When the intruder has passed, and how long after that the aircraft is surely given back.
+PASSED_S, GIVEN_BACK_S = 90.0, 50.0
 _LAPSE_PER_M, _EXPONENT = 2.25577e-5, 5.25588  # of the fake vehicle's atmosphere
 
 
@@ -41,16 +44,15 @@ class LowPressure(ClosedLoop):
             message.altitude_type = 0
         super()._hear(message)
         assert self.engine is not None
-        if self._now_us - self.start_us < 5_000_000:
+        if kind != "ADSB_VEHICLE" or self._now_us - self.start_us < 5_000_000:
             return  # until all messages were received once
         self.tracks += self.engine.snapshot(self._now_us / 1e6).tracks
 
 
 def above_us(miss_height_m: float) -> Scenario:
     """A head-on intruder with this true height above us."""
-    scenario = load_scenario("head-on")
-    (conflict,) = scenario.intruders
-    return replace(scenario, intruders=(replace(conflict, miss_height_m=miss_height_m),))
+    (conflict,) = SOON.intruders
+    return replace(SOON, intruders=(replace(conflict, miss_height_m=miss_height_m),))
 
 
 def fly(own_pressure: bool, pressure_unknown_m: float = 60.0, miss_height_m: float = 33.0) -> LowPressure:
@@ -58,7 +60,9 @@ def fly(own_pressure: bool, pressure_unknown_m: float = 60.0, miss_height_m: flo
     loop = LowPressure(
         above_us(miss_height_m), Engine(EngineConfig(traffic=params)), own_pressure=own_pressure
     )
-    loop.run(170.0)
+    loop.run(PASSED_S)
+    if loop.flight.engagements:
+        loop.run(GIVEN_BACK_S)
     return loop
 
 

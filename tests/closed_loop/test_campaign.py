@@ -212,6 +212,12 @@ def test_ratios_are_weighted() -> None:
     assert summary["conflicts"] == 3
 
 
+def test_what_the_avoidance_causes_is_counted_apart_from_what_it_does_not_resolve() -> None:
+    unresolved, induced = result(1, kept=False), result(2, lost=False, kept=False)
+    summary = summary_of(figures_of([unresolved, induced, result(3), result(4, lost=False)]))
+    assert (summary["induced_nmac"], summary["induced_lowc"]) == (1, 1)
+
+
 def test_intervals_are_those_of_a_binomial() -> None:
     """With equal weights, 100 conflicts and 20 lost: about 0.2 +- 1.96 sqrt(0.2 0.8 / 100)."""
     figures = figures_of([result(n, kept=n % 5 > 0) for n in range(100)])

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import pytest
-
 from companion.engine import Engine, EngineConfig
 from companion.mavlink.dialect import Message
 from companion.mavlink.facts import RECEIVER, Traffic
@@ -14,6 +12,7 @@ from companion.traffic import TrafficParams
 from companion.traffic.params import Forward
 from sim.closed_loop import ClosedLoop, Flight
 from sim.scenario import Autopilot, load_scenario
+from tests.support.autopilots import ARDUPILOT, BOTH, ways
 
 
 def fly(
@@ -64,7 +63,7 @@ def test_without_it_the_autopilots_own_avoidance_sees_nothing() -> None:
     assert engine.engagements == 0
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@ways(ARDUPILOT, among=BOTH)
 def test_we_fly_as_without_and_see_one_aircraft(autopilot: Autopilot) -> None:
     flight, engine, seen = fly("autopilot", {}, autopilot=autopilot)
     alone, _, _ = fly("off", {}, autopilot=autopilot)

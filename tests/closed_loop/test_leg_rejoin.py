@@ -10,7 +10,7 @@ from companion.model import Vec3
 from sim.scenario import Autopilot
 from sim.vehicle import MissionItem
 from sim.vehicle.mission import DO_CHANGE_SPEED, NAV_LOITER_TURNS, NAV_LOITER_UNLIM
-from tests.support.autopilots import ARDUPILOT, MISSION_MODE, PX4, PX4_1_18, every, in_turn, ways
+from tests.support.autopilots import ARDUPILOT, MISSION_MODE, PX4, PX4_1_18, in_turn, ways
 from tests.support.leg_loop import LegLoop, jump
 
 A: Vec3 = (400.0, 0.0, 300.0)
@@ -58,7 +58,7 @@ def test_px4_is_flown_up_its_climbing_leg_until_it_would_not_climb_in_a_loiter()
     assert loop.state is State.MONITOR
 
 
-@ways(ARDUPILOT, PX4_1_18)
+@ways(PX4_1_18)
 def test_the_leg_after_a_corner_follows(autopilot: Autopilot) -> None:
     """The corner comes soon after the avoidance: too short to join the leg, but the next one is flown."""
     corner, end = (3600.0, 0.0, 300.0), (3600.0, 8000.0, 340.0)
@@ -71,7 +71,7 @@ def test_the_leg_after_a_corner_follows(autopilot: Autopilot) -> None:
     loop.stays_on(corner, end, STAYS_S)
 
 
-@ways(ARDUPILOT, PX4)
+@ways(PX4)
 def test_the_leg_after_a_jump_begins_where_the_jump_was(autopilot: Autopilot) -> None:
     b, c = (800.0, 2500.0, 300.0), (-3000.0, 2500.0, 300.0)
     loop = LegLoop([A, b, c, jump(2 if autopilot == "ardupilot" else 1, -1)], autopilot=autopilot)
@@ -85,7 +85,7 @@ def test_the_leg_after_a_jump_begins_where_the_jump_was(autopilot: Autopilot) ->
     loop.stays_on(c, A, 15.0)
 
 
-@ways(ARDUPILOT, PX4)
+@ways(ARDUPILOT)
 def test_a_loiter_is_resumed_at_its_height(autopilot: Autopilot) -> None:
     place: Vec3 = (1500.0, 0.0, 300.0)
     loop = LegLoop([A], autopilot=autopilot)
@@ -106,7 +106,7 @@ def test_a_loiter_is_resumed_at_its_height(autopilot: Autopilot) -> None:
     assert loop.flight.engagements == 1
 
 
-@ways(ARDUPILOT, PX4_1_18)
+@ways(PX4_1_18)
 def test_the_leg_from_a_loiter(autopilot: Autopilot) -> None:
     loop = LegLoop([A], autopilot=autopilot)
     at, end = loop.item(A), (800.0, 7000.0, 360.0 if autopilot == "ardupilot" else 240.0)
@@ -117,7 +117,7 @@ def test_the_leg_from_a_loiter(autopilot: Autopilot) -> None:
     loop.stays_on(A, end, STAYS_S)
 
 
-@every
+@ways(ARDUPILOT, PX4)
 def test_a_conflict_on_the_way_back_is_avoided(autopilot: Autopilot) -> None:
     end = (12_000.0, 0.0, 300.0)
     loop = LegLoop([A, end], autopilot=autopilot)
@@ -137,7 +137,7 @@ def test_a_conflict_on_the_way_back_is_avoided(autopilot: Autopilot) -> None:
     loop.stays_on(A, end, STAYS_S)
 
 
-@every
+@ways(PX4)
 def test_resume_now_skips_the_way_back(autopilot: Autopilot) -> None:
     loop = LegLoop([A, (9000.0, 0.0, 300.0)], autopilot=autopilot)
     on_the_second_leg(loop)
@@ -162,7 +162,7 @@ def test_in_a_strong_wind(autopilot: Autopilot, wind_mps: tuple[float, float]) -
     loop.stays_on(A, end, STAYS_S)
 
 
-@ways(ARDUPILOT, PX4_1_18)
+@ways(ARDUPILOT)
 def test_a_wind_that_blows_away_ends_the_way_in_time(autopilot: Autopilot) -> None:
     loop = LegLoop([A, (9000.0, 0.0, 300.0)], autopilot=autopilot)
     on_the_second_leg(loop)
@@ -177,7 +177,7 @@ def test_a_wind_that_blows_away_ends_the_way_in_time(autopilot: Autopilot) -> No
 # --- the leg of another mission, another item
 
 
-@ways(ARDUPILOT, PX4_1_18)
+@ways(PX4_1_18)
 def test_another_item_selected_meanwhile_is_flown_to_at_its_height(autopilot: Autopilot) -> None:
     loop = LegLoop([A, (9000.0, 0.0, 300.0), (4000.0, 6000.0, 260.0)], autopilot=autopilot)
     on_the_second_leg(loop)
@@ -191,7 +191,7 @@ def test_another_item_selected_meanwhile_is_flown_to_at_its_height(autopilot: Au
     assert abs(loop.height_m - 260.0) < 10.0
 
 
-@ways(ARDUPILOT, PX4)
+@ways(PX4)
 def test_a_mission_changed_meanwhile_is_flown_as_it_is_now(autopilot: Autopilot) -> None:
     loop = LegLoop([A, (9000.0, 0.0, 300.0)], autopilot=autopilot)
     on_the_second_leg(loop)
@@ -222,7 +222,7 @@ def test_after_a_pilots_detour_the_straight_way_is_the_leg() -> None:
 # --- the configuration
 
 
-@every
+@ways(PX4_1_18)
 def test_off_gives_back_at_once(autopilot: Autopilot) -> None:
     loop = LegLoop([A, (9000.0, 0.0, 300.0)], autopilot=autopilot, rejoin="off")
     on_the_second_leg(loop)

@@ -1,6 +1,5 @@
 """What cannot be flown: no airspeed sensor, controls that the autopilot refuses, a guided mode it lacks."""
 
-import itertools
 from collections import Counter
 from dataclasses import replace
 
@@ -13,8 +12,9 @@ from sim.closed_loop import Flight
 from sim.scenario import Autopilot, Scenario, Wind
 from sim.vehicle import FakeArduPlane
 from sim.vehicle.telemetry import AirspeedSensor
-from tests.support.autopilots import BOTH, both, in_turn
+from tests.support.autopilots import ARDUPILOT, BOTH, PX4, both, in_turn, ways
 from tests.support.monitored_loop import DO_SET_MODE, SOON, MonitoredLoop
+from tests.support.thorough import pairs
 
 SPEED, HEIGHT, HEADING, REPOSITION = 43000, 43001, 43002, 192
 GUIDED_COMMANDS = (SPEED, HEIGHT, HEADING)
@@ -54,7 +54,7 @@ SHOWN: tuple[AirspeedSensor, ...] = ("zero", "nan", "ground speed", "estimate")
 WINDS_MPS = ((15.0, 0.0), (-15.0, 0.0), (0.0, 15.0))
 
 
-@in_turn("shown_in_wind", itertools.product(SHOWN, WINDS_MPS), BOTH)
+@in_turn("shown_in_wind", pairs(SHOWN, WINDS_MPS), BOTH)
 def test_without_an_airspeed_sensor_no_speed_is_commanded_and_it_keeps_clear(
     autopilot: Autopilot, shown_in_wind: tuple[AirspeedSensor, tuple[float, float]]
 ) -> None:
@@ -68,7 +68,7 @@ def test_without_an_airspeed_sensor_no_speed_is_commanded_and_it_keeps_clear(
     assert flight.texts.count("Avoidance: no airspeed sensor, speed not commanded") == 1
 
 
-@both
+@ways(PX4, among=BOTH)
 def test_without_air_data_and_sensor_state_no_speed_is_commanded(autopilot: Autopilot) -> None:
     loop = Counting(replace(SOON, wind=Wind(9.0, -12.0)), autopilot)
     for message_id in (VFR_HUD, SYS_STATUS):
@@ -85,7 +85,7 @@ def test_ground_speed_shown_as_airspeed_is_recognised_by_the_wind() -> None:
     assert loop.commanded[SPEED] == 0
 
 
-@both
+@ways(ARDUPILOT, among=BOTH)
 def test_without_a_sensor_and_without_a_wind_report_it_keeps_clear(autopilot: Autopilot) -> None:
     loop = Counting(replace(SOON, wind=Wind(-10.0, 5.0)), autopilot)
     loop.world.vehicle.remove_airspeed_sensor("zero")

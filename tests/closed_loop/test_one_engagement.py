@@ -16,7 +16,7 @@ from sim.traffic import AdsbReceiver, Intruder, Maneuver
 from tests.support.thorough import sample
 
 BASE = load_scenario("head-on")
-ENCOUNTERS = sample(16, 60)
+ENCOUNTERS = sample(8, 60)
 BATCHES = 8
 # The airspeed in the scenarios; it determines where an encounter starts.
 CRUISE_MPS = 24.0

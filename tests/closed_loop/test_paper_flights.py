@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.avoidance import Avoider
-from companion.avoidance.group.formation import JointResponse, MemberState, group_around, joint_response
+from companion.avoidance.group.formation import MemberState, group_around
+from companion.avoidance.group.joint_table import JointResponse, joint_response
 from companion.avoidance.trajectory import position_at
 from companion.model import Decision, Goal, Layer, Ownship, Track
 from companion.units import STANDARD_GRAVITY_MPS2

@@ -1,4 +1,4 @@
-"""Logs whose time stamps make no clock, and logs of several vehicles: a real recording with other stamps."""
+"""Logs whose time stamps make no clock, and logs of several vehicles: a recording with other stamps."""
 
 import json
 import struct
@@ -13,9 +13,10 @@ from companion.mavlink.tlog import read_tlog
 from companion.replay import Replay, replay
 from tests.support.commands import call
 from tests.support.paths import TLOGS
+from tests.support.thorough import THOROUGH
 
 REAL = "arduplane_sitl_adsb_two_intruders"
-NAME = REAL if REAL in TLOGS else "arduplane_fake_two_intruders"
+NAME = REAL if THOROUGH and REAL in TLOGS else "arduplane_fake_two_intruders"
 START_US = 1_700_000_000_000_000
 Stamp = Callable[[int], int]
 

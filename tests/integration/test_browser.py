@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from playwright.async_api import Page, async_playwright
+import pytest_asyncio
+from playwright.async_api import Browser, Page, async_playwright
 
 from companion.gcs.traffic_conditions import traffic_conditions
 from companion.model import Layer, Track, TrackState
@@ -22,7 +23,7 @@ from companion.web.rolling_stats import RollingStats
 from companion.web.settings import Settings
 from companion.web.source import LiveSource
 from companion.web.state import state_of
-from tests.support.web_bench import TOKEN, Site, health, live, site, snapshot_after
+from tests.support.web_bench import TOKEN, Site, health, live, site, usual
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ALONE = (
@@ -38,37 +39,46 @@ LAPTOP, PHONE = (1366, 768), (390, 844)
 
 pytestmark = [
     pytest.mark.wire,
+    pytest.mark.asyncio(loop_scope="module"),
     pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed: make browser"),
 ]
 
-SNAPSHOT = snapshot_after(40.0)
 TRACKS = ("A00001", "GLIDER", "NEW")
 
 
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def browser() -> AsyncIterator[Browser]:
+    """One browser for all tests; each of them opens a page in a session of its own."""
+    async with async_playwright() as playwright:
+        started = await playwright.chromium.launch(executable_path=CHROMIUM, args=[*ALONE])
+        yield started
+        await started.close()
+
+
 @contextlib.asynccontextmanager
-async def page(at: Site, size: tuple[int, int] = LAPTOP) -> AsyncIterator[Page]:
+async def page(browser: Browser, at: Site, size: tuple[int, int] = LAPTOP) -> AsyncIterator[Page]:
     """The page, opened; fails if the browser logs an error."""
     errors: list[str] = []
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=[*ALONE])
-        opened = await browser.new_page(viewport={"width": size[0], "height": size[1]})
-        opened.on("pageerror", lambda error: errors.append(str(error)))
-        opened.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
-        opened.set_default_timeout(15_000)
+    opened = await browser.new_page(viewport={"width": size[0], "height": size[1]})
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+    opened.set_default_timeout(15_000)
+    try:
         await opened.goto(f"http://127.0.0.1:{at.port}/")
         await opened.wait_for_selector("html[data-ready=true]")
         yield opened
-        await browser.close()
+    finally:
+        await opened.close()
     assert [words for words in errors if "WebSocket" not in words] == []
 
 
 @contextlib.asynccontextmanager
-async def shown(source: LiveSource, snapshot: LiveSnapshot = SNAPSHOT) -> AsyncIterator[None]:
+async def shown(source: LiveSource, snapshot: LiveSnapshot | None = None) -> AsyncIterator[None]:
     """Show the snapshot ten times a second until the block ends."""
 
     async def show() -> None:
         while True:
-            source.show(snapshot)
+            source.show(snapshot or usual())
             await asyncio.sleep(0.1)
 
     showing = asyncio.create_task(show())
@@ -89,9 +99,9 @@ async def until_true(opened: Page, expression: str) -> None:
             await asyncio.sleep(0.05)
 
 
-async def test_the_page_draws_the_decision_and_keeps_drawing() -> None:
+async def test_the_page_draws_the_decision_and_keeps_drawing(browser: Browser) -> None:
     source = live()
-    async with shown(source), site(source) as at, page(at) as opened:
+    async with shown(source), site(source) as at, page(browser, at) as opened:
         assert await opened.inner_text("#layer-word") == "OUTER"
         assert await opened.inner_text("#because") == "CLIMB to 397 m: HEAD1", "as announced"
         assert await opened.inner_text("#mode") == "GUIDED"
@@ -102,6 +112,36 @@ async def test_the_page_draws_the_decision_and_keeps_drawing() -> None:
         await until_true(opened, f"window.companionDisplay.statesDrawn > {drawn + 5}")
         assert await colours(opened) > 20
         assert await opened.is_hidden("#roles"), "read-only"
+
+
+async def test_members_are_chosen_in_a_row_and_shown_one_at_a_time(browser: Browser) -> None:
+    second = replace(usual(), system_id=12, snapshot=replace(usual().snapshot, mode="OFFBOARD"))
+    sources = {"U1": live(), "U2": live(), "U3": live()}
+    async with (
+        shown(sources["U1"]),
+        shown(sources["U2"], second),
+        site(sources) as at,
+        page(browser, at) as opened,
+    ):
+        links = opened.locator("#members a")
+        assert await links.count() == 3
+        await until_true(opened, "document.querySelectorAll('#members a[data-layer=outer]').length === 2")
+        assert [await links.nth(n).inner_text() for n in range(3)] == [
+            "U1\nGUIDED · outer", "U2\nOFFBOARD · outer", "U3\nno data"
+        ]  # fmt: skip
+        assert await opened.locator("#members a[aria-current=page]").inner_text() == "U1\nGUIDED · outer"
+        assert await opened.inner_text("#mode") == "GUIDED"
+        await links.nth(1).click()
+        await opened.wait_for_url("**/?member=U2")
+        await opened.wait_for_selector("html[data-ready=true]")
+        assert await opened.inner_text("#mode") == "OFFBOARD"
+        assert "U2" in await opened.locator("#members a[aria-current=page]").inner_text()
+
+
+async def test_one_aircraft_has_no_selector(browser: Browser) -> None:
+    source = live()
+    async with shown(source), site(source) as at, page(browser, at) as opened:
+        assert await opened.is_hidden("#members")
 
 
 async def colours(opened: Page) -> int:
@@ -120,12 +160,12 @@ async def colours(opened: Page) -> int:
     return count
 
 
-async def test_the_page_reconnects_to_a_restarted_server() -> None:
+async def test_the_page_reconnects_to_a_restarted_server(browser: Browser) -> None:
     source = live()
     async with shown(source):
         async with site(source) as at:
             port = at.port
-            opening = page(at)
+            opening = page(browser, at)
             opened = await opening.__aenter__()
             assert await opened.is_hidden("#no-data")
         await opened.wait_for_selector("#no-data", state="visible")
@@ -137,21 +177,21 @@ async def test_the_page_reconnects_to_a_restarted_server() -> None:
                 await opening.__aexit__(None, None, None)
 
 
-async def test_names_of_traffic_are_plain_text() -> None:
+async def test_names_of_traffic_are_plain_text(browser: Browser) -> None:
     hostile = '<img src=x onerror="window.fooled=1">'
-    tracks = [replace(track, callsign=hostile) for track in SNAPSHOT.snapshot.tracks]
-    snapshot = replace(SNAPSHOT, snapshot=replace(SNAPSHOT.snapshot, tracks=tracks, last_text=hostile))
+    tracks = [replace(track, callsign=hostile) for track in usual().snapshot.tracks]
+    snapshot = replace(usual(), snapshot=replace(usual().snapshot, tracks=tracks, last_text=hostile))
     source = live()
-    async with shown(source, snapshot), site(source) as at, page(at) as opened:
+    async with shown(source, snapshot), site(source) as at, page(browser, at) as opened:
         assert hostile[:12] in await opened.inner_text("#traffic"), "cut to the length of a callsign"
         assert hostile in await opened.inner_text("#last-text")
         assert await opened.evaluate("window.fooled") is None
         assert await opened.locator("img").count() == 0
 
 
-async def test_the_keys_work() -> None:
+async def test_the_keys_work(browser: Browser) -> None:
     source = live()
-    async with shown(source), site(source) as at, page(at) as opened:
+    async with shown(source), site(source) as at, page(browser, at) as opened:
         heights = await opened.inner_text("#height-unit")
         await opened.keyboard.press("u")
         assert await opened.inner_text("#height-unit") != heights
@@ -175,10 +215,10 @@ async def test_the_keys_work() -> None:
         assert await seen(opened, "shownTime") >= past_s
 
 
-async def test_a_change_of_role_needs_the_token_and_a_confirmation() -> None:
+async def test_a_change_of_role_needs_the_token_and_a_confirmation(browser: Browser) -> None:
     source = live()
-    advising, with_token = replace(SNAPSHOT, role="advise"), Settings(token=TOKEN)
-    async with shown(source, advising), site(source, with_token) as at, page(at) as opened:
+    advising, with_token = replace(usual(), role="advise"), Settings(token=TOKEN)
+    async with shown(source, advising), site(source, with_token) as at, page(browser, at) as opened:
         await opened.click("#roles button[data-role=advise]")
         await opened.fill("#token", TOKEN)
         assert at.roles == []
@@ -187,9 +227,9 @@ async def test_a_change_of_role_needs_the_token_and_a_confirmation() -> None:
         assert at.roles == ["advise"]
 
 
-async def test_a_phone_shows_everything_without_scrolling_sideways() -> None:
+async def test_a_phone_shows_everything_without_scrolling_sideways(browser: Browser) -> None:
     source = live()
-    async with shown(source), site(source) as at, page(at, PHONE) as opened:
+    async with shown(source), site(source) as at, page(browser, at, PHONE) as opened:
         assert await opened.evaluate("document.documentElement.scrollWidth") <= PHONE[0]
         for wanted in ("#layer-word", "#canvas", "#orientation", "#zoom-in"):
             assert await opened.is_visible(wanted)
@@ -209,16 +249,18 @@ CUT = """() => [...document.querySelectorAll("body *")]
 
 
 @pytest.mark.parametrize("size", [PHONE, (1280, 800)])
-async def test_each_manoeuvre_is_listed_as_announced_and_no_words_are_cut(size: tuple[int, int]) -> None:
+async def test_each_manoeuvre_is_listed_as_announced_and_no_words_are_cut(
+    browser: Browser, size: tuple[int, int]
+) -> None:
     condition = Condition(
         "low", 4, "Avoidance off: it is 20 m above home, below 30 m, for a long time and more"
     )
-    source = live(replace(SNAPSHOT, conditions=(condition,)))
-    async with site(source) as at, page(at, size) as opened:
+    source = live(replace(usual(), conditions=(condition,)))
+    async with site(source) as at, page(browser, at, size) as opened:
         for words in ("CLIMB to 397 m, RIGHT 045, SLOWER 14 m/s", "DESCEND to 250 m, LEFT 270", "HOLD"):
             text = f"{words}: HEAD1 12 o'clock 5.7 km 100 m below"
-            shown_now = replace(SNAPSHOT.snapshot, maneuver=words, maneuver_text=text, last_text=text)
-            source.show(replace(SNAPSHOT, snapshot=shown_now, conditions=(condition,)))
+            shown_now = replace(usual().snapshot, maneuver=words, maneuver_text=text, last_text=text)
+            source.show(replace(usual(), snapshot=shown_now, conditions=(condition,)))
             await until_true(opened, f"document.getElementById('because').textContent === '{words}: HEAD1'")
         await until_true(opened, "document.querySelectorAll('#decisions li:not([hidden])').length >= 4")
         listed = await opened.inner_text("#decisions")
@@ -233,13 +275,13 @@ async def test_each_manoeuvre_is_listed_as_announced_and_no_words_are_cut(size: 
         assert await opened.evaluate(CUT) == []
 
 
-async def test_one_countdown_for_an_aircraft_which_ends_as_passed() -> None:
-    (threat,) = SNAPSHOT.snapshot.decision.threats
+async def test_one_countdown_for_an_aircraft_which_ends_as_passed(browser: Browser) -> None:
+    (threat,) = usual().snapshot.decision.threats
     source = live()
     for time_s, text in ((5.9, "0:05"), (-1.0, "passed")):
-        decision = replace(SNAPSHOT.snapshot.decision, threats=(replace(threat, time_to_closest_s=time_s),))
-        snapshot = replace(SNAPSHOT, snapshot=replace(SNAPSHOT.snapshot, decision=decision))
-        async with shown(source, snapshot), site(source) as at, page(at) as opened:
+        decision = replace(usual().snapshot.decision, threats=(replace(threat, time_to_closest_s=time_s),))
+        snapshot = replace(usual(), snapshot=replace(usual().snapshot, decision=decision))
+        async with shown(source, snapshot), site(source) as at, page(browser, at) as opened:
             await opened.keyboard.press("j")
             await asyncio.sleep(0.8)
             assert await opened.inner_text("#closest-time") == text
@@ -248,8 +290,8 @@ async def test_one_countdown_for_an_aircraft_which_ends_as_passed() -> None:
             assert "A00001" not in await opened.inner_text(".bar")
 
 
-async def test_a_hundred_aircraft_and_an_emergency_are_drawn() -> None:
-    own = SNAPSHOT.snapshot.ownship
+async def test_a_hundred_aircraft_and_an_emergency_are_drawn(browser: Browser) -> None:
+    own = usual().snapshot.ownship
     assert own is not None
     around = [
         Track(
@@ -265,16 +307,16 @@ async def test_a_hundred_aircraft_and_an_emergency_are_drawn() -> None:
         )
         for number in range(99)
     ]
-    (threat,) = SNAPSHOT.snapshot.decision.threats
+    (threat,) = usual().snapshot.decision.threats
     decision = replace(
-        SNAPSHOT.snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
+        usual().snapshot.decision, layer=Layer.INNER, threats=(replace(threat, layer=Layer.INNER),)
     )
     snapshot = replace(
-        SNAPSHOT,
-        snapshot=replace(SNAPSHOT.snapshot, decision=decision, tracks=(*SNAPSHOT.snapshot.tracks, *around)),
+        usual(),
+        snapshot=replace(usual().snapshot, decision=decision, tracks=(*usual().snapshot.tracks, *around)),
     )
     source = live()
-    async with shown(source, snapshot), site(source) as at, page(at) as opened:
+    async with shown(source, snapshot), site(source) as at, page(browser, at) as opened:
         assert await opened.inner_text("#layer-word") == "INNER"
         await until_true(opened, "window.companionDisplay.tracksDrawn == 100")
         assert "100" in await opened.inner_text("#traffic-count")
@@ -286,7 +328,7 @@ async def test_a_hundred_aircraft_and_an_emergency_are_drawn() -> None:
 
 def of_several_sources() -> LiveSnapshot:
     """One confirmed, one tentative, one coasted aircraft, two receivers, and traffic that is not avoided."""
-    (head,) = SNAPSHOT.snapshot.tracks
+    (head,) = usual().snapshot.tracks
     north_m, east_m, down_m = head.position_m
 
     def beside(name: str, off_m: float, **changes: Any) -> Track:
@@ -314,18 +356,20 @@ def of_several_sources() -> LiveSnapshot:
         ReceiverCount("flarm:udpin:0.0.0.0:1", "FLARM", "", 0, 0, (), 0, 0, 33.0, "silent for 10 s"),
     )
     conditions = (
-        *traffic_conditions(concerns, SNAPSHOT.snapshot.ownship),
+        *traffic_conditions(concerns, usual().snapshot.ownship),
         Condition("low", 4, "Avoidance off: low"),
     )
-    shown_now = replace(SNAPSHOT.snapshot, tracks=tracks)
+    shown_now = replace(usual().snapshot, tracks=tracks)
     around = health(receivers=receivers)
-    return replace(SNAPSHOT, snapshot=shown_now, concerns=concerns, conditions=conditions, health=around)
+    return replace(usual(), snapshot=shown_now, concerns=concerns, conditions=conditions, health=around)
 
 
 @pytest.mark.parametrize("size", [PHONE, LAPTOP])
-async def test_sources_states_receivers_and_what_is_not_avoided_are_shown(size: tuple[int, int]) -> None:
+async def test_sources_states_receivers_and_what_is_not_avoided_are_shown(
+    browser: Browser, size: tuple[int, int]
+) -> None:
     source = live()
-    async with shown(source, of_several_sources()), site(source) as at, page(at, size) as opened:
+    async with shown(source, of_several_sources()), site(source) as at, page(browser, at, size) as opened:
         assert await opened.evaluate(CUT) == []
         head, glider, new = [await opened.inner_text(f"[data-track={name}]") for name in TRACKS]
         assert "not heard 12 s · ±734 m" in head
@@ -352,12 +396,12 @@ async def test_sources_states_receivers_and_what_is_not_avoided_are_shown(size: 
         assert await opened.evaluate("document.documentElement.scrollWidth") <= size[0]
 
 
-async def test_a_moment_before_has_the_states_of_its_tracks() -> None:
+async def test_a_moment_before_has_the_states_of_its_tracks(browser: Browser) -> None:
     source, snapshot = live(), of_several_sources()
     confirmed = [replace(track, state=TrackState.CONFIRMED) for track in snapshot.snapshot.tracks]
     async with site(source) as at:
         source.show(snapshot)
-        async with page(at) as opened:
+        async with page(browser, at) as opened:
             async with shown(source, snapshot):
                 await until_true(opened, "window.companionDisplay.statesDrawn > 15")
             async with shown(
@@ -371,11 +415,11 @@ async def test_a_moment_before_has_the_states_of_its_tracks() -> None:
                 assert await opened.get_attribute("[data-track=NEW]", "data-state") == "tentative"
 
 
-async def test_a_replay_plays_pauses_and_seeks() -> None:
+async def test_a_replay_plays_pauses_and_seeks(browser: Browser) -> None:
     source, stats = RecordedSource(), RollingStats()
     for tick in range(300):
-        source.add(tick / 10.0, state_of(replace(SNAPSHOT, health=health()), tick + 1, stats))
-    async with site(source) as at, page(at) as opened:
+        source.add(tick / 10.0, state_of(replace(usual(), health=health()), tick + 1, stats))
+    async with site(source) as at, page(browser, at) as opened:
         assert await opened.is_visible("#replay-controls")
         await until_true(opened, "window.companionDisplay.newestSequence > 3")
         await opened.keyboard.press(" ")

@@ -17,9 +17,10 @@ from companion.model import Role
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.vehicle import Mode
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every
+from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every, paired
 from tests.support.companion_process import Aircraft, aircraft
 from tests.support.faulty_flight import FaultyFlight, faulty_flight
+from tests.support.thorough import sample
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -28,8 +29,7 @@ pytestmark = pytest.mark.wire
 # --- late copies
 
 
-@every
-@pytest.mark.parametrize("late_s", [0.8, 5.0])
+@paired("late_s", [0.8, 5.0])
 @in_virtual_time
 async def test_late_copies_of_every_frame_change_nothing(autopilot: Autopilot, late_s: float) -> None:
     async with faulty_flight(autopilot, forth=Faults(copy_after_s=late_s)) as flight:
@@ -89,8 +89,7 @@ def station(flight: FaultyFlight) -> Iterator[Station]:
         yield Station(flight, own)
 
 
-@every
-@pytest.mark.parametrize("late_s", [0.8, 5.0, 12.0])
+@paired("late_s", [0.8, 5.0, 12.0])
 @in_virtual_time
 async def test_late_copies_of_an_operators_requests_do_not_undo_later_ones(
     autopilot: Autopilot, late_s: float
@@ -158,18 +157,19 @@ def pid_of(flight: Aircraft) -> int:
     return flight._process.pid
 
 
+TAKEN: list[tuple[Autopilot, Mode | str]] = [
+    ("ardupilot", Mode.MANUAL),
+    ("px4", "POSCTL"),
+    ("ardupilot", Mode.RTL),
+    ("px4", "HOLD"),  # PX4 has entered the same mode by itself a second before
+    ("px4-1.18", "POSCTL"),
+]
+
+
 @pytest.mark.parametrize(
-    ("autopilot", "taken"),
-    [
-        ("ardupilot", Mode.MANUAL),
-        ("ardupilot", Mode.RTL),
-        ("px4", "POSCTL"),
-        ("px4", "HOLD"),  # PX4 has entered the same mode by itself a second before
-        ("px4-1.18", "POSCTL"),
-    ],
-    ids=["MANUAL", "RTL", "POSCTL", "HOLD", "POSCTL on 1.18"],
+    ("autopilot", "taken", "while_flying"),
+    [(*each, True) for each in TAKEN] + [(*each, False) for each in sample(TAKEN[:2], TAKEN)],
 )
-@pytest.mark.parametrize("while_flying", [True, False], ids=["while flying", "before"])
 async def test_a_pilot_who_takes_over_while_the_companion_is_stalled_is_left_alone(
     autopilot: Autopilot, taken: Mode | str, while_flying: bool, tmp_path: Path
 ) -> None:

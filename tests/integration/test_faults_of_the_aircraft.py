@@ -9,7 +9,7 @@ from companion.mavlink.dialect import mavlink
 from companion.model import Layer
 from companion.traffic import TrafficParams
 from sim.scenario import Autopilot
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both, in_turn
+from tests.support.autopilots import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, PX4, in_turn, paired, ways
 from tests.support.faulty_flight import CLIMBS, MEET_AT_S, FaultyFlight, faulty_flight
 from tests.support.virtual_time import in_virtual_time
 
@@ -24,7 +24,7 @@ def setpoints(flight: FaultyFlight, since_s: float) -> int:
     return sum(message.get_type() == kind for message in flight.notes.commands(since_s))
 
 
-@both
+@ways(ARDUPILOT, among=BOTH)
 @in_virtual_time
 async def test_with_an_old_position_nothing_is_taken_over(autopilot: Autopilot) -> None:
     async with faulty_flight(autopilot) as flight:
@@ -42,7 +42,7 @@ async def test_with_an_old_position_nothing_is_taken_over(autopilot: Autopilot) 
         await flight.until(lambda: flight.guided, 3.0)
 
 
-@both
+@ways(PX4, among=BOTH)
 @in_virtual_time
 async def test_while_the_position_is_old_what_is_flown_goes_on(autopilot: Autopilot) -> None:
     async with faulty_flight(autopilot) as flight:
@@ -61,8 +61,7 @@ async def test_while_the_position_is_old_what_is_flown_goes_on(autopilot: Autopi
         assert flight.modes == [MISSION_MODE[autopilot], GUIDED_MODE[autopilot]]
 
 
-@both
-@pytest.mark.parametrize("below_m", [0.0, 30.0], ids=["level", "climbing"])
+@paired("below_m", [0.0, 30.0], BOTH)
 @in_virtual_time
 async def test_without_a_position_the_aircraft_is_given_back(autopilot: Autopilot, below_m: float) -> None:
     async with faulty_flight(autopilot, below_m=below_m, engine=CLIMBS) as flight:
@@ -78,7 +77,7 @@ async def test_without_a_position_the_aircraft_is_given_back(autopilot: Autopilo
         await flight.until(lambda: flight.guided, 5.0)
 
 
-@both
+@ways(ARDUPILOT, among=BOTH)
 @in_virtual_time
 async def test_traffic_that_is_heard_no_more_is_forgotten_and_the_aircraft_given_back(
     autopilot: Autopilot,
@@ -176,7 +175,7 @@ async def test_a_heading_that_is_never_acknowledged_is_told_and_repeated(does: b
         assert setpoints(flight, flight.now_s - 2.0) >= 8
 
 
-@both
+@ways(PX4, among=BOTH)
 @in_virtual_time
 async def test_a_mode_change_that_is_never_acknowledged_is_seen_in_the_heartbeat(
     autopilot: Autopilot,
@@ -190,7 +189,7 @@ async def test_a_mode_change_that_is_never_acknowledged_is_seen_in_the_heartbeat
         assert not flight.nmac
 
 
-@both
+@ways(ARDUPILOT, among=BOTH)
 @in_virtual_time
 async def test_a_mode_change_that_is_never_done_is_told_and_asked_again(autopilot: Autopilot) -> None:
     async with faulty_flight(autopilot) as flight:

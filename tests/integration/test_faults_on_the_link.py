@@ -10,7 +10,7 @@ from companion.links import open_link
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.server import VehicleServer
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both, every
+from tests.support.autopilots import ARDUPILOT, BOTH, GUIDED_MODE, MISSION_MODE, PX4, PX4_1_18, paired, ways
 from tests.support.faulty_flight import CLIMBS, FaultyFlight, faulty_flight, world_of
 from tests.support.virtual_time import in_virtual_time
 
@@ -25,13 +25,13 @@ async def lose_the_link(flight: FaultyFlight, seconds: float) -> None:
     flight.relay.mend()
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4-1.18"])
-@pytest.mark.parametrize(("seconds", "engagements"), [(3.0, 1), (12.0, 2)])
+@paired("seconds", [3.0, 12.0], (ARDUPILOT, PX4_1_18))
 @in_virtual_time
 async def test_guided_and_guided_course_fly_on_while_the_link_is_lost(
-    autopilot: Autopilot, seconds: float, engagements: int
+    autopilot: Autopilot, seconds: float
 ) -> None:
     """Up to five seconds the decision stands; after that it is given back as soon as it is heard again."""
+    engagements = 1 if seconds < 5.0 else 2
     async with faulty_flight(autopilot) as flight:
         await flight.engaged()
         await lose_the_link(flight, seconds)
@@ -92,7 +92,7 @@ async def test_px4_that_waits_for_sticks_without_a_link_is_the_pilots() -> None:
         assert flight.notes.commands(left_s + 0.2) == []
 
 
-@both
+@ways(ARDUPILOT, among=BOTH)
 @in_virtual_time
 async def test_a_link_lost_before_a_conflict_is_no_reason_to_fly(autopilot: Autopilot) -> None:
     """Where it was flying to is remembered: no phantom of a mission makes a conflict of its own."""
@@ -115,12 +115,12 @@ SPOILT = {
 }
 
 
-@every
-@pytest.mark.parametrize("faults", SPOILT.values(), ids=SPOILT.keys())
+@paired("spoilt", [*SPOILT])
 @in_virtual_time
 async def test_a_bad_link_does_not_keep_the_traffic_from_being_avoided(
-    autopilot: Autopilot, faults: Faults
+    autopilot: Autopilot, spoilt: str
 ) -> None:
+    faults = SPOILT[spoilt]
     async with faulty_flight(autopilot, forth=faults, back=faults) as flight:
         await flight.engaged()
         await flight.resumed()
@@ -145,8 +145,7 @@ async def second_autopilot(flight: FaultyFlight) -> VehicleServer:
     return VehicleServer(world.vehicle, [open_link(f"udpout:127.0.0.1:{port}")], flight.clock)
 
 
-@both
-@pytest.mark.parametrize("system_id", ["auto", 1])
+@paired("system_id", ["auto", 1], BOTH)
 @in_virtual_time
 async def test_two_autopilots_on_one_link(autopilot: Autopilot, system_id: int | str) -> None:
     config = EngineConfig(engine=EngineParams(autopilot_system_id=system_id))  # type: ignore[arg-type]
@@ -170,7 +169,7 @@ async def test_two_autopilots_on_one_link(autopilot: Autopilot, system_id: int |
         await beside
 
 
-@both
+@ways(PX4, among=BOTH)
 @in_virtual_time
 async def test_an_autopilot_of_another_system_than_configured_is_left_alone(
     autopilot: Autopilot, caplog: pytest.LogCaptureFixture

@@ -231,6 +231,7 @@ async def test_a_station_on_another_link_gets_it_and_the_autopilot_does_not() ->
         ("off", 1.0, None),
     ],
 )
+@in_virtual_time
 async def test_check_says_where_it_would_go_and_sends_nothing(
     forward: Forward, adsb_type: float, wanted: str | None
 ) -> None:
@@ -244,7 +245,7 @@ async def test_check_says_where_it_would_go_and_sends_nothing(
         (f"udpin:127.0.0.1:{ours}", f"gdl90:udpin:127.0.0.1:{gdl90_port}"),
         traffic=TrafficParams(forward=forward),
     )
-    clock = ScaledClock(1.0, start_s=start_s)
+    clock = ScaledClock(1.0, start_s=start_s, monotonic_s=asyncio.get_running_loop().time)
     server = VehicleServer(vehicle, open_links([f"udpout:127.0.0.1:{ours}"])[0], clock)
     flying = asyncio.create_task(server.run())
     try:

@@ -12,6 +12,12 @@ from tests.support.installation import Installation, add_extensions, install
 from tests.support.paths import ROOT
 from tests.support.short_scenario import write_short_head_on
 
+SHORT_BENCH = """
+import sim.bench, sim.cli
+sim.bench.TRACK_COUNTS = (1, 10)
+sim.bench._wire_latency_ms.__defaults__ = (3.0,)
+sim.cli.main()
+"""
 LINK_LINE = "links: [udpin:127.0.0.1:{port}]\nrecording: {{enabled: false}}\nweb: {{enabled: false}}\n"
 
 
@@ -35,8 +41,8 @@ def installed(plain: Installation) -> Installation:
 
 @pytest.fixture(scope="module")
 def measuring(installed: Installation) -> "subprocess.Popen[str]":
-    """A measurement that runs beside the other tests, as half of its time it waits."""
-    return installed.start("companion-sim", "bench", "--report", "bench.json")
+    """A measurement that runs beside the other tests, of fewer tracks and seconds than usual."""
+    return installed.start("python", "-c", SHORT_BENCH, "bench", "--report", "bench.json")
 
 
 @pytest.fixture(scope="module")

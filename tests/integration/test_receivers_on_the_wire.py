@@ -23,6 +23,7 @@ from sim.server import VehicleServer
 from sim.vehicle import FakeVehicle
 from sim.world import build_world
 from tests.support.faulty_flight import free_ports
+from tests.support.short_scenario import shorter
 
 pytestmark = pytest.mark.wire
 
@@ -160,7 +161,7 @@ def test_a_wrong_receiver_is_one_line(arguments: list[str], words: str) -> None:
 @pytest.mark.parametrize("name", ["readsb", "remoteid"])
 async def test_the_demo_with_a_receiver(name: str, tmp_path: Path) -> None:
     """Formats that others do not test on a socket: a document, and MAVLink on a link of its own."""
-    options = DemoOptions(load_scenario("head-on"), speedup=20.0, receiver=name, record=tmp_path)
+    options = DemoOptions(shorter("head-on"), speedup=20.0, receiver=name, record=tmp_path)
     state = await asyncio.wait_for(fly_demo(options), 200.0)
     assert state.passed
     assert state.resumed

@@ -33,7 +33,7 @@ def test_every_signal_has_a_decision_and_a_reason() -> None:
 async def test_a_signal_that_ends_the_service_gives_the_aircraft_back_first(
     number: signal.Signals, tmp_path: Path
 ) -> None:
-    async with aircraft("ardupilot", tmp_path, display=True) as flight:
+    async with aircraft("ardupilot", tmp_path, display=number is signal.SIGTERM) as flight:
         await flight.flown()
         flight.signal(number)
         flight.signal(number)  # a second one does not cut the release short

@@ -23,18 +23,17 @@ from companion.web.live_snapshot import LiveSnapshot
 from companion.web.settings import Settings
 from companion.web.source import LiveSource
 from tests.support.paths import CONFIGS
-from tests.support.web_bench import TOKEN, Answer, health, live, site, snapshot_after
+from tests.support.web_bench import TOKEN, Answer, health, live, site, usual
 
 pytestmark = pytest.mark.wire
 
 ALERTS = CONFIGS / "prometheus" / "alerts.yaml"
-SNAPSHOT = snapshot_after(40.0)
 WITH_TOKEN = Settings(token=TOKEN)
 
 
-async def show_on(source: LiveSource, interval_s: float = 0.02, snapshot: LiveSnapshot = SNAPSHOT) -> None:
+async def show_on(source: LiveSource, interval_s: float = 0.02, snapshot: LiveSnapshot | None = None) -> None:
     while True:
-        source.show(snapshot)
+        source.show(snapshot or usual())
         await asyncio.sleep(interval_s)
 
 
@@ -44,7 +43,7 @@ async def test_the_state_is_served_after_the_first_snapshot() -> None:
         assert (await at.ask("/api/state")).status == 503
         assert (await at.ask("/healthz")).status == 503
         condition = Condition("low", 4, "Avoidance off: low")
-        source.show(replace(SNAPSHOT, conditions=(condition,)))
+        source.show(replace(usual(), conditions=(condition,)))
         answer = await at.ask("/api/state")
         assert answer.status == 200
         assert answer.json["decision"]["layer"] == "outer"
@@ -56,11 +55,11 @@ async def test_the_state_is_served_after_the_first_snapshot() -> None:
             "conditions": ["Avoidance off: low"],
         }
         silent = Condition("unanswered", 3, "Avoidance: autopilot answers no request")
-        source.show(replace(SNAPSHOT, conditions=(condition, silent)))
+        source.show(replace(usual(), conditions=(condition, silent)))
         answer = await at.ask("/healthz")
         assert answer.status == 503
         assert answer.json["status"] == silent.text
-        source.show(replace(SNAPSHOT, conditions=(condition,)))
+        source.show(replace(usual(), conditions=(condition,)))
         assert b'companion_conditions{severity="4"} 1.0' in (await at.ask("/metrics")).body
         info = (await at.ask("/api/info")).json
         assert info == {
@@ -73,7 +72,7 @@ async def test_the_state_is_served_after_the_first_snapshot() -> None:
 
 
 async def test_every_answer_has_security_headers() -> None:
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         for path in ("/", "/api/state", "/nothing", "/metrics", "/static/index.html"):
             headers = (await at.ask(path)).headers
             assert "default-src 'self'" in headers["content-security-policy"], path
@@ -86,7 +85,7 @@ async def test_every_file_of_the_page_is_served_with_its_type() -> None:
     types = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
     files = [file for file in STATIC.rglob("*") if file.is_file()]
     assert {file.parent.name for file in files} == {"static", "core", "map", "panels", "replay"}
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         for file in files:
             answer = await at.ask(f"/static/{file.relative_to(STATIC)}")
             assert (answer.status, answer.body) == (200, file.read_bytes()), file
@@ -109,13 +108,13 @@ async def test_every_file_of_the_page_is_served_with_its_type() -> None:
     ],
 )
 async def test_no_file_outside_the_static_folder_is_served(path: str) -> None:
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         assert (await at.ask(path)).status == 404
 
 
 async def test_metrics_are_in_the_format_of_prometheus() -> None:
     snapshot = replace(
-        SNAPSHOT,
+        usual(),
         health=health(
             ticks_below=(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11),
             ticks_total_s=0.5,
@@ -150,7 +149,7 @@ async def test_an_overload_is_said_in_the_metrics_the_state_and_the_health() -> 
         late_ticks=11, skipped_ticks=2, dropped_reports=300, forwarded=12, links=(link,),
         mavlink_sources=(("ADS-B 1/156", 40),),
     )  # fmt: skip
-    async with site(live(replace(SNAPSHOT, health=counted, conditions=(held,)))) as at:
+    async with site(live(replace(usual(), health=counted, conditions=(held,)))) as at:
         lines = (await at.ask("/metrics")).body.decode().splitlines()
         state = (await at.ask("/api/state")).json
         answer = await at.ask("/healthz")
@@ -172,7 +171,7 @@ async def test_an_overload_is_said_in_the_metrics_the_state_and_the_health() -> 
 async def test_metrics_of_receivers_have_their_addresses() -> None:
     bad = (("truncated", 2), ("wrong checksum", 5))
     one = ReceiverCount("gdl90:udpin:0.0.0.0:4000", "GDL 90", "", 70, 60, bad, 3, 4, 0.5, "no GPS fix")
-    async with site(live(replace(SNAPSHOT, health=health(receivers=(one,))))) as at:
+    async with site(live(replace(usual(), health=health(receivers=(one,))))) as at:
         text = (await at.ask("/metrics")).body.decode()
     where = 'receiver="gdl90:udpin:0.0.0.0:4000"'
     assert {line for line in text.splitlines() if line.startswith("companion_receiver")} == {
@@ -188,13 +187,13 @@ async def test_metrics_of_receivers_have_their_addresses() -> None:
 
 
 async def test_metrics_count_aircraft_by_state_and_source() -> None:
-    (known,) = SNAPSHOT.snapshot.tracks
+    (known,) = usual().snapshot.tracks
     coasted = replace(known, state=TrackState.COASTED, sources=())
     both = replace(known, sources=("ADS-B", "sbs:tcp:a:1"))
     mast = replace(known, kind=TrafficKind.OBSTACLE)
-    shown = replace(SNAPSHOT.snapshot, tracks=(known, coasted, both, mast))
+    shown = replace(usual().snapshot, tracks=(known, coasted, both, mast))
     concern = Concern(ConcernKind.HEIGHT_UNKNOWN, "N2", 1840.0, 0.5, 0.4)
-    async with site(live(replace(SNAPSHOT, snapshot=shown, concerns=(concern,)))) as at:
+    async with site(live(replace(usual(), snapshot=shown, concerns=(concern,)))) as at:
         lines = (await at.ask("/metrics")).body.decode().splitlines()
     assert {
         'companion_aircraft{state="tentative"} 0.0',
@@ -209,7 +208,7 @@ async def test_metrics_count_aircraft_by_state_and_source() -> None:
 
 async def test_the_example_alerts_use_existing_metrics() -> None:
     rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         text = (await at.ask("/metrics")).body.decode()
     there = {line.split("{")[0].split(" ")[0] for line in text.splitlines() if not line.startswith("#")}
     # Per link or receiver; this snapshot has none.
@@ -236,7 +235,7 @@ async def test_the_example_alerts_use_existing_metrics() -> None:
 )
 async def test_unknown_host_names_are_refused(host: str, status: int) -> None:
     """Otherwise a page of another server could point its own name at us and read along."""
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         assert (await at.ask("/api/state", headers={"Host": host})).status == status
 
 
@@ -252,7 +251,7 @@ async def test_unknown_host_names_are_refused(host: str, status: int) -> None:
 )
 async def test_the_stream_is_only_for_our_own_page(origin: str | None, allowed: bool) -> None:
     settings = Settings(origins=("https://ground.example",))
-    async with site(live(SNAPSHOT), settings) as at:
+    async with site(live(usual()), settings) as at:
         if origin == "ours":
             origin = f"http://127.0.0.1:{at.port}"
         if not allowed:
@@ -265,7 +264,7 @@ async def test_the_stream_is_only_for_our_own_page(origin: str | None, allowed: 
 
 async def test_only_the_token_allows_a_change_of_role() -> None:
     source = live()
-    showing = asyncio.create_task(show_on(source, snapshot=replace(SNAPSHOT, role="advise")))
+    showing = asyncio.create_task(show_on(source, snapshot=replace(usual(), role="advise")))
     body = b'{"role": "advise"}'
     async with site(source, WITH_TOKEN) as at:
 
@@ -294,7 +293,7 @@ async def test_only_the_token_allows_a_change_of_role() -> None:
 
 
 async def test_without_a_token_the_display_is_read_only() -> None:
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         answer = await at.ask(
             "/api/role",
             method="POST",
@@ -309,7 +308,7 @@ async def test_without_a_token_the_display_is_read_only() -> None:
 
 async def test_idle_connections_are_closed_and_streams_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "_REQUEST_TIMEOUT_S", 0.3)
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         for part in (b"", b"GET /api/state HTTP/1.1\r\nHost: localhost\r\n\r\nG"):
             reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
             writer.write(part)
@@ -335,7 +334,7 @@ async def test_idle_connections_are_closed_and_streams_are_not(monkeypatch: pyte
     ids=["too long", "bytes", "half a line", "no such method", "empty lines"],
 )
 async def test_broken_requests_are_refused_and_others_are_served(request_line: bytes) -> None:
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         reader, writer = await asyncio.open_connection("127.0.0.1", at.port)
         writer.write(request_line + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
         async with asyncio.timeout(10.0):
@@ -349,7 +348,7 @@ async def test_broken_requests_are_refused_and_others_are_served(request_line: b
     "message", ["x" * 100_000, "x" * 1000, b"\x00" * 100, "not JSON", "[[[[", "{}"], ids=lambda m: str(m[:8])
 )
 async def test_messages_of_one_viewer_do_not_disturb_another(message: str | bytes) -> None:
-    source = live(SNAPSHOT)
+    source = live(usual())
     showing = asyncio.create_task(show_on(source))
     async with site(source) as at, websockets.connect(at.stream, close_timeout=0.2) as other:
         async with websockets.connect(at.stream) as stream:
@@ -369,7 +368,7 @@ async def test_messages_of_one_viewer_do_not_disturb_another(message: str | byte
 
 
 async def test_a_viewer_that_does_not_read_delays_no_other() -> None:
-    source = live(SNAPSHOT)
+    source = live(usual())
     async with site(source) as at:
         sleeper = socket.create_connection(("127.0.0.1", at.port))
         sleeper.sendall(
@@ -387,7 +386,7 @@ async def test_a_viewer_that_does_not_read_delays_no_other() -> None:
 
 
 async def test_the_number_of_viewers_is_bounded() -> None:
-    async with site(live(SNAPSHOT)) as at:
+    async with site(live(usual())) as at:
         viewers = [await websockets.connect(at.stream) for _ in range(MOST_VIEWERS)]
         with pytest.raises(websockets.InvalidStatus):
             await websockets.connect(at.stream)
@@ -404,7 +403,7 @@ async def test_the_number_of_viewers_is_bounded() -> None:
 
 
 async def test_the_number_of_connections_is_bounded() -> None:
-    async with site(live(SNAPSHOT)) as at, websockets.connect(at.stream) as viewer:
+    async with site(live(usual())) as at, websockets.connect(at.stream) as viewer:
         crowd = []
         for _ in range(1000):
             one = socket.socket()

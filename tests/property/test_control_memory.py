@@ -14,6 +14,7 @@ from companion.mavlink.facts import CommandRequest, LandedState, Parameter, RcCh
 from companion.model import Decision
 from companion.output.notice import AnyNotice
 from tests.support.pilots_seat import ARDUPILOT, AUTOPILOT, FBWA, GCS, HOLD, PX4, US, Seat
+from tests.support.thorough import sample
 
 
 def plain(outgoing: Iterable[Message | AnyNotice] | None) -> object:
@@ -252,5 +253,5 @@ def test_state_and_data_are_all_that_is_remembered_of_a_refusal(autopilot: int) 
 
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
 def test_state_and_data_are_all_that_is_remembered_at_random(autopilot: int) -> None:
-    visited = set[State]().union(*(fly_at_random(autopilot, seed) for seed in range(8)))
+    visited = set[State]().union(*(fly_at_random(autopilot, seed) for seed in range(sample(5, 12))))
     assert visited >= COMMON

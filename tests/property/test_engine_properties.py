@@ -12,6 +12,7 @@ from companion.mavlink.facts import ParameterSet
 from companion.model import Role
 from tests.support.junk_facts import GCS, T0, US, Junk
 from tests.support.random_aircraft import ARDUPILOT, PX4, QUERIES, RandomAircraft
+from tests.support.thorough import sample
 
 GUIDING = {
     mavlink.MAV_CMD_GUIDED_CHANGE_HEADING,
@@ -102,8 +103,8 @@ class Referee:
 
 
 # Two seconds a flight, so that the rules are judged in flights that went both ways. Single flights may have
-# none; of the first 24 seeds, any eight in a row have together four times as much.
-FLIGHTS, LEAST_TICKS = 8, 20
+# none; of the first twelve seeds, any four in a row have together four times as much.
+FLIGHTS, LEAST_TICKS = sample(4, 16), 20
 
 
 def new_engine(autopilot: int) -> Engine:

@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from companion.avoidance import Avoider, Envelope
-from companion.avoidance.group.formation import (
-    RESPONSES,
-    FormationParams,
-    MemberState,
-    group_around,
-    joint_response,
-)
+from companion.avoidance.group.formation import FormationParams, MemberState, group_around
+from companion.avoidance.group.joint_table import RESPONSES, joint_response
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.geodesy import wrap_pi
 from companion.model import Decision, Goal, Guidance, Member, Ownship, Track, Vec3
@@ -30,7 +26,9 @@ from tests.support.avoidance_cases import (
     within_limits,
 )
 
-FORMATION = FormationParams(influence_m=2000.0, separation_m=300.0, reach_m=2000.0, smallest_m=80.0)
+FORMATION = FormationParams(
+    influence_m=2000.0, separation_m=300.0, reach_m=2000.0, smallest_m=80.0, horizon_s=90.0
+)
 
 
 @st.composite
@@ -90,8 +88,15 @@ def combination_values(
         distance = np.linalg.norm(paths[0][a] - paths[1][b], axis=1)
         mean = float(np.minimum(distance[1:], params.reach_m) @ shares)
         value = mean + params.calm * params.reach_m * (calm[0][a] + calm[1][b]) / 2.0
-        found[a, b] = value, float(distance.min())
+        found[a, b] = value, nearest_m(paths[0][a], paths[1][b])
     return found
+
+
+def nearest_m(one_m: NDArray[np.float64], other_m: NDArray[np.float64]) -> float:
+    """The smallest distance of two paths (T, 3), from many points on each of their straight steps."""
+    share = np.linspace(0.0, 1.0, 401)[:, None, None]
+    off = one_m - other_m
+    return float(np.linalg.norm(off[:-1] + share * np.diff(off, axis=0), axis=2).min())
 
 
 def rows_of(guidance: Guidance, state: MemberState) -> list[int]:
@@ -123,7 +128,7 @@ def test_two_members_choose_the_best_combination_that_keeps_separation_and_goals
     first, second = (rows_of(response.guidance[state.member_id], state)[0] for state in states)
     chosen = (first, second)
     value, closest = values[chosen]
-    assert response.closest_m == pytest.approx(closest)
+    assert response.closest_m == pytest.approx(closest, abs=0.2)
     short = {
         rows
         for rows in values
@@ -131,7 +136,7 @@ def test_two_members_choose_the_best_combination_that_keeps_separation_and_goals
     }
     kept = {rows for rows, (_, least) in values.items() if least >= FORMATION.separation_m}
     # Exactly at the separation, rounding may decide.
-    assume(all(abs(least - FORMATION.separation_m) > 1e-6 for _, least in values.values()))
+    assume(all(abs(least - FORMATION.separation_m) > 0.2 for _, least in values.values()))
     if kept & short:
         assert chosen in kept & short
         assert value == pytest.approx(max(values[rows][0] for rows in kept & short))
@@ -139,7 +144,7 @@ def test_two_members_choose_the_best_combination_that_keeps_separation_and_goals
         assert chosen in kept
         assert value == pytest.approx(max(values[rows][0] for rows in kept))
     else:
-        assert closest == pytest.approx(max(least for _, least in values.values()))
+        assert closest == pytest.approx(max(least for _, least in values.values()), abs=0.2)
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from tests.support.dead_ends import EVENTS, seconds_after, walk
 from tests.support.pilots_seat import GUIDED_MODES
+from tests.support.thorough import sample
 
 ALL = pytest.mark.parametrize("autopilot", GUIDED_MODES)
 
@@ -38,7 +39,7 @@ def test_a_target_right_after_the_take_over_is_someone_elses(autopilot: int) -> 
     events=st.lists(st.sampled_from(EVENTS), min_size=3, max_size=9),
     before_conflict=st.booleans(),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=sample(12, 50), deadline=None)
 def test_after_many_events_it_is_flown_given_back_or_alarmed(
     autopilot: int, events: list[str], before_conflict: bool
 ) -> None:

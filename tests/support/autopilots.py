@@ -6,7 +6,7 @@
 - Between those two, each autopilot is flown, and PX4 in one of its two ways (`ways`).
 - The rows of a table that the autopilot does not change are flown in turn (`in_turn`): each row once, and all
   ways of flying in one table. `make thorough` flies each row in every one.
-- `tests/closed_loop/test_scenarios.py` flies each scenario in GUIDED_COURSE and in one of the two other ways.
+- `tests/closed_loop/test_scenarios.py` flies each scenario in one way after the other.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import pytest
 
 from sim.scenario import Autopilot
-from tests.support.thorough import THOROUGH
+from tests.support.thorough import THOROUGH, pairs
 
 ARDUPILOT: Autopilot = "ardupilot"
 PX4: Autopilot = "px4"
@@ -28,9 +28,14 @@ both = pytest.mark.parametrize("autopilot", BOTH)
 every = pytest.mark.parametrize("autopilot", ALL)
 
 
-def ways(*usual: Autopilot) -> pytest.MarkDecorator:
-    """Parametrizes `autopilot` with these ways of flying, or with every one (`make thorough`)."""
-    return pytest.mark.parametrize("autopilot", ALL if THOROUGH else usual)
+def ways(*usual: Autopilot, among: Sequence[Autopilot] = ALL) -> pytest.MarkDecorator:
+    """Parametrizes `autopilot` with these ways of flying, or with all `among` (`make thorough`)."""
+    return pytest.mark.parametrize("autopilot", among if THOROUGH else usual)
+
+
+def paired(name: str, values: Sequence[object], among: Sequence[Autopilot] = ALL) -> pytest.MarkDecorator:
+    """Parametrizes `autopilot` and `name`: each value and each way of flying once, or all `make thorough`."""
+    return pytest.mark.parametrize(("autopilot", name), pairs(among, values))
 
 
 def in_turn(

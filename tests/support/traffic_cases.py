@@ -1,6 +1,7 @@
 """Scenarios in which traffic is reported wrongly: reports are changed or added on their way to the engine."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from companion.engine import Engine
 from companion.mavlink.dialect import Message, mavlink
@@ -13,6 +14,10 @@ from sim.scenario import Autopilot, Scenario, load_scenario
 Reports = Sequence[Message]
 Changed = Callable[["ReportedWrongly", Message], Reports]
 Added = Callable[["ReportedWrongly", float], Reports]
+
+
+# The mission ends soon after the aircraft is back on it: its rest proves no more.
+_NORTH_M = 3300.0
 
 
 def as_heard(_flight: "ReportedWrongly", message: Message) -> Reports:
@@ -41,7 +46,7 @@ class ReportedWrongly(ClosedLoop):
         add: Added = none_added,
         autopilot: Autopilot = "ardupilot",
     ) -> None:
-        loaded = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        loaded = _ending_soon(load_scenario(scenario)) if isinstance(scenario, str) else scenario
         super().__init__(loaded, Engine(), autopilot=autopilot)
         self._change, self._add = change, add
         self.tracks: list[tuple[float, tuple[Track, ...]]] = []  # each second
@@ -81,6 +86,11 @@ class ReportedWrongly(ClosedLoop):
         place, velocity = self.scenario.frame.to_geo(*position_m), (*velocity_mps, 0.0)
         flags = ALL_VALID & ~mavlink.ADSB_FLAGS_VALID_CALLSIGN
         return altered(adsb_vehicle(icao, "", place, velocity, flags=flags), **fields)
+
+
+def _ending_soon(scenario: Scenario) -> Scenario:
+    ahead = replace(scenario.mission.waypoints[-1], north_m=_NORTH_M)
+    return replace(scenario, mission=replace(scenario.mission, waypoints=(ahead,)))
 
 
 def altered(message: Message, **fields: object) -> Message:

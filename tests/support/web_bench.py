@@ -6,12 +6,16 @@ import http.client
 import json
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
+
+from starlette.types import ASGIApp
 
 from companion.engine import Engine
 from companion.web.app import build
 from companion.web.health import Health, LoopTimes
 from companion.web.live_snapshot import LiveSnapshot, live_snapshot_of
+from companion.web.members import Members
 from companion.web.serving import listen, serve
 from companion.web.settings import Settings
 from companion.web.source import LiveSource, Source
@@ -61,12 +65,19 @@ class Site:
 
 
 @contextlib.asynccontextmanager
-async def site(source: Source, settings: Settings | None = None, port: int = 0) -> AsyncIterator[Site]:
-    """Serve a source until the block ends."""
+async def site(
+    source: Source | Mapping[str, LiveSource], settings: Settings | None = None, port: int = 0
+) -> AsyncIterator[Site]:
+    """Serve a source, or those of several members, until the block ends."""
     settings = replace(settings or Settings(), port=port)
-    listening = listen(settings)
     roles: list[str] = []
-    running = asyncio.create_task(serve(build(source, settings, roles.append), listening))
+    app: ASGIApp
+    if isinstance(source, Source):
+        listening, app = listen(settings), build(source, settings, roles.append)
+    else:
+        settings = replace(settings, members=tuple(source))
+        listening, app = listen(settings), Members(source, settings)
+    running = asyncio.create_task(serve(app, listening))
     try:
         yield Site(listening.getsockname()[1], roles)
     finally:
@@ -86,6 +97,12 @@ def snapshot_after(seconds: float, scenario: str = "head-on", **changes: Any) ->
     loop.run(seconds)
     now_s = loop.start_us / 1e6 + seconds
     return replace(live_snapshot_of(engine, now_s, health()), **changes)
+
+
+@cache
+def usual() -> LiveSnapshot:
+    """The snapshot in the middle of an avoidance; it is flown when it is first read, not by an import."""
+    return snapshot_after(40.0)
 
 
 def live(snapshot: LiveSnapshot | None = None) -> LiveSource:

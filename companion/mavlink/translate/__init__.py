@@ -5,7 +5,16 @@ message without any usable field gives no fact. No message that can be decoded r
 each protocol; a new source of traffic is a new file and an entry in `_TRANSLATIONS`.
 """
 
-from companion.mavlink.translate import adsb, commands, missions, parameters, remote_id, telemetry, utm
+from companion.mavlink.translate import (
+    adsb,
+    commands,
+    formation,
+    missions,
+    parameters,
+    remote_id,
+    telemetry,
+    utm,
+)
 from companion.mavlink.translate.wire import Translation, Translator
 
 _TRANSLATIONS: dict[int, Translation] = {
@@ -14,6 +23,7 @@ _TRANSLATIONS: dict[int, Translation] = {
     **commands.TRANSLATIONS,
     **parameters.TRANSLATIONS,
     **adsb.TRANSLATIONS,
+    **formation.TRANSLATIONS,
     **utm.TRANSLATIONS,
     **remote_id.TRANSLATIONS,
 }

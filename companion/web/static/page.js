@@ -1,6 +1,7 @@
 // The page: receives states and draws one of them, on the map and in the panels.
 
 import { find, setAttribute, setData, setText, show } from "./core/dom.js";
+import { addressOf, getJson } from "./core/server.js";
 import { Settings } from "./core/settings.js";
 import { readState } from "./core/state.js";
 import { Stream } from "./core/stream.js";
@@ -13,6 +14,7 @@ import { DecisionBar, DecisionList } from "./panels/decision.js";
 import { DetailsPanel } from "./panels/details.js";
 import { FlightPanel } from "./panels/flight.js";
 import { HealthPanels } from "./panels/health.js";
+import { MembersPanel } from "./panels/members.js";
 import { ReceiversPanel } from "./panels/receivers.js";
 import { RolePanel } from "./panels/role.js";
 import { TrafficTable } from "./panels/traffic_table.js";
@@ -42,7 +44,7 @@ class Display {
     this.moments = new LiveMoments(() => this.redraw());
     this.makePanels();
     listenToKeys(this);
-    this.stream = new Stream(new URL("ws", document.baseURI.replace(/^http/, "ws")), {
+    this.stream = new Stream(new URL(addressOf("ws"), document.baseURI.replace(/^http/, "ws")), {
       onFrame: (text) => this.receive(text),
       onOpen: () => this.readInfo(),
       expecting: () => this.expecting,
@@ -60,6 +62,7 @@ class Display {
     this.receivers = new ReceiversPanel();
     this.concerns = new ConcernsPanel(this.settings);
     this.role = new RolePanel();
+    this.members = new MembersPanel();
     this.table = new TrafficTable(this.settings, (key) => this.select(key));
     this.details = new DetailsPanel(this.settings);
     this.decisions = new DecisionList((at_s) => this.moments.show(at_s));
@@ -75,6 +78,7 @@ class Display {
     setText(find("title"), typeof info.title === "string" ? info.title : "");
     document.title = info.title ? `${info.title} – Companion` : "Companion";
     this.settings.suggest("height", info.height_unit);
+    this.members.offer(info.members);
     this.role.offer(info.may_command === true && info.kind === "live");
     if ((info.kind === "replay") !== this.moments instanceof ReplayMoments) this.changeKind(info);
     if (info.kind === "replay") this.moments.setLayers((await getJson("api/timeline"))?.layers);
@@ -236,15 +240,6 @@ class Display {
 
   step(step_s) {
     this.moments.step(step_s);
-  }
-}
-
-async function getJson(path) {
-  try {
-    const answer = await fetch(path, { cache: "no-store" });
-    return answer.ok ? await answer.json() : null;
-  } catch {
-    return null; // read again at the next connection
   }
 }
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
-from companion.avoidance.group.formation import FormationParams, MemberState, is_valid, joint_response
+from companion.avoidance.group.formation import FormationParams, MemberState, is_valid
+from companion.avoidance.group.joint_table import joint_response
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Decision, Goal, Layer, Member, Ownship, Track, Vec3
 
@@ -134,9 +135,9 @@ def test_a_track_with_our_own_id_is_ignored() -> None:
 
 
 def test_too_many_members_are_not_a_group() -> None:
-    crowd = [MemberState(f"M{i:02d}", (60.0 * i, 0.0, -300.0), (22.0, 0.0, 0.0), MEMBER) for i in range(9)]
+    crowd = [MemberState(f"M{i:02d}", (60.0 * i, 0.0, -300.0), (22.0, 0.0, 0.0), MEMBER) for i in range(11)]
     assert joint_response(crowd, FORMATION) is None
-    assert joint_response(crowd[:8], FORMATION) is not None
+    assert joint_response(crowd[:10], FORMATION) is not None
 
 
 def test_the_joint_guidance_is_held_before_the_return() -> None:

@@ -197,6 +197,9 @@ async def test_a_peer_that_does_not_read_delays_no_other_peer_and_fills_no_buffe
     await until(lambda: server.clients == 2)
     first = server._connections[0].transport
     assert first is not None
+    # The system's buffers of megabytes would take long to fill.
+    unread.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    first.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
     raw = frame()
     for sent in range(1, 100_000):
         server.send(raw)

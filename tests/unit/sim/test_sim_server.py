@@ -65,6 +65,19 @@ def test_a_held_clock_stops_reports_it_and_never_jumps() -> None:
     assert clock.now_s() == START_S + 9.0
 
 
+def test_the_slowest_of_several_holders_stops_the_clock() -> None:
+    real = Stopwatch()
+    clock = ScaledClock(10.0, start_s=START_S, monotonic_s=real)
+    clock.hold_at(START_S + 5.0, "one")
+    clock.hold_at(START_S + 5.0, "other")
+    clock.hold_at(START_S + 20.0, "one")
+    real.seconds += 1.0
+    assert clock.now_s() == START_S + 5.0, "the other is not ready yet"
+    clock.hold_at(START_S + 15.0, "other")
+    real.seconds += 2.0
+    assert clock.now_s() == START_S + 15.0
+
+
 def test_a_limit_in_the_past_stops_the_clock() -> None:
     real = Stopwatch()
     clock = ScaledClock(10.0, start_s=START_S, monotonic_s=real)
