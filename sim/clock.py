@@ -74,6 +74,14 @@ class ScaledClock:
             self._limit_us = limit_us
             self._held = False
 
+    def let_go(self, holder: object = None) -> None:
+        """Stop no longer for this holder, which has ended; the limit of the last holder stays."""
+        if len(self._limits_us) > 1 and holder in self._limits_us:
+            now_us = round(self.now_s() * _MICROSECONDS)
+            del self._limits_us[holder]
+            self._limit_us = max(min(self._limits_us.values()), now_us)
+            self._held = False
+
     async def sleep_until(self, time_s: float) -> None:
         """Wait for a simulated time; if it has passed, let other tasks run once."""
         await asyncio.sleep(max((time_s - self.now_s()) / self.speedup, 0.0))

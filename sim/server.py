@@ -84,10 +84,13 @@ class VehicleServer:
 
     async def _fly(self) -> None:
         vehicle, clock = self._vehicle, self._clock
-        while not self._closed:
-            self._advance(clock.now_s())
-            clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S, self)
-            await clock.sleep_until(vehicle.time_s + STEP_S)
+        try:
+            while not self._closed:
+                self._advance(clock.now_s())
+                clock.hold_at(vehicle.time_s + _LONGEST_LEAD_S, self)
+                await clock.sleep_until(vehicle.time_s + STEP_S)
+        finally:
+            clock.let_go(self)
 
     def _advance(self, now_s: float) -> None:
         vehicle = self._vehicle

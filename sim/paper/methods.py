@@ -74,6 +74,9 @@ class Method:
                 # For both, the paper's radius of influence.
                 influence_m=scene.outer_radius * scale.unit_m,
                 reach_m=scene.outer_radius * scale.unit_m,
+                # The paper's group is who is within this radius now, and it looks as far ahead as one UAV.
+                group_within_s=0.0,
+                horizon_s=90.0,
                 smallest_m=2.0 * scene.uav_radius * scale.unit_m,
             ),
         )

@@ -21,6 +21,7 @@ from companion.control.state_machine import SupervisorParams
 from companion.model import Role
 from companion.sources.registry import FORMATS, decoder_class
 from companion.traffic import TrafficParams
+from sim.members.scenario import formation_names
 from sim.scenario import load_scenario, scenario_names
 from tests.support.commands import call
 from tests.support.paths import ROOT
@@ -86,7 +87,9 @@ def test_the_parameters_are_those_of_the_code() -> None:
 def test_the_scenarios_are_those_that_come_with_the_package() -> None:
     (section,) = re.findall(r"^## Scenarios and faults\n(.*?)^## ", REFERENCE_TEXT, re.MULTILINE | re.DOTALL)
     rows = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
-    assert sorted(re.findall(r"`([\w-]+)`", " ".join(rows))) == scenario_names()
+    assert sorted(re.findall(r"`([\w-]+)`", " ".join(rows))) == sorted(
+        [*scenario_names(), *formation_names()]
+    )
 
 
 def test_the_defaults_are_those_of_the_code() -> None:

@@ -18,10 +18,12 @@ from companion.engine import Engine, EngineConfig
 from companion.links import open_link
 from companion.links.udp import UdpInLink
 from companion.mavlink.dialect import Message
+from companion.mavlink.facts import Sender
 from companion.mavlink.framing import FrameSplitter, decode
 from companion.model import Vec3
 from companion.recording.recorder import Recorder
 from companion.runtime import Runtime
+from companion.sources.receiver import Piece
 from sim.clock import ScaledClock
 from sim.faults import Faults
 from sim.files import checked_from
@@ -64,6 +66,9 @@ class Notes(Recorder):
         return None
 
     def received(self, time_us: int, raw: bytes) -> None:
+        """Ignored."""
+
+    def heard(self, time_us: int, piece: Piece, us: Sender) -> None:
         """Ignored."""
 
     def sent(self, time_us: int, raw: bytes) -> None:

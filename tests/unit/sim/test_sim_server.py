@@ -157,6 +157,21 @@ async def test_vehicle_and_peer_communicate_despite_junk() -> None:
     assert [t.time_s for t in truths] == sorted({t.time_s for t in truths})
 
 
+def test_a_holder_that_has_ended_holds_the_clock_no_longer() -> None:
+    real_s = [0.0]
+    clock = ScaledClock(start_s=START_S, monotonic_s=lambda: real_s[0])
+    clock.hold_at(START_S + 5.0, "one")
+    clock.hold_at(START_S + 20.0, "other")
+    real_s[0] = 10.0
+    assert clock.now_s() == START_S + 5.0
+    clock.let_go("one")
+    real_s[0] = 12.0
+    assert clock.now_s() == START_S + 7.0
+    clock.let_go("other")
+    real_s[0] = 100.0
+    assert clock.now_s() == START_S + 20.0, "nothing flies any more"
+
+
 async def test_an_impossible_speedup_is_reported_and_steps_stay_small() -> None:
     looks = itertools.count()
     clock = ScaledClock(start_s=START_S, monotonic_s=lambda: float(next(looks)))  # a second for each look
