@@ -9,10 +9,12 @@ from companion.control.state_machine import State
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.links import Link, memory_pair, open_link
 from companion.mavlink.dialect import Encoder, Message, mavlink
+from companion.mavlink.facts import Sender
 from companion.mavlink.framing import Frame, FrameSplitter, decode
 from companion.mavlink.translate import frame_to_fact
 from companion.recording.recorder import Recorder
 from companion.runtime import Runtime
+from companion.sources.receiver import Piece
 from tests.support.faulty_flight import free_ports
 
 AUTO, GUIDED, FBWA = 10, 15, 5
@@ -125,6 +127,9 @@ class FailingRecorder(Recorder):
         message = decode(frame)
         if message is not None and message.get_type() == "HEARTBEAT" and message.custom_mode == FBWA:
             raise ZeroDivisionError("a bug")
+
+    def heard(self, time_us: int, piece: Piece, us: Sender) -> None:
+        pass
 
     def sent(self, time_us: int, raw: bytes) -> None:
         pass
