@@ -15,6 +15,7 @@ from sim.metrics import EncounterScore
 from sim.receivers import FORMATS
 from sim.scenario import Autopilot, load_scenario
 from tests.support.autopilots import BOTH, MISSION_MODE, in_turn
+from tests.support.short_scenario import shorter
 from tests.support.thorough import THOROUGH
 
 SCENARIOS = ("head-on", "crossing-right", "two-intruders")
@@ -29,7 +30,7 @@ ROWS = [
 
 def fly(scenario: str, name: str, autopilot: Autopilot) -> Flight:
     """The flight until the last intruder has passed and the aircraft is back on its mission."""
-    flown = load_scenario(scenario)
+    flown = load_scenario(scenario) if scenario == "two-intruders" else shorter(scenario)
     loop = ClosedLoop(flown, Engine(), autopilot=autopilot, receivers=[name])
     loop.run(max(conflict.meet_at_s for conflict in flown.intruders))
     for _ in range(30):

@@ -10,6 +10,7 @@ from companion.mavlink.log_clock import LogClock
 from companion.model import Layer
 from companion.replay import Replay, replay
 from tests.support.paths import TLOGS
+from tests.support.thorough import THOROUGH
 
 # Closest approaches in the logs by intruder, seconds since the start, measured on the logged positions.
 CLOSEST_S = {
@@ -49,9 +50,10 @@ def test_both_intruders_are_avoided_in_time(name: str) -> None:
     assert result.events[0][1] is Layer.OUTER, "first by the outer layer"
     assert result.layers[Layer.INNER] > 0, "the advice was not flown, so that the inner layer acted"
     assert result.events[-1][1] is Layer.CLEAR or name == CUT_SHORT
-    again, lines_again = decide(TLOGS[name])
-    assert lines_again == lines
-    assert again.report()["layers"] == result.report()["layers"]
+    if THOROUGH or "fake" in name:
+        again, lines_again = decide(TLOGS[name])
+        assert lines_again == lines
+        assert again.report()["layers"] == result.report()["layers"]
 
 
 @pytest.mark.parametrize("name", [name for name in CLOSEST_S if name in TLOGS][:1])
