@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from companion.autopilots import Adapter
@@ -80,7 +81,8 @@ class Housekeeping:
             # An autopilot that leaves the guided mode without our setpoints: do they arrive?
             often = supervisor.holds and adapter.leaves_guided_by_itself
             outgoing += self._broadcasts.time_sync(self._us().component_id, now_s, often=often)
-        outgoing += self._broadcasts.intent(rooms.deciding.announcement(self._us(), now_s), now_s)
+        announce = partial(rooms.deciding.announcement, self._us(), now_s)
+        outgoing += self._broadcasts.intent(announce, now_s)
         healthy = rooms.aircraft.heard(now_s) and not rooms.aircraft.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(rooms.operator.role, now_s, healthy=healthy)
         return outgoing

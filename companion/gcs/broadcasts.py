@@ -1,6 +1,7 @@
 """Messages at regular intervals: our own HEARTBEAT, TIMESYNC, our intent, and COLLISION for the threats."""
 
 import math
+from collections.abc import Callable
 
 from companion.mavlink.dialect import Message, mavlink
 from companion.mavlink.facts import MemberIntent
@@ -49,9 +50,12 @@ class Broadcasts:
         self._time_sync_s = now_s
         return [time_sync_request(component_id, now_s)]
 
-    def intent(self, announcement: MemberIntent | None, now_s: float) -> list[Message]:
+    def intent(self, announce: Callable[[], MemberIntent | None], now_s: float) -> list[Message]:
         """V2_EXTENSION with our intent for the other members of a formation, three times a second."""
-        if announcement is None or 0.0 <= now_s - self._intent_s < _INTENT_INTERVAL_S - 1e-3:
+        if 0.0 <= now_s - self._intent_s < _INTENT_INTERVAL_S - 1e-3:
+            return []
+        announcement = announce()
+        if announcement is None:
             return []
         self._intent_s = now_s
         return [intent_message(announcement)]

@@ -31,7 +31,7 @@ _TRIES = 2000
 # A crewed aircraft crosses in this share of the flights.
 _STRANGERS = 0.25
 _STRANGER_MPS, _STRANGER_HEIGHT_M = (40.0, 60.0), 30.0
-# Arrival: within this distance of the last waypoint, in this many times the nominal time and so long after.
+# Arrival: within this distance of the last waypoint, in this many times the nominal time plus this many s.
 ARRIVED_M, _SLOWEST, _LATEST_S = 60.0, 1.5, 60.0
 
 

@@ -1,7 +1,6 @@
 """The engines of a formation's members, by avoider: the one place that makes their configuration."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass
 
 from companion.avoidance.group.formation import FormationParams
 from companion.avoidance.params import AvoidanceParams, Layers
@@ -49,7 +48,13 @@ def engine_of(avoider: str, system_id: int, limits: Limits, separation: Separati
 
 def config_of(avoider: str, system_id: int, limits: Limits, separation: Separation) -> EngineConfig:
     """The configuration of a member: all other vehicles of its network are members too."""
-    formation = _formation(separation)
+    formation = FormationParams(
+        members="all",
+        separation_m=separation.wanted_m,
+        influence_m=separation.wanted_m,
+        smallest_m=separation.smallest_m,
+        smallest_vertical_m=separation.smallest_vertical_m,
+    )
     layers = _LAYERS.get(avoider, Layers.BOTH)
     return EngineConfig(
         engine=EngineParams(autopilot_system_id=system_id),
@@ -62,19 +67,6 @@ def config_of(avoider: str, system_id: int, limits: Limits, separation: Separati
             max_sink_mps=limits.max_climb_mps,
         ),
     )
-
-
-def _formation(separation: Separation) -> FormationParams:
-    """The settings of the formation that this version of the product has."""
-    wanted: dict[str, Any] = {
-        "members": "all",
-        "separation_m": separation.wanted_m,
-        "influence_m": separation.wanted_m,
-        "smallest_m": separation.smallest_m,
-        "smallest_vertical_m": separation.smallest_vertical_m,
-    }
-    known = {one.name for one in fields(FormationParams)}
-    return replace(FormationParams(), **{name: value for name, value in wanted.items() if name in known})
 
 
 def _orca(limits: Limits, separation: Separation) -> Orca:

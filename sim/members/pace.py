@@ -9,7 +9,7 @@ from sim.clock import ScaledClock
 # The clock runs on by at most this between two moments at which everything sent has arrived. The way from a
 # vehicle to its companion, and from there over the network, takes no longer.
 _LEAD_S = 0.1
-# From a socket through the queue of its link to whoever takes the frames, in rounds of the event loop.
+# From a socket through the queue of its link to the task that takes the frames, in rounds of the event loop.
 _ROUNDS = 3
 
 

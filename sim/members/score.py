@@ -6,10 +6,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from companion.avoidance.group.formation import FormationParams
 from companion.model import Vec3
 
 # Members nearer than this, in both, have lost their separation.
-SMALLEST_M, SMALLEST_VERTICAL_M = 50.0, 30.0
+SMALLEST_M, SMALLEST_VERTICAL_M = FormationParams().smallest_m, FormationParams().smallest_vertical_m
 _GRID_S = 0.05
 _SAFETY_EVERY_S = 1.0
 

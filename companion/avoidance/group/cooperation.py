@@ -61,7 +61,6 @@ class Situation(NamedTuple):
     """What a joint answer depends on, besides the members: our flight, strangers (N of them), and limits."""
 
     now_s: float
-    own: Ownship
     flight: OwnFlight
     strangers: Tracks
     constraints: Constraints
@@ -143,9 +142,7 @@ class Cooperation:
             return None
         ids = {state.member_id for state in group}
         near = [state for state in announcing if state.member_id in ids]
-        return self._agreed(
-            Situation(now_s, own, flight, predicted, constraints), ours, near, tracks, conflict
-        )
+        return self._agreed(Situation(now_s, flight, predicted, constraints), ours, near, tracks, conflict)
 
     # --- members that know each other exactly
 

@@ -37,7 +37,7 @@ def test_the_documented_scenarios_exist() -> None:
 
 
 def smallest_distances_m(name: str) -> dict[tuple[str, str], float]:
-    """The smallest distance of each pair if nobody avoids."""
+    """The smallest distance of each pair without avoidance."""
     scenario = load_formation(name)
     flown = {
         own.member.name: flown_by(own.world.vehicle, scenario.duration_s / 2.0, 0.2)
