@@ -142,7 +142,9 @@ def fly(
 
 
 class Receiver(Protocol):
-    """What receives the reports of the other aircraft."""
+    """What receives the reports of the other aircraft; `stated_sigma_m` is the accuracy that they state."""
+
+    stated_sigma_m: float | None
 
     def reports(self, now_s: float) -> list[Heard]:
         """The reports that arrived since the last call."""
@@ -265,9 +267,10 @@ class Flight:
         for fact in facts:
             engine.receive(fact, now_s)
         if decides:
+            stated_m = self._observer.stated_sigma_m
             engine.receive(PressureAltitude(AUTOPILOT, -plane.position_m[2]), now_s)
             for report in self._observer.reports(step * STEP_S):
-                engine.receive(Traffic(AUTOPILOT, as_report(report, now_s)), now_s)
+                engine.receive(Traffic(AUTOPILOT, as_report(report, now_s, stated_m)), now_s)
 
     def _decide(self, time_s: float) -> None:
         now_s, engine, flown = _START_S + time_s, self._engine, self._flown
@@ -310,8 +313,8 @@ def _messages(effects: Sequence[object]) -> list[Message]:
     return [effect.message for effect in effects if isinstance(effect, Transmit)]
 
 
-def as_report(heard: Heard, now_s: float) -> TrafficReport:
-    """The report of a transponder: pressure altitude, and the age that the receiver reports."""
+def as_report(heard: Heard, now_s: float, stated_sigma_m: float | None = None) -> TrafficReport:
+    """The report of a transponder: pressure altitude, and age and accuracy as the receiver reports them."""
     index, _, position_m, velocity_mps, reported_age_s = heard
     lat_deg, lon_deg, altitude_m = FRAME.to_geo(*position_m)
     icao = FIRST_ICAO + index
@@ -327,4 +330,5 @@ def as_report(heard: Heard, now_s: float) -> TrafficReport:
         ground_speed_mps=math.hypot(velocity_mps[0], velocity_mps[1]),
         climb_mps=-velocity_mps[2],
         icao=icao,
+        position_sigma_m=stated_sigma_m,
     )

@@ -15,7 +15,6 @@ from sim.campaign.route import Route, legs
 from sim.campaign.two_sided import is_flyable
 from sim.dynamics import AIRFRAMES
 from sim.encounters import (
-    SURVEILLANCE_PRESETS,
     Encounter,
     EncounterModel,
     Surveillance,
@@ -23,6 +22,7 @@ from sim.encounters import (
     read_encounters,
     read_model,
     sample,
+    surveillance_of,
 )
 from sim.peers import PEERS
 
@@ -79,8 +79,7 @@ class Plan:
             if name != COMPANION and name not in PEERS:
                 raise ConfigError(f"--avoider {name}: there are {COMPANION}, {', '.join(PEERS)}")
         for name in self.surveillance:
-            if name not in SURVEILLANCE_PRESETS:
-                raise ConfigError(f"--surveillance {name}: there are {', '.join(SURVEILLANCE_PRESETS)}")
+            surveillance_of(name)
         if self.airframe not in AIRFRAMES:
             raise ConfigError(f"--airframe {self.airframe}: there are {', '.join(AIRFRAMES)}")
 
@@ -93,7 +92,7 @@ class Plan:
     @property
     def first_surveillance(self) -> Surveillance:
         """The first of the plan's surveillance presets."""
-        return SURVEILLANCE_PRESETS[self.surveillance[0]]
+        return surveillance_of(self.surveillance[0])
 
     @property
     def flights(self) -> int:

@@ -14,7 +14,7 @@ from sim.campaign.flight import ClosestApproach, EncounterResult, fly, unmitigat
 from sim.campaign.plan import BOTH, Plan
 from sim.campaign.results import Key, ResultLine, Results, result_line
 from sim.campaign.two_sided import fly_both, sides_of
-from sim.encounters import SURVEILLANCE_PRESETS, Encounter
+from sim.encounters import Encounter, surveillance_of
 
 Task = tuple[Plan, str, str, tuple[int, ...]]  # avoider, surveillance, numbers of the encounters
 
@@ -53,7 +53,7 @@ def fly_one(plan: Plan, key: Key, encounter: Encounter) -> tuple[Encounter, Clos
     """The encounter as it was flown, its closest approach without avoidance, and the result."""
     avoider, preset, number = key
     route, seed = plan.route_of(encounter, number), plan.seed + number
-    surveillance = SURVEILLANCE_PRESETS[preset]
+    surveillance = surveillance_of(preset)
     if plan.two_sided:
         sides = sides_of(encounter, plan.limits, route)
         encounter, route = sides[0].encounter, sides[0].route

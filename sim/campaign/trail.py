@@ -42,6 +42,7 @@ class LiveReceiver:
         self._other, self._own, self._index, self._how = other, own, index, how
         self._reception = Reception(how, 2, seed)
         self._arrives_s = 0.0
+        self.stated_sigma_m = how.stated_sigma_m
 
     def reports(self, now_s: float) -> list[Heard]:
         """The reports that arrived since the last call."""

@@ -11,6 +11,7 @@ from companion.control.rejoin import RejoinMode
 from companion.errors import ConfigError, require
 from sim.campaign.plan import BOTH, Part, Plan
 from sim.cli.common import ReportOption
+from sim.encounters import SURVEILLANCE_PRESETS
 from sim.formation.engines import separated
 from sim.formation.plan import FormationPlan
 
@@ -32,7 +33,11 @@ ModelOption = Annotated[
 ]
 SurveillanceOption = Annotated[
     list[str] | None,
-    typer.Option("--surveillance", metavar="PRESET", help="perfect (default), adsb-out or poor."),
+    typer.Option(
+        "--surveillance",
+        metavar="PRESET",
+        help=f"{', '.join(SURVEILLANCE_PRESETS)}, or adsb-out,latency_s=3,loss=0.4. Default: perfect.",
+    ),
 ]
 IntrudersOption = Annotated[int, typer.Option(min=1, max=4, help="Intruders per encounter of a model.")]
 LockOption = Annotated[

@@ -4,8 +4,9 @@ from sim.encounters.encounter import Encounter, Passing, Path, passing
 from sim.encounters.files import read_encounters, write_encounters
 from sim.encounters.generators import KINDS, generate
 from sim.encounters.model import EncounterModel, read_model
+from sim.encounters.presets import SURVEILLANCE_PRESETS, surveillance_of
 from sim.encounters.sampling import sample
-from sim.encounters.surveillance import SURVEILLANCE_PRESETS, Heard, Observer, Reception, Surveillance
+from sim.encounters.surveillance import Heard, Observer, Reception, Surveillance
 
 __all__ = [
     "KINDS",
@@ -23,5 +24,6 @@ __all__ = [
     "read_encounters",
     "read_model",
     "sample",
+    "surveillance_of",
     "write_encounters",
 ]

@@ -19,7 +19,8 @@ class Surveillance:
 
     `latency_s` is the age of a report on arrival; the receiver reports it if `age_reported`.
     `height_bias_sigma_m` is drawn once per intruder. Losses come in bursts: the long-run probability is
-    `loss`, the mean length `burst_reports`. `first_heard_m` is the reception range.
+    `loss`, the mean length `burst_reports`. `first_heard_m` is the reception range. `accuracy_stated`: the
+    reports state the accuracy of their positions.
     """
 
     period_s: float = 1.0
@@ -33,6 +34,12 @@ class Surveillance:
     loss: float = 0.0
     burst_reports: float = 1.0
     first_heard_m: float = math.inf
+    accuracy_stated: bool = False
+
+    @property
+    def stated_sigma_m(self) -> float | None:
+        """The standard deviation of positions that reports state; `None` if they state none."""
+        return self.position_sigma_m if self.accuracy_stated else None
 
     @property
     def exact(self) -> bool:
@@ -48,38 +55,6 @@ class Surveillance:
             )
         )
 
-
-SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
-    # One second old, as in the comparison of the peers, without errors.
-    "perfect": Surveillance(latency_s=1.0),
-    # Sigmas as in the noisy comparison of the peers: GPS of NACp 8 to 9, heights in steps of 25 ft, NACv 1 to
-    # 2. A latency of one second is usual, and receivers do not report it. 5 % are lost.
-    "adsb-out": Surveillance(
-        latency_s=1.0,
-        age_reported=False,
-        position_sigma_m=15.0,
-        height_sigma_m=8.0,
-        velocity_sigma_mps=1.5,
-        climb_sigma_mps=0.8,
-        height_bias_sigma_m=7.0,
-        loss=0.05,
-        burst_reports=2.0,
-        first_heard_m=10_000.0,
-    ),
-    # NACp 7, two seconds old, an altimeter at its tolerance, 30 % lost in bursts, short range.
-    "poor": Surveillance(
-        latency_s=2.0,
-        age_reported=False,
-        position_sigma_m=50.0,
-        height_sigma_m=15.0,
-        velocity_sigma_mps=4.0,
-        climb_sigma_mps=2.0,
-        height_bias_sigma_m=20.0,
-        loss=0.3,
-        burst_reports=4.0,
-        first_heard_m=4_000.0,
-    ),
-}
 
 # Index of the intruder, time of the state, reported position and velocity (north-east-down), reported age.
 Heard = tuple[int, float, Vec3, Vec3, float]
@@ -143,6 +118,7 @@ class Observer:
         self._own_m, self._own_mps = encounter.own_position_m, encounter.own_velocity_mps
         self._arrivals = self._all_arrivals()
         self._next = next(self._arrivals)
+        self.stated_sigma_m = surveillance.stated_sigma_m
 
     def reports(self, now_s: float) -> list[Heard]:
         """The reports that arrived since the last call."""

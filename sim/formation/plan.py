@@ -6,7 +6,7 @@ from itertools import product
 from companion.errors import ConfigError
 from sim.campaign.plan import Part
 from sim.campaign.results import ResultLine
-from sim.encounters import SURVEILLANCE_PRESETS
+from sim.encounters import surveillance_of
 from sim.formation.crossing import Crossing, crossing
 from sim.formation.engines import AVOIDERS, COMPANION, Separation, engine_of
 from sim.formation.flight import Conditions
@@ -40,10 +40,7 @@ class FormationPlan:
         for name in self.avoiders:
             if name not in AVOIDERS:
                 raise ConfigError(f"--avoider {name}: with --formation there are {', '.join(AVOIDERS)}")
-        if self.surveillance not in SURVEILLANCE_PRESETS:
-            raise ConfigError(
-                f"--surveillance {self.surveillance}: there are {', '.join(SURVEILLANCE_PRESETS)}"
-            )
+        surveillance_of(self.surveillance)
         if self.separation.smallest_m > self.separation.wanted_m:
             raise ConfigError("--separation must not exceed the wanted separation")
 
@@ -81,7 +78,7 @@ class FormationPlan:
 
     def conditions(self, radio: str) -> Conditions:
         """How the crossings are flown with a radio."""
-        surveillance = SURVEILLANCE_PRESETS[self.surveillance]
+        surveillance = surveillance_of(self.surveillance)
         quality = self.radios[radio]
         return Conditions(quality, surveillance, self.separation, self.ticks_hz, self.falls_silent)
 
