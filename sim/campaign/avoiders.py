@@ -8,6 +8,7 @@ from companion.control.state_machine import SupervisorParams
 from companion.engine import Engine, EngineConfig, EngineParams
 from companion.model import Decision, Goal, Ownship, Track
 from companion.ownship.performance_limits import AircraftLimits
+from sim.campaign.changes import Changes, changed
 from sim.campaign.plane import Limits
 from sim.encounters import Encounter
 from sim.peers import Peer, PeerLimits, make_peer
@@ -32,8 +33,11 @@ class PeerAvoider(Avoider):
         return self._peer.decide(now_s, own, tracks, goal)
 
 
-def engine_for(avoider: str, limits: Limits, rejoin: RejoinMode = "line") -> Callable[[Encounter], Engine]:
-    """A function that makes the engine for an encounter, with the named avoider."""
+def engine_for(
+    avoider: str, limits: Limits, rejoin: RejoinMode = "line", avoidance: Changes = ()
+) -> Callable[[Encounter], Engine]:
+    """A function that makes the engine for an encounter; `avoidance` are changed values of its parameters."""
+    params = changed(AvoidanceParams(), avoidance)
     aircraft = AircraftLimits(
         min_airspeed_mps=limits.min_airspeed_mps,
         max_airspeed_mps=limits.max_airspeed_mps,
@@ -50,6 +54,7 @@ def engine_for(avoider: str, limits: Limits, rejoin: RejoinMode = "line") -> Cal
             engine=EngineParams(autopilot_system_id=1, max_height_m=ceiling_m),
             supervisor=SupervisorParams(min_height_m=max(floor_m, 0.0)),
             control=ControlParams(rejoin=rejoin),
+            avoidance=params,
             aircraft=aircraft,
         )
         return Engine(config, avoider=_peer(avoider, limits, config, floor_m, ceiling_m))

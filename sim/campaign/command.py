@@ -45,7 +45,7 @@ def run(
     results = Results.open(out, plan.identity())
     before, begun = len(results.done), time.perf_counter()
     try:
-        with progress(console, plan.flights, results) as on_flown:
+        with progress(console, plan.flights, before) as on_flown:
             if scheduler == LOCAL:
                 run_here(plan, results, workers=workers, on_flown=on_flown)
             else:
@@ -77,7 +77,7 @@ def _report(plan: Plan, out: Path, rate: float | None) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def progress(
-    console: Console, total: int, results: Results, what: str = "encounters"
+    console: Console, total: int, done_before: int, what: str = "encounters"
 ) -> Iterator[Callable[[int], None]]:
     """A progress bar on a terminal; call what it gives with the number newly flown."""
     if not console.is_terminal:
@@ -86,7 +86,7 @@ def progress(
     rate = TextColumn("{task.fields[rate]} a second")
     columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
     with Progress(*columns, console=console) as bar:
-        done_before, begun, flown = len(results.done), time.perf_counter(), 0
+        begun, flown = time.perf_counter(), 0
         task = bar.add_task("", total=total, completed=done_before, rate="0.0")
 
         def on_flown(more: int) -> None:
@@ -182,7 +182,7 @@ def page_of(plan: Plan, out: Path, report: dict[str, Any]) -> str:
 
     source, figures = plan.source(), gather(_wanted(plan, out))
     worst = {
-        name: [_fly_again(plan, source, key_of(line))[::2] for line in _worst(_wanted(plan, out, name))]
+        name: [fly_again(plan, source, key_of(line))[::2] for line in worst_of(_wanted(plan, out, name))]
         for name in figures
         if name != NONE
     }
@@ -196,22 +196,23 @@ def _wanted(plan: Plan, out: Path, avoider: str | None = None) -> Iterator[Resul
     )
 
 
-def _worst(lines: Iterator[ResultLine]) -> list[ResultLine]:
-    """The closest approaches among the flights that lost well clear."""
+def worst_of(lines: Iterator[ResultLine]) -> list[ResultLine]:
+    """The closest approaches among the flights that lost well clear, the worst first."""
     lost = (line for line in lines if line["flown"]["lowc"])
     return nsmallest(_DRAWN, lost, key=lambda line: (line["flown"]["severity"], line["number"]))
 
 
-def _fly_again(
+def fly_again(
     plan: Plan, source: Callable[[int], Encounter], key: Key
 ) -> tuple[Encounter, ClosestApproach, EncounterResult]:
+    """Fly an encounter of the results once more; with its closest approach without avoidance."""
     return fly_one(plan, key, source(key[2]))
 
 
 def show_encounter(plan: Plan, number: int, console: Console, out: Path | None) -> None:
     """Print one encounter, and draw it to `out`."""
     key = plan.avoiders[0], plan.surveillance[0], number
-    encounter, nominal, flown = _fly_again(plan, plan.source(), key)
+    encounter, nominal, flown = fly_again(plan, plan.source(), key)
     for name, near in (("unmitigated", nominal), ("flown", flown.closest)):
         outcome = "near mid-air collision" if near.nmac else "well clear lost" if near.lowc else "well clear"
         console.print(

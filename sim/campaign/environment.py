@@ -1,5 +1,6 @@
 """The software versions that results depend on; all workers of a campaign must have the same."""
 
+import os
 import platform
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -29,12 +30,31 @@ def environment(avoiders: Sequence[str]) -> Environment:
     }
 
 
+def machine() -> dict[str, object]:
+    """This machine in words: system, processor, and cores that may be used."""
+    return {
+        "system": f"{platform.system()} {platform.release()}",
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0)),
+    }
+
+
 def difference(here: Environment, there: Environment) -> str | None:
     """The first difference in words; `None` if there is none."""
     for name, wanted in here.items():
         if (found := there.get(name, "none")) != wanted:
             return f"{name} {found}, here {wanted}"
     return None
+
+
+def _processor() -> str:
+    """The name of the processor; its architecture if the system does not tell."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{names[0]} ({platform.machine()})" if names else platform.machine()
 
 
 def _version(package: str) -> str:

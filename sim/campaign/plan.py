@@ -9,6 +9,7 @@ from companion.control.rejoin import RejoinMode
 from companion.engine import Engine
 from companion.errors import ConfigError
 from sim.campaign.avoiders import COMPANION, engine_for
+from sim.campaign.changes import Changes, changed
 from sim.campaign.plane import Limits
 from sim.campaign.results import ResultLine
 from sim.campaign.route import Route, legs
@@ -29,6 +30,8 @@ from sim.peers import PEERS
 # With the height locked: distance of floor and ceiling from the mission's height.
 _SLACK_M = 1.0
 _FILES = (".csv", ".daa")
+# Settings that results files name only where they differ from these.
+_LATER: dict[str, object] = {"two_sided": False, "avoidance": (), "own_limits": ()}
 # The end of an avoider's name if both aircraft of a two-sided encounter fly it.
 BOTH = "-both"
 # An encounter whose intruder cannot fly Companion is drawn again with a number further on by this.
@@ -59,7 +62,10 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign. The same plan and number give the same encounter and result on any machine."""
+    """A campaign. The same plan and number give the same encounter and result on any machine.
+
+    `avoidance` are changed values of `AvoidanceParams`, `own_limits` those of the aircraft's `Limits`.
+    """
 
     encounters: int
     seed: int = 0
@@ -73,6 +79,8 @@ class Plan:
     rejoin: RejoinMode = "line"
     airframe: str = "ardupilot"
     two_sided: bool = False
+    avoidance: Changes = ()
+    own_limits: Changes = ()
 
     def __post_init__(self) -> None:
         for name in map(self.method_of, self.avoiders):
@@ -87,7 +95,7 @@ class Plan:
     def limits(self) -> Limits:
         """The limits of the aircraft."""
         slack_m = _SLACK_M if self.lock_height else None
-        return Limits(slack_m=slack_m, dynamics=AIRFRAMES[self.airframe])
+        return changed(Limits(slack_m=slack_m, dynamics=AIRFRAMES[self.airframe]), self.own_limits)
 
     @property
     def first_surveillance(self) -> Surveillance:
@@ -101,7 +109,8 @@ class Plan:
 
     def identity(self) -> dict[str, object]:
         """The settings that all results of one file share: all but number, avoiders and surveillance."""
-        varied = {"encounters", "avoiders", "surveillance"} | (set() if self.two_sided else {"two_sided"})
+        varied = {"encounters", "avoiders", "surveillance"}
+        varied |= {name for name, usual in _LATER.items() if getattr(self, name) == usual}
         return {k: v for k, v in asdict(self).items() if k not in varied}
 
     def method_of(self, avoider: str) -> str:
@@ -171,4 +180,4 @@ class Plan:
 
     def engine_for(self, avoider: str, limits: Limits | None = None) -> Callable[[Encounter], Engine]:
         """A function that makes the engine for an encounter, of the plan's aircraft or of these limits."""
-        return engine_for(self.method_of(avoider), limits or self.limits, self.rejoin)
+        return engine_for(self.method_of(avoider), limits or self.limits, self.rejoin, self.avoidance)

@@ -32,6 +32,8 @@ def result_line(
         "geometry": encounter.geometry,
         "closing_mps": round(encounter.closing_mps, 2),
         "intruders": len(encounter.intruders),
+        "source": encounter.source,
+        "altitude_m": round(-encounter.own_position_m[2], 1),
         "nominal": _approach(nominal),
         "flown": _approach(flown.closest),
         "deviation_m": round(flown.deviation_m, 2),

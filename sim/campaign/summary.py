@@ -17,7 +17,7 @@ _CHUNK = 2_000_000  # encounters resampled at a time, to bound memory
 _COLUMNS = (
     "number", "surveillance", "geometry", "closing_mps", "weight", "nmac0", "lowc0", "nmac", "lowc",
     "avoided", "deviation_m", "height_m", "engagements", "return_s", "on_left_leg", "given_back_on_leg",
-    "strayed_s", "mirrored",
+    "strayed_s", "mirrored", "source", "altitude_m",
 )  # fmt: skip
 # Pass lines for cooperative traffic, of ASTM F3442.
 RISK_RATIO_LINE, LOWC_RATIO_LINE = 0.18, 0.40
@@ -46,6 +46,8 @@ class Figures:
                 flown["lowc"], result["avoided"], result["deviation_m"], result["height_m"],
                 result["engagements"], _number_or_nan(result["return_s"]), bool(result["on_left_leg"]),
                 bool(result["given_back_on_leg"]), result["strayed_s"], _mirrored(result.get("mirrored")),
+                # Files of earlier versions have neither.
+                self._code(result.get("source", "")), _number_or_nan(result.get("altitude_m")),
             )
         )  # fmt: skip
         self.not_back += result["back_s"] is None
@@ -60,7 +62,7 @@ class Figures:
         return dict(zip(_COLUMNS, table[order].T, strict=True))
 
     def words(self, column: str) -> dict[str, NDArray[np.bool_]]:
-        """Masks (n,) of the results by the word in a column (`geometry`, `surveillance`)."""
+        """Masks (n,) of the results by the word in a column (`geometry`, `surveillance`, `source`)."""
         codes = self.columns()[column]
         found = {word: codes == code for word, code in sorted(self._words.items())}
         return {word: chosen for word, chosen in found.items() if chosen.any()}
@@ -92,7 +94,7 @@ def summary_of(figures: Figures, encounters_per_s: float | None = None) -> dict[
         **ratio_of(columns, "lowc_ratio", "lowc"),
         "median_max_deviation_m": _weighted_median(columns["deviation_m"], columns["weight"], conflicts),
         "median_max_height_m": _weighted_median(columns["height_m"], columns["weight"], conflicts),
-        **_nuisance(columns),
+        **nuisance_of(columns),
         "engaged_more_than_once": int((columns["engagements"] > 1.0).sum()),
         "mean_engagements": _mean_of_engaged(columns),
         "not_back_on_leg": figures.not_back,
@@ -137,7 +139,7 @@ def _bound_without_events(nominal: Array) -> float:
     return min(3.0 / effective, 1.0)
 
 
-def _nuisance(columns: dict[str, Array]) -> dict[str, object]:
+def nuisance_of(columns: dict[str, Array]) -> dict[str, object]:
     """The share of encounters with avoidance among those that stay well clear without it."""
     clear = columns["lowc0"] == 0.0
     flown, all_clear = columns["weight"] * columns["avoided"] * clear, columns["weight"] * clear

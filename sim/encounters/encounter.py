@@ -68,7 +68,8 @@ class Encounter:
 
     Positions are north-east-down [m] in one flat frame. `weight` is the encounter's real frequency relative
     to the frequency of its sampling. `nominal_horizontal_m` and `nominal_vertical_m` are the first
-    intruder's distances at closest approach without avoidance.
+    intruder's distances at closest approach without avoidance. `source` is the model of the first intruder,
+    or the kind of a generated encounter.
     """
 
     encounter_id: str

@@ -60,8 +60,8 @@ SURVEILLANCE_PRESETS: dict[str, Surveillance] = {
     ),
     # A report of each target every second, valid at the second's beginning, with NACp, heights in 25 ft,
     # climbs in 64 ft/min, courses in 1.4 degrees (GDL 90 Data Interface Specification, Garmin 560-1058-00
-    # Rev A, 3.5). NACp 9 and NACv 2. Where no message came, the receiver sends an extrapolated report, so that few are
-    # lost. Assumed: losses, range, and that the second's beginning is not known to the clock on board.
+    # Rev A, 3.5). NACp 9 and NACv 2. Where no message came, the receiver extrapolates a report, so that
+    # few are lost. Assumed: losses, range, and that the clock on board does not know the second's beginning.
     "gdl90-1hz": Surveillance(
         latency_s=1.0,
         age_reported=False,

@@ -44,12 +44,12 @@ def sample(models: Sequence[EncounterModel], seed: int, number: int, *, intruder
     own_mps = float(rng.uniform(*OWN_AIRSPEEDS_MPS))
     own_velocity: Vec3 = (own_mps, 0.0, 0.0)
     passes_s = float(rng.uniform(*PASSES_S))
-    paths, weight, height_m = [], 1.0, None
+    paths, weight, height_m, named = [], 1.0, None, ""
     for _ in range(intruders):
         model = models[int(rng.integers(len(models)))]
         path, one, at_height_m = _near(model, own_velocity, passes_s + float(rng.uniform(-5.0, 5.0)), rng)
         if height_m is None:
-            height_m = max(at_height_m, _LOWEST_M)
+            height_m, named = max(at_height_m, _LOWEST_M), model.name
         paths.append(path)
         weight *= one
     assert height_m is not None
@@ -67,7 +67,7 @@ def sample(models: Sequence[EncounterModel], seed: int, number: int, *, intruder
         closing_mps=first.closing_mps,
         nominal_horizontal_m=first.horizontal_m,
         nominal_vertical_m=first.vertical_m,
-        source="model",
+        source=named,
     )
 
 

@@ -38,7 +38,7 @@ def run(plan: FormationPlan, out: Path, console: Console, *, workers: int | None
     plan.check()
     results = Results.open(out, plan.identity())
     try:
-        with progress(console, plan.flights, results, "crossings") as on_flown:
+        with progress(console, plan.flights, len(results.done), "crossings") as on_flown:
             run_here(plan, results, workers=workers, on_flown=on_flown)
     except KeyboardInterrupt:
         kept = f"campaign: interrupted; {len(results.done)} results are kept in {out}"
