@@ -8,6 +8,7 @@ from companion.cli.common import VersionFlag, run_app, show_version
 from sim.cli.bench import bench
 from sim.cli.campaign import campaign, encounter
 from sim.cli.demo import demo
+from sim.cli.evidence import evidence
 from sim.cli.flight_test import flight_test
 from sim.cli.paper import paper
 from sim.cli.receiver import receiver
@@ -35,6 +36,7 @@ app.command(
     epilog="Example: companion-sim campaign --encounters 500 --avoider companion --avoider ardupilot"
 )(campaign)
 app.command(epilog="Example: companion-sim encounter 17 --seed 1 --out encounter-17.png")(encounter)
+app.command(epilog="Example: companion-sim evidence --out evidence --encounters 10000")(evidence)
 app.command(
     epilog="Example: companion-sim relay --listen udpin:0.0.0.0:14560 --to udpout:127.0.0.1:14550 --loss 0.1"
 )(relay)

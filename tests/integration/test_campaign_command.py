@@ -1,4 +1,4 @@
-"""`companion-sim campaign` and `encounter` as a user runs them."""
+"""`companion-sim campaign`, `encounter` and `evidence` as a user runs them."""
 
 import json
 import subprocess
@@ -43,6 +43,7 @@ def test_one_encounter_is_shown(tmp_path: Path) -> None:
     [
         (("--avoider", "wizard"), "wizard"),
         (("--surveillance", "magic"), "magic"),
+        (("--surveillance", "poor,colour=3"), "no field 'colour'; there are period_s"),
         (("--model", "missing.txt"), "missing.txt"),
         (("--report", "no/such/folder/r.json"), "no/such/folder"),
         (("--encounters", "0"), "encounters"),
@@ -50,6 +51,26 @@ def test_one_encounter_is_shown(tmp_path: Path) -> None:
 )
 def test_bad_usage_is_one_line_and_exit_two(tmp_path: Path, options: tuple[str, ...], words: str) -> None:
     refused = companion_sim("campaign", *options, folder=tmp_path)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), "--out"),
+        (("--out", "e", "--avoider", "wizard"), "wizard"),
+        (("--out", "e", "--model", "missing.txt"), "missing.txt"),
+        (("--out", "e", "--encounters", "0"), "encounters"),
+        (("--out", "e", "--scheduler", "there"), "--scheduler there"),
+        (("--out", "e", "--part", "best"), "part"),
+    ],
+)
+def test_bad_usage_of_evidence_is_one_line_and_exit_two(
+    tmp_path: Path, options: tuple[str, ...], words: str
+) -> None:
+    refused = companion_sim("evidence", *options, folder=tmp_path)
     assert refused.returncode == 2
     assert words in refused.stderr
     assert "Traceback" not in refused.stderr

@@ -26,6 +26,8 @@ def call(package: str, missing: str, *words: str, folder: Path) -> subprocess.Co
          "companion-sim paper --out needs matplotlib: pip install 'mavlink-companion[sim]'"),
         ("sim", "matplotlib", ("campaign", "--page", "page.html"),
          "companion-sim campaign --page needs matplotlib: pip install 'mavlink-companion[sim]'"),
+        ("sim", "matplotlib", ("evidence", "--out", "results"),
+         "companion-sim evidence needs matplotlib: pip install 'mavlink-companion[sim]'"),
         ("sim", "matplotlib", ("encounter", "1", "--out", "one.png"),
          "companion-sim encounter --out needs matplotlib: pip install 'mavlink-companion[sim]'"),
         ("sim", "distributed", ("campaign", "--scheduler", "tcp://127.0.0.1:9"),
@@ -33,7 +35,7 @@ def call(package: str, missing: str, *words: str, folder: Path) -> subprocess.Co
         ("sim", "pyrvo", ("campaign", "--avoider", "orca", "--encounters", "1"),
          "orca needs the pyrvo package: make orca, or pip install 'mavlink-companion[orca]'"),
     ],
-    ids=["report", "paper", "page", "encounter", "scheduler", "orca"],
+    ids=["report", "paper", "page", "evidence", "encounter", "scheduler", "orca"],
 )  # fmt: skip
 def test_a_command_says_what_to_install(
     package: str, missing: str, words: tuple[str, ...], line: str, tmp_path: Path

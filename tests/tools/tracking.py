@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from sim.encounters import SURVEILLANCE_PRESETS, Surveillance, read_model
+from sim.evidence.statistics import chi2_interval, percentile, rms
 from tests.support.paths import ENCOUNTER_MODELS
 from tests.support.tracking_flights import Reporting, Segment, State, flight, model_flight
-from tests.support.tracking_measures import Errors, chi2_interval, measure, percentile, rms
+from tests.support.tracking_measures import Errors, measure
 
 _ADSB, _POOR = SURVEILLANCE_PRESETS["adsb-out"], SURVEILLANCE_PRESETS["poor"]
 REPORTING = {

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.support.tracking_measures import chi2_interval, measure, percentile
+from sim.evidence.statistics import chi2_interval, percentile
+from tests.support.tracking_measures import measure
 from tests.tools.tracking import REPORTING, flights_of
 
 _FLIGHTS = 16
