@@ -14,7 +14,7 @@ from sim.campaign.environment import environment, machine
 from sim.campaign.plan import BOTH
 from sim.campaign.plane import Limits
 from sim.campaign.results import ResultLine, read_results
-from sim.campaign.summary import Figures, gather
+from sim.campaign.summary import Figures
 from sim.encounters import surveillance_of
 from sim.evidence.consistency import TRACKS, consistency_of
 from sim.evidence.measures import (
@@ -41,6 +41,8 @@ class Analysis:
 
     def __init__(self, evidence: EvidencePlan, folder: Path) -> None:
         self._evidence, self._folder = evidence, folder
+        # The campaign that was read last, as its figures are asked for one after the other.
+        self._read: tuple[str, dict[tuple[str, str], Figures]] = ("", {})
         self._main = {
             preset: self.figures(self._main_campaign(preset), preset) for preset in evidence.presets
         }
@@ -62,23 +64,23 @@ class Analysis:
             "tracks": self._tracks(),
         }
 
-    def lines(self, name: str, preset: str, avoider: str = COMPANION) -> Iterator[ResultLine]:
-        """The results of one avoider with one surveillance in a campaign."""
-        plan, path = self._campaign(name).plan, results_file(self._folder, name)
-        return (
-            line
-            for line in read_results(path)
-            if line["avoider"] == avoider and line["surveillance"] == preset and plan.wants(line)
-        )
-
     def figures(self, name: str, preset: str, avoider: str = COMPANION) -> Figures:
-        """The same as columns."""
-        return gather(self.lines(name, preset, avoider)).get(avoider, Figures())
+        """The results of one avoider with one surveillance in a campaign."""
+        if self._read[0] != name:
+            found: dict[tuple[str, str], Figures] = {}
+            for line in self._lines(name):
+                found.setdefault((line["avoider"], line["surveillance"]), Figures()).add(line)
+            self._read = name, found
+        return self._read[1].get((avoider, preset), Figures())
 
     def main_lines(self, preset: str) -> tuple[Campaign, Iterator[ResultLine]]:
         """The product's results with a preset, and their campaign."""
         name = self._main_campaign(preset)
-        return self._campaign(name), self.lines(name, preset)
+        return self._campaign(name), (line for line in self._lines(name) if line["surveillance"] == preset)
+
+    def _lines(self, name: str) -> Iterator[ResultLine]:
+        plan = self._campaign(name).plan
+        return (line for line in read_results(results_file(self._folder, name)) if plan.wants(line))
 
     def _campaign(self, name: str) -> Campaign:
         return self._evidence.campaigns[name]
