@@ -55,4 +55,6 @@ def evidence(
     plan = EvidencePlan(encounters, seed, peers, tuple(map(str, model or ())), part)
     report = command.run(plan, out, console, workers=workers, scheduler=scheduler)
     command.print_figures(console, report)
+    if len(report["configuration"]["flown_by"]) > 1:
+        console.print("Several versions flew these results: use another --out for figures of one version.")
     console.print(f"\n{out / 'evidence.html'}, evidence.pdf and evidence.json are written", soft_wrap=True)

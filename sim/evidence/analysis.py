@@ -29,6 +29,7 @@ from sim.evidence.pass_lines import PASS_LINES, verdicts
 from sim.evidence.plan import PERFECT, Campaign, EvidencePlan, campaign_of, trade_off_campaign
 from sim.evidence.run import results_file
 from sim.evidence.sweeps import BASE
+from sim.evidence.versions import versions_of
 
 # The product on the peers' encounters, which are fewer.
 SAME = f"{COMPANION}, the peers' encounters"
@@ -92,6 +93,7 @@ class Analysis:
         evidence = self._evidence
         return {
             "versions": environment((COMPANION, *evidence.peers)),
+            "flown_by": versions_of(self._folder),
             "machine": machine(),
             "seed": evidence.seed,
             "part": str(evidence.part),

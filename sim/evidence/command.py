@@ -51,7 +51,11 @@ def run(
     for name in ("evidence.html", "evidence.pdf", "evidence.json"):
         writable(out / name)
     fly_all(evidence, results, console, workers=workers, scheduler=scheduler)
-    console.print("analysis", end="\r")
+    with console.status("analysis, page and document"):
+        return _write(evidence, results, out)
+
+
+def _write(evidence: EvidencePlan, results: Path, out: Path) -> dict[str, Any]:
     analysis = Analysis(evidence, results)
     report = analysis.report()
     (out / "evidence.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -65,29 +69,28 @@ def run(
 def print_figures(console: Console, report: dict[str, Any]) -> None:
     """Print the product and the peers with each preset."""
     table = Table(box=box.SIMPLE, padding=(0, 1), collapse_padding=True)  # within eighty columns
-    for heading in ("reports", "avoider", "risk", "well clear", "unnecessary", "induced"):
-        side: Literal["left", "right"] = "left" if heading in ("reports", "avoider") else "right"
+    for heading in ("reports", "risk", "well clear", "unnecessary", "induced"):
+        side: Literal["left", "right"] = "left" if heading == "reports" else "right"
         table.add_column(heading, justify=side, no_wrap=True)
     for preset, rows in report["results"].items():
+        table.add_row(preset)
         for name, row in rows.items():
             if name != SAME:
                 ratios = (_short(row, key) for key in ("risk_ratio", "lowc_ratio", "nuisance_rate"))
-                induced = f"{row['induced_nmac']}, {row['induced_lowc']}"
-                table.add_row(preset, name, *ratios, induced)
+                table.add_row(f"  {name}", *ratios, f"{row['induced_nmac']}, {row['induced_lowc']}")
     console.print(table)
     console.print(
-        "Ratios to flights without avoidance; after +- half of the 95 % interval.\n"
-        "Induced: near mid-air collisions and losses of well clear that happen only with\n"
-        "avoidance."
+        "Ratios to flights without avoidance, with 95 % intervals. Induced: near mid-air\n"
+        "collisions and losses of well clear that happen only with avoidance."
     )
 
 
 def _short(row: dict[str, Any], key: str) -> str:
-    """A value, and half of its interval."""
+    """A value with its interval, in few letters."""
     if row[key] is None:
         return "-"
     low, high = row[f"{key}_ci95"]
-    return f"{row[key]:.3f}+-{0.5 * (high - low):.3f}"
+    return f"{row[key]:.3f} {low:.2f}-{high:.2f}"
 
 
 def _worst(analysis: Analysis, evidence: EvidencePlan) -> Iterator[Drawn]:

@@ -43,6 +43,8 @@ def _summary(report: dict[str, Any]) -> Section:
         f"{words.QUOTED} {sources}. {HUMAN}",
         words.LIMITS,
     ]
+    if len(report["configuration"]["flown_by"]) > 1:
+        blocks.insert(0, words.MIXED)
     return Section("Summary", blocks)
 
 
@@ -113,6 +115,7 @@ def _worst(worst: Sequence[Drawn]) -> Iterator[str | Drawing]:
 def _configuration(found: dict[str, Any]) -> Section:
     rows = [
         *([name, str(value)] for name, value in (found["versions"] | found["machine"]).items()),
+        *(["flown by", one.get("companion", "")] for one in found["flown_by"]),
         ["seed", str(found["seed"])],
         ["half of the encounters", found["part"]],
         *(["model", name] for name in found["models"]),

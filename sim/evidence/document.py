@@ -16,12 +16,13 @@ from sim.evidence.blocks import Drawing, Section, Table
 from sim.evidence.content import TITLE
 
 _WIDTH_IN, _HEIGHT_IN = 8.27, 11.69
-_MARGIN_IN, _FOOT_IN = 0.7, 0.6
+_MARGIN_IN, _FOOT_IN = 0.6, 0.6
 _TEXT_IN = _WIDTH_IN - 2.0 * _MARGIN_IN
 _POINT_IN = 1.0 / 72.0
 # Mean width of a letter of DejaVu Sans, as a share of its size: in words, and in tables with many digits.
-_LETTER, _TABLE_LETTER = 0.48, 0.58
-_GAP = 3  # letters between two columns
+_LETTER, _TABLE_LETTER = 0.48, 0.56
+_GAP = 2  # letters between two columns
+_BOLD = 1.25  # width of a bold letter
 _BODY_PT, _TABLE_PT, _SMALLEST_PT = 9.5, 8.0, 5.5
 _LINE = 1.45
 _DOTS_PER_IN = 200
@@ -33,7 +34,7 @@ def write_document(path: Path, sections: Sequence[Section], subtitle: str, detai
         pages = _Pages(file, subtitle)
         pages.title_page(subtitle, details, [section.title for section in sections])
         for section in sections:
-            pages.heading(section.title)
+            pages.heading(section)
             for block in section.blocks:
                 pages.add(block)
         pages.close()
@@ -62,11 +63,12 @@ class _Pages:
             self._line(page, title, _BODY_PT)
         self._end()
 
-    def heading(self, text: str) -> None:
-        """A section begins, with room for some of its text."""
-        page = self._room(2.0)
+    def heading(self, section: Section) -> None:
+        """A section begins, with room for some of its text, or for a figure that is near its beginning."""
+        near = [_drawn_in(block.figure)[1] for block in section.blocks[:2] if isinstance(block, Drawing)]
+        page = self._room(max([2.0, *(height_in + 1.6 for height_in in near)]))
         self._left_in -= 0.25
-        self._line(page, text, 14.0, weight="bold")
+        self._line(page, section.title, 14.0, weight="bold")
         self._left_in -= 0.08
 
     def add(self, block: str | Table | Drawing) -> None:
@@ -81,6 +83,8 @@ class _Pages:
     def paragraph(self, text: str) -> None:
         """Wrapped text."""
         lines = textwrap.wrap(text, int(_TEXT_IN / (_BODY_PT * _POINT_IN * _LETTER))) or [""]
+        if len(lines) == 1:
+            self._room(1.2)  # a short line stands above what it announces
         for line in lines:
             self._line(self._room(_height_in(_BODY_PT)), line, _BODY_PT)
         self._left_in -= 0.1
@@ -92,7 +96,10 @@ class _Pages:
         scale_in = min(size_pt * _TABLE_LETTER * _POINT_IN, _TEXT_IN / sum(widths))
         ends_in = [_MARGIN_IN + scale_in * sum(widths[: n + 1]) for n in range(len(widths))]
         row_in = 1.1 * _height_in(size_pt)
-        head = [textwrap.wrap(one, max(wide - _GAP, 4)) for one, wide in zip(block.head, widths, strict=True)]
+        head = [
+            textwrap.wrap(one, max(round((wide - _GAP) / _BOLD), 4), break_long_words=False)
+            for one, wide in zip(block.head, widths, strict=True)
+        ]
         lines = _head_lines(head)
         begun: Figure | None = None
         for row in block.rows:
@@ -108,11 +115,9 @@ class _Pages:
 
     def drawing(self, block: Drawing) -> None:
         """A figure as wide as the text, and its caption."""
-        across_in, up_in = block.figure.get_size_inches()
-        height_in = min(_TEXT_IN * up_in / across_in, _HEIGHT_IN - _MARGIN_IN - _FOOT_IN - 1.0)
+        width_in, height_in = _drawn_in(block.figure)
         page = self._room(height_in + 0.5)
         self._left_in -= height_in
-        width_in = height_in * across_in / up_in
         corner = _MARGIN_IN / _WIDTH_IN, self._left_in / _HEIGHT_IN
         axes = page.add_axes((*corner, width_in / _WIDTH_IN, height_in / _HEIGHT_IN))
         axes.imshow(_pixels(block.figure))
@@ -165,11 +170,23 @@ class _Pages:
         page.add_artist(line)
 
 
+def _drawn_in(figure: Figure) -> tuple[float, float]:
+    """Width and height of a figure on a page [in]: as wide as the text, unless it is too high for that."""
+    across_in, up_in = figure.get_size_inches()
+    height_in = min(_TEXT_IN * up_in / across_in, _HEIGHT_IN - _MARGIN_IN - _FOOT_IN - 1.7)
+    return height_in * across_in / up_in, height_in
+
+
 def _widths(block: Table) -> list[int]:
     """Letters of each column with its gap; a head takes two lines if it is longer than the cells."""
-    heads = [max(-(-len(head) // 2) + 2, *map(len, head.split() or [""])) for head in block.head]
+    heads = [_head_letters(head) for head in block.head]
     cells = [max(map(len, column)) for column in zip(*block.rows, strict=True)] or heads
     return [max(head, cell) + _GAP for head, cell in zip(heads, cells, strict=True)]
+
+
+def _head_letters(head: str) -> int:
+    """The letters that a head needs in two lines; bold ones are wider."""
+    return round(_BOLD * max(-(-len(head) // 2) + 1, *map(len, head.split() or [""])))
 
 
 def _head_lines(head: Sequence[list[str]]) -> list[list[str]]:

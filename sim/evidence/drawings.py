@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from sim.evidence.pass_lines import PASS_LINES
@@ -54,7 +55,8 @@ def sweeps(found: Sequence[Row]) -> Figure:
         _draw_sweep(axes, one)
     for axes in grid.flat[len(found) :]:
         axes.set_visible(False)
-    grid.flat[0].legend(fontsize=7, framealpha=0.8)
+    looks = [Line2D([], [], color=colour, marker=mark, label=words) for _, words, colour, mark in _MEASURES]
+    figure.legend(handles=looks, loc="outside lower center", ncols=len(looks), fontsize=8)
     return figure
 
 

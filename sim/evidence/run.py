@@ -8,14 +8,17 @@ from typing import Any
 from rich.console import Console
 
 from companion.errors import CompanionError, ConfigError, require
+from sim.campaign.avoiders import COMPANION
 from sim.campaign.cluster import parse_scheduler_address, run_on
 from sim.campaign.command import LOCAL, progress
+from sim.campaign.environment import environment
 from sim.campaign.plan import Plan
 from sim.campaign.results import Key, ResultLine, Results
 from sim.campaign.runner import run_here, run_tasks
 from sim.encounters import Encounter
 from sim.evidence.consistency import TRACKS, follow_task
 from sim.evidence.plan import Campaign, EvidencePlan
+from sim.evidence.versions import note_version
 
 OnFlown = Callable[[int], None]
 _FOLLOWED_AT_ONCE = 20
@@ -34,6 +37,8 @@ def fly_all(
     done = sum(_done(campaign, folder) for campaign in evidence.campaigns.values()) + _followed(
         evidence, folder
     )
+    if done < evidence.flights:
+        note_version(folder, environment((COMPANION, *evidence.peers)))
     try:
         with progress(console, evidence.flights, done, "flights") as on_flown:
             for campaign in evidence.campaigns.values():

@@ -13,11 +13,11 @@ _RATIOS = ("risk ratio", "well clear ratio", "unnecessary")
 _INDUCED, _UNRESOLVED = "induced NMAC, losses", "unresolved NMAC, losses"
 NAMES = {
     "none": "no avoidance",
-    "ardupilot": "ArduPilot's rule, its defaults",
-    "ardupilot-610": "ArduPilot's rule at 610 x 76 m",
+    "ardupilot": "ArduPilot at 300 x 100 m",
+    "ardupilot-610": "ArduPilot at 610 x 76 m",
     "mvp": "MVP",
     "orca": "ORCA",
-    "companion-both": "companion on both sides",
+    "companion, the peers' encounters": "companion, as many",
 }
 
 

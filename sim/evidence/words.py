@@ -58,8 +58,8 @@ EQUIPAGE = (
 )
 
 PEERS = (
-    "The peers fly in the same engine with the same tracks, and fewer encounters than the product; its "
-    "row with the peers' encounters compares like with like."
+    "The peers fly in the same engine with the same tracks, and fewer encounters than the product. The row "
+    '"as many" is the product in the encounters of the peers, which compares like with like.'
 )
 
 SWEEPS = (
@@ -85,3 +85,8 @@ QUOTED = (
 )
 
 WHOLE_CONFIGURATION = "The JSON file has the whole configuration, with the parameters of the traffic picture."
+
+MIXED = (
+    "Several versions flew these results, as the run was continued after a change: the figures mix them. "
+    "The last section lists the versions. Use another folder for figures of one version."
+)

@@ -17,6 +17,7 @@ from sim.evidence.command import available, print_figures, run
 from sim.evidence.content import sections_of
 from sim.evidence.plan import EvidencePlan
 from sim.evidence.sweeps import SWEEPS, TRADE_OFF
+from sim.evidence.versions import note_version, versions_of
 from tests.support.paths import OWN_DATA
 
 QUIET = Console(quiet=True)
@@ -112,6 +113,26 @@ def test_a_second_run_flies_only_what_is_missing(written: Path, monkeypatch: pyt
     assert flown == ["latency.ndjson"]
     assert lines_of(written) == before
     assert json.loads((written / "evidence.json").read_text())["sweeps"] == json.loads(page)["sweeps"]
+
+
+def test_results_of_several_versions_are_marked(written: Path) -> None:
+    (only,) = versions_of(written / "results")
+    report = json.loads((written / "evidence.json").read_text())
+    assert report["configuration"]["flown_by"] == [only] == [report["configuration"]["versions"]]
+    report["configuration"]["flown_by"].append(only | {"companion": "0.1 (other)"})
+    texts = [block for block in sections_of(report, [])[0].blocks if isinstance(block, str)]
+    assert texts[0].startswith("Several versions flew")
+
+
+def test_a_damaged_list_of_versions_is_one_line(tmp_path: Path) -> None:
+    note_version(tmp_path, {"companion": "1"})
+    note_version(tmp_path, {"companion": "2"})
+    note_version(tmp_path, {"companion": "1"})
+    assert [one["companion"] for one in versions_of(tmp_path)] == ["1", "2"]
+    for damaged in ("{", "{}"):
+        (tmp_path / "versions.json").write_text(damaged)
+        with pytest.raises(ConfigError, match="no list of versions"):
+            versions_of(tmp_path)
 
 
 def test_an_interruption_keeps_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
