@@ -48,7 +48,7 @@ def difference(here: Environment, there: Environment) -> str | None:
 
 
 def _processor() -> str:
-    """The name of the processor; its architecture if the system does not tell."""
+    """The name of the processor; its architecture where the system has no such name."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

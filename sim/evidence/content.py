@@ -49,14 +49,20 @@ def _summary(report: dict[str, Any]) -> Section:
 
 
 def _sets(report: dict[str, Any]) -> Section:
-    built = not report["configuration"]["models"]
     blocks: list[str | Table] = [
-        words.SETS_BUILT if built else words.SETS_DRAWN,
+        _where_from(report["configuration"]["models"]),
         tables.encounter_sets(report["encounter_sets"]),
         words.EQUIPAGE,
         tables.presets(report["presets"]),
     ]
     return Section("Encounters and equipage", blocks)
+
+
+def _where_from(models: Sequence[str]) -> str:
+    """Where the encounters come from, and what their weights are."""
+    if not models:
+        return words.SETS_BUILT
+    return words.SETS_DRAWN if models[0].lower().endswith(".txt") else words.SETS_READ
 
 
 def _results(report: dict[str, Any]) -> Section:

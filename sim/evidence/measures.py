@@ -116,39 +116,46 @@ def _effective(weight: Array) -> float:
 def convergence_of(columns: Columns, event: str) -> dict[str, Any]:
     """The running estimate of a ratio with its 95 % interval, and whether it has converged.
 
-    The interval is that of a ratio of weighted sums (delta method). `relative`: half of it as a share of the
-    estimate. `moved`: the largest distance of the estimate from its last value within the last half of the
-    encounters, as a share of that value. `needed`: encounters for a `relative` of 5 %.
+    `relative`: half of the last interval as a share of the estimate. `moved`: the largest distance of the
+    estimate from its last value within the last half of the encounters, as a share of that value. `needed`:
+    encounters for a `relative` of 5 %.
     """
-    weight = columns["weight"]
-    flown, nominal = np.cumsum(weight * columns[event]), np.cumsum(weight * columns[f"{event}0"])
-    below = np.maximum(nominal, 1e-300)
-    ratio = np.where(nominal > 0.0, flown / below, np.nan)
-    square, both = weight**2 * columns[event], weight**2 * columns[event] * columns[f"{event}0"]
-    spread = np.cumsum(square) - 2.0 * ratio * np.cumsum(both)
-    spread += ratio**2 * np.cumsum(weight**2 * columns[f"{event}0"])
-    half = 1.96 * np.sqrt(np.maximum(spread, 0.0)) / below
+    ratio, half = _running(columns["weight"], columns[event], columns[f"{event}0"])
     count = len(ratio)
-    shown = np.unique(np.geomspace(max(min(20, count), 1), count, _POINTS).astype(int)) - 1
-    shown = shown[np.isfinite(ratio[shown])]
-    found: dict[str, Any] = {
+    shown = np.unique(np.geomspace(max(min(20, count), 1), max(count, 1), _POINTS).astype(int)) - 1
+    shown = shown[np.isfinite(ratio[shown])] if count else shown[:0]
+    return {
         "encounters": (shown + 1).tolist(),
         "estimate": _rounded(ratio[shown]),
         "low": _rounded(np.maximum(ratio[shown] - half[shown], 0.0)),
         "high": _rounded(ratio[shown] + half[shown]),
-        "relative": None, "moved": None, "needed": None, "converged": False,
-    }  # fmt: skip
-    if len(shown) and ratio[-1] > 0.0:
-        relative = float(half[-1] / ratio[-1])
-        late = ratio[count // 2 :]
-        moved = float(np.abs(late - ratio[-1]).max() / ratio[-1]) if np.isfinite(late).all() else None
-        found |= {
-            "relative": round(relative, 4),
-            "moved": None if moved is None else round(moved, 4),
-            "needed": round(count * max(relative / CONVERGED, 1.0) ** 2),
-            "converged": relative <= CONVERGED,
-        }
-    return found
+        **_verdict(ratio, half),
+    }
+
+
+def _running(weight: Array, flown: Array, nominal: Array) -> tuple[Array, Array]:
+    """The ratio of weighted sums after each encounter, and half of its 95 % interval (delta method)."""
+    whole = np.cumsum(weight * nominal)
+    below = np.maximum(whole, 1e-300)
+    ratio = np.where(whole > 0.0, np.cumsum(weight * flown) / below, np.nan)
+    # Events are 0 or 1, so that they are their own squares.
+    square = np.cumsum(weight**2 * flown) - 2.0 * ratio * np.cumsum(weight**2 * flown * nominal)
+    square += ratio**2 * np.cumsum(weight**2 * nominal)
+    return ratio, 1.96 * np.sqrt(np.maximum(square, 0.0)) / below
+
+
+def _verdict(ratio: Array, half: Array) -> dict[str, Any]:
+    """Whether the last estimate has converged; without any event there is nothing to compare with."""
+    if not len(ratio) or not ratio[-1] > 0.0:
+        return {"relative": None, "moved": None, "needed": None, "converged": False}
+    relative, late = float(half[-1] / ratio[-1]), ratio[len(ratio) // 2 :]
+    moved = float(np.abs(late - ratio[-1]).max() / ratio[-1])
+    return {
+        "relative": round(relative, 4),
+        "moved": round(moved, 4) if np.isfinite(moved) else None,
+        "needed": round(len(ratio) * max(relative / CONVERGED, 1.0) ** 2),
+        "converged": relative <= CONVERGED,
+    }
 
 
 def _rounded(values: Array) -> list[float]:

@@ -57,7 +57,7 @@ def results_file(folder: Path, name: str) -> Path:
 
 def _check(evidence: EvidencePlan) -> None:
     """`ConfigError` if a model or an avoider's library is missing; all campaigns share them."""
-    for name in ("perfect", "peers"):
+    for name in ("perfect", "two-sided", "peers"):
         if name in evidence.campaigns:
             evidence.campaigns[name].plan.check()
     for campaign in evidence.campaigns.values():

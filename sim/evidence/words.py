@@ -43,6 +43,11 @@ SETS_BUILT = (
     "often."
 )
 
+SETS_READ = (
+    "Encounters read from files, all of the same weight. They repeat where more are flown than the files "
+    "have, each time with other errors of the reports."
+)
+
 LIMITS = (
     "What this is not: flights of a simulated aircraft with the dynamics of recorded ones, by the same "
     "engine that flies the aircraft, without wind, terrain or failures of equipment. All presets report "

@@ -108,3 +108,8 @@ def test_a_line_is_met_with_the_whole_interval(
     row |= {"lowc_ratio": lowc, "lowc_ratio_ci95": [lowc, lowc]}
     assert tuple(verdicts(row).values()) == wanted
     assert set(verdicts(row | {"risk_ratio": None}).values()) == {NOT_SHOWN}
+
+
+def test_nothing_flown_is_nothing_to_converge() -> None:
+    found = convergence_of(Figures().columns(), "lowc")
+    assert (found["encounters"], found["estimate"], found["converged"]) == ([], [], False)
