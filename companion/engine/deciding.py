@@ -85,19 +85,19 @@ class Deciding:
         if self._conflict_over:
             self._conflict_over = False
             self.avoider.reset()
-        if aircraft.position_lost(now_s):
+        if aircraft.kinematics.position_lost(now_s):
             self.own, self.tracks = None, ()
             self._do_without("no position")
             return
-        if now_s - aircraft.position_s > self.config.engine.position_stale_s:
+        if now_s - aircraft.kinematics.position_s > self.config.engine.position_stale_s:
             return
         self.frame = self._frame_here()
         if self.frame is None:
             return
-        self.own = aircraft.ownship(self.frame)
+        self.own = aircraft.kinematics.ownship(self.frame)
         self.tracks = self._picture.tracks(now_s, self.frame)
         if self._obstacles is not None:
-            self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.home_altitude_m())
+            self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.kinematics.home_altitude_m())
         self.goal = self._goal_now(self.frame, now_s)
         if self.own is None or role is Role.OFF or not self._may_decide():
             self._do_without("off" if role is Role.OFF else "not flying")
@@ -166,7 +166,7 @@ class Deciding:
 
     def _frame_here(self) -> LocalFrame | None:
         """The local frame, which follows the aircraft; the goal is converted to a new frame."""
-        place = self._aircraft.place()
+        place = self._aircraft.kinematics.place()
         frame = self.frame
         if place is None:
             return frame
@@ -183,7 +183,7 @@ class Deciding:
         aircraft, adapter = self._aircraft, self._aircraft.adapter
         self.avoider.prefers_turns = adapter is not None and adapter.invalid_after_climbs
         self.avoider.withhold(_lost_controls(aircraft))
-        home_m = aircraft.home_altitude_m()
+        home_m = aircraft.kinematics.home_altitude_m()
         if home_m is None:
             return
         queries, ground_m = self._queries, aircraft.terrain.altitude_m(now_s)
@@ -208,7 +208,7 @@ class Deciding:
 def _lost_controls(aircraft: Aircraft) -> frozenset[Control]:
     """The controls that cannot be flown: those that the autopilot refuses, and speed without airspeed."""
     lost = frozenset() if aircraft.adapter is None else aircraft.adapter.lost_controls
-    return lost if aircraft.airspeed_measured else lost | {Control.SPEED}
+    return lost if aircraft.kinematics.airspeed_measured else lost | {Control.SPEED}
 
 
 def _checked(decision: Decision) -> Decision:

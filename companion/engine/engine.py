@@ -228,7 +228,7 @@ class Engine:
             time_s=now_s,
             state=str(self.supervisor.state),
             mode=self.aircraft.mode,
-            armed=self.aircraft.armed,
+            armed=self.aircraft.flight_state.armed,
             ownship=deciding.own,
             tracks=deciding.tracks,
             decision=deciding.decision,
@@ -310,8 +310,8 @@ class Engine:
 
     def _receive_telemetry(self, fact: Fact, now_s: float, at_s: float) -> bool:
         """Take in what a vehicle or a component reports about itself; it was true at `at_s`."""
-        mode_before = self.aircraft.custom_mode
-        back = not self.aircraft.heard(at_s)
+        mode_before = self.aircraft.flight_state.custom_mode
+        back = not self.aircraft.contact.heard(at_s)
         if type(fact) in RELEVANT_FACTS and self.aircraft.adapter is not None:
             self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, at_s):
@@ -328,7 +328,7 @@ class Engine:
                     self._ask_again()
                 if self.aircraft.adapter is not None:
                     self.aircraft.adapter.observe(fact, at_s)
-                return self.aircraft.custom_mode != mode_before
+                return self.aircraft.flight_state.custom_mode != mode_before
             case OwnPosition():
                 if self.aircraft.contact.restarted(fact.boot_time_s):
                     self._ask_again()
@@ -457,7 +457,7 @@ class Engine:
     @property
     def _situation(self) -> TrafficSituation:
         deciding = self._deciding
-        return TrafficSituation(deciding.decision, deciding.own, self.aircraft.home_altitude_m())
+        return TrafficSituation(deciding.decision, deciding.own, self.aircraft.kinematics.home_altitude_m())
 
 
 def _members(formation: FormationParams) -> MemberParams:

@@ -77,13 +77,13 @@ class Housekeeping:
         outgoing += self._broadcasts.collisions(rooms.deciding.decision, now_s, flying=supervisor.flying)
         if adapter is not None:
             if supervisor.holds:
-                outgoing += rooms.rates.heartbeat(adapter, rooms.aircraft.heartbeat_s, now_s)
+                outgoing += rooms.rates.heartbeat(adapter, rooms.aircraft.contact.heartbeat_s, now_s)
             # An autopilot that leaves the guided mode without our setpoints: do they arrive?
             often = supervisor.holds and adapter.leaves_guided_by_itself
             outgoing += self._broadcasts.time_sync(self._us().component_id, now_s, often=often)
         announce = partial(rooms.deciding.announcement, self._us(), now_s)
         outgoing += self._broadcasts.intent(announce, now_s)
-        healthy = rooms.aircraft.heard(now_s) and not rooms.aircraft.position_lost(now_s)
+        healthy = rooms.aircraft.contact.heard(now_s) and not rooms.aircraft.kinematics.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(rooms.operator.role, now_s, healthy=healthy)
         return outgoing
 
@@ -98,7 +98,7 @@ class Housekeeping:
         commanding = rooms.handover.commanding
         if (commanding.may_fly or not rooms.handover.supervisor.flying) and commanding.in_contact(now_s):
             outgoing += adapter.tick(now_s)
-        if rooms.aircraft.heard(now_s):
+        if rooms.aircraft.contact.heard(now_s):
             outgoing += rooms.rates.tick(adapter, now_s)
             requests, notices = rooms.queries.tick(adapter, now_s)
             outgoing += [*requests, *notices]
@@ -125,7 +125,7 @@ class Housekeeping:
         rooms, deciding = self._rooms, self._rooms.deciding
         place = rooms.forwarding.to
         rooms.forwarding.note_received()
-        if place is None or not rooms.aircraft.heard(now_s):
+        if place is None or not rooms.aircraft.contact.heard(now_s):
             return []
         sender = Sender(self._us().system_id, mavlink.MAV_COMP_ID_ADSB)
         messages = rooms.forwarding.messages(deciding.tracks, deciding.own, deciding.frame, now_s)
@@ -153,7 +153,7 @@ class Housekeeping:
             supervisor.flying,
             aircraft.mode,
             deciding.frame,
-            aircraft.home_altitude_m(),
+            aircraft.kinematics.home_altitude_m(),
             [concern_values(concern) for concern in self.concerns],
             self._counted_reports(),
         )

@@ -73,7 +73,7 @@ class Referee:
         if before is State.HANDS_OFF:
             assert after in (State.HANDS_OFF, State.MONITOR, State.ENGAGING, State.RELEASING)
         if (
-            not engine.aircraft.armed
+            not engine.aircraft.flight_state.armed
             or engine.aircraft.flight_state.failsafe
             or engine.aircraft.flight_state.landing
         ):
