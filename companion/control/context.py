@@ -21,6 +21,7 @@ from companion.ownship.aircraft import Aircraft
 
 # Messages for the autopilot and notices for the operator, in the order of sending.
 Outgoing = list[Message | AnyNotice]
+Unheard = Callable[[float], str | None]
 
 # Heartbeats come at least once a second; two may be lost.
 _HEARTBEAT_RECENT_S = 3.2
@@ -36,7 +37,8 @@ class ControlContext:
     role: Role
     decision: Decision
     control: ControlParams
-    unheard: str | None = None  # in words: the last threat is not heard any more
+    # In words, that the last threat is not heard any more: then nothing is known to be clear.
+    unheard: Unheard = lambda _now_s: None
 
     @property
     def data(self) -> StateData:
@@ -259,9 +261,8 @@ class Commanding:
             return []
         if state in ENTERING:
             return adapter.entering(level, now_s)
-        if state in (State.RELEASING, State.STOPPING) and adapter.is_guided(
-            aircraft.flight_state.custom_mode
-        ):
+        guided = adapter.is_guided(aircraft.flight_state.custom_mode)
+        if guided and state in (State.RELEASING, State.STOPPING):
             return adapter.leaving(level, now_s)
         guidance = guidance or self._without_conflict()
         if not self.may_fly or guidance is None:

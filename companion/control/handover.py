@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from companion.control import suppressed_threats
 from companion.control.alarms import conditions
-from companion.control.context import Claims, Commanding, ControlContext, Outgoing
+from companion.control.context import Claims, Commanding, ControlContext, Outgoing, Unheard
 from companion.control.mode_request import CERTAIN_S, ModeRequest
 from companion.control.readiness import Readiness
 from companion.control.rejoin import ControlParams, LegRejoin
@@ -284,13 +284,16 @@ class Handover:
 
     # --- each tick, after the decision
 
-    def step(self, decision: Decision, orders: Orders, now_s: float, unheard: str | None = None) -> Outgoing:
+    def step(
+        self, decision: Decision, orders: Orders, now_s: float, unheard: Unheard | None = None
+    ) -> Outgoing:
         """Act on the decision and on the operator's orders, by the state machine.
 
-        `unheard` says that the last threat is not heard any more: then nothing is known to be clear.
+        `unheard` returns, in words, that the last threat is not heard any more; `None` while it is.
         """
         context, supervisor = self._context, self.supervisor
-        context.decision, context.role, context.unheard = decision, orders.role, unheard
+        context.decision, context.role = decision, orders.role
+        context.unheard = unheard or context.unheard
         if supervisor.data.suppressed_s:
             suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
@@ -383,12 +386,12 @@ class Handover:
         if rejoin is not None and not rejoin.is_done(context.aircraft, now_s):
             if not self.supervisor.handle(Event.FAR):
                 return []
-            clear = context.unheard or "Clear of traffic"
+            clear = context.unheard(now_s) or "Clear of traffic"
             text = f"{clear}, returning to {rejoin.destination(context.aircraft)}"
             return [Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         self.supervisor.handle(Event.CLEAR)
         others = "" if context.decision.layer is Layer.CLEAR else "other "
-        text = f"{context.unheard or f'Clear of {others}traffic'}, back to {context.prior_mode}"
+        text = f"{context.unheard(now_s) or f'Clear of {others}traffic'}, back to {context.prior_mode}"
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
 
     def _give_back(self, now_s: float) -> Outgoing:

@@ -93,6 +93,7 @@ class Engine:
         self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = MessageRates()
         self._picture = TrafficPicture(config.traffic, _members(config.avoidance.formation))
+        self.tracker: Tracker = self._picture.tracker  # the traffic that is known
         self.operator = GcsRequests(
             self._settings,
             lambda: self.sender,
@@ -113,7 +114,7 @@ class Engine:
         self._deciding = Deciding(
             self.aircraft,
             self.queries,
-            self._picture,
+            self.tracker,
             ObstacleMap(config.known_obstacles, config.obstacles) if config.known_obstacles else None,
             config,
             self._handover,
@@ -125,7 +126,7 @@ class Engine:
                 self.aircraft,
                 self.queries,
                 self._rates,
-                self._picture,
+                self.tracker,
                 self.operator,
                 self._notices,
                 self._readiness,
@@ -153,11 +154,6 @@ class Engine:
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
         return _address(system_id, self._applied.engine.component_id)
-
-    @property
-    def tracker(self) -> Tracker:
-        """The traffic that is known."""
-        return self._picture.tracker
 
     @property
     def supervisor(self) -> Supervisor:
@@ -348,7 +344,10 @@ class Engine:
         if (forwarding.sent or forwarding.systems_s) and forwarding.is_echo(fact, now_s):
             return False
         self._count_source(fact)
-        track_id = self._picture.receive(fact, now_s)
+        if isinstance(fact, Traffic):
+            track_id = self.tracker.receive(fact.report, now_s, fact.sender)
+        else:
+            track_id = self._picture.receive(fact, now_s)
         if forwarding.to is not None:
             forwarding.received.append(Received(fact, track_id, self.aircraft.sender, now_s))
         if track_id is None:
@@ -394,8 +393,8 @@ class Engine:
         orders, self._resume = Orders(self.operator.role, self._resume), False
         if overridden is None:
             self._deciding.update(orders.role, now_s)
-            unheard = self._picture.unheard(now_s)
-            effects += self._emit(self._handover.step(self.decision, orders, now_s, unheard), now_s)
+            outgoing = self._handover.step(self.decision, orders, now_s, self._deciding.unheard)
+            effects += self._emit(outgoing, now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()

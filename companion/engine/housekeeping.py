@@ -25,7 +25,7 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Concern, TrafficPicture
+from companion.traffic import Concern, Tracker
 
 _KEEP_INTERVAL_S = 1.0
 _MOST_COUNTED = 4096  # tracks
@@ -39,7 +39,7 @@ class Rooms(NamedTuple):
     aircraft: Aircraft
     queries: AutopilotQueries
     rates: MessageRates
-    picture: TrafficPicture
+    tracker: Tracker
     operator: GcsRequests
     notices: OperatorNotices
     readiness: Readiness
@@ -68,6 +68,7 @@ class Housekeeping:
     ) -> Outgoing:
         """Notices, requests, rates, `answers`, COLLISION, our own heartbeat, in the order of sending."""
         rooms, adapter = self._rooms, self._rooms.aircraft.adapter
+        rooms.deciding.note_threats(now_s)
         outgoing: Outgoing = [*rooms.notices.tick()]
         outgoing += self.conditions.tick(self._present_conditions(shell_conditions, now_s), now_s)
         if adapter is not None:
@@ -112,7 +113,7 @@ class Housekeeping:
         threatened = bool(rooms.deciding.decision.threats)
         alarms = rooms.handover.conditions(now_s)
         own = rooms.notices.conditions(rooms.readiness, now_s, threatened=threatened)
-        self.concerns = rooms.picture.concerns(now_s)
+        self.concerns = rooms.tracker.concerns(now_s)
         traffic = traffic_conditions(self.concerns, rooms.deciding.own)
         return [*alarms, *own, *traffic, *rooms.queries.conditions(), *of_shell]
 

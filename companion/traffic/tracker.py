@@ -2,9 +2,11 @@
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from typing import Final
 
 from companion.geodesy import LocalFrame
+from companion.mavlink.facts import Sender
 from companion.model import AltitudeReference, LatLon, Track, TrafficKind, TrafficReport
 from companion.traffic.altitudes import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
 from companion.traffic.anonymous import AnonymousContacts
@@ -57,6 +59,8 @@ class MonotonicClock:
         return monotonic_s if self._latest_s is None else min(monotonic_s, self._latest_s)
 
 
+Mark = Callable[[tuple[Track, ...], LocalFrame, float], tuple[Track, ...]]
+
 # Our own positions are kept for the last reports of a slow shadow and its delay.
 _TRAIL_S = 60.0
 # A smaller change of the uncertainty of altitudes does not change what stands on the ground.
@@ -68,15 +72,22 @@ _MOST_IDLE = 256
 class Tracker:
     """All traffic received recently, one track for each aircraft however many sources report it.
 
-    The same calls give the same tracks, bit for bit. Altitudes are stored as reported; `offsets` make them
-    comparable with ours.
+    The same calls give the same tracks, bit for bit. Altitudes are stored as reported; `offsets_at` returns
+    what makes them comparable with ours. `mark` completes the tracks of those that are known otherwise.
 
     `dropped` counts reports, and parts of them, that were not used, by reason; `evicted` counts targets that
     were dropped because there were too many.
     """
 
-    def __init__(self, params: TrafficParams | None = None) -> None:
+    def __init__(
+        self,
+        params: TrafficParams | None = None,
+        offsets_at: Callable[[float], DatumOffsets] = lambda _now_s: AS_REPORTED,
+        mark: Mark | None = None,
+    ) -> None:
         self.params = params = params or TrafficParams()
+        self.offsets_at = offsets_at
+        self._mark = mark
         self.dropped: Counter[DropReason] = Counter()
         self.evicted = 0
         self.surroundings: Surroundings = UNKNOWN
@@ -147,19 +158,18 @@ class Tracker:
 
     # --- reports
 
-    def urgency(self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED) -> Urgency:
+    def urgency(self, report: TrafficReport, now_s: float) -> Urgency:
         """How soon a report is to be processed, while there are more than can be."""
-        return self._triage.urgency(report, self._clock.advance(now_s), offsets)
+        return self._triage.urgency(report, self._clock.advance(now_s), self.offsets_at(now_s))
 
-    def receive(
-        self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED, sender: str = ""
-    ) -> str | None:
+    def receive(self, report: TrafficReport, now_s: float, sent_by: Sender | None = None) -> str | None:
         """Process a report; returns the id of the track that it updates, `None` if there is none.
 
-        `sender` tells several apart that send the same kind of report, each with a delay of its own.
+        Several that send the same kind of report differ in `sent_by`, each with a delay of its own.
         """
         monotonic_s = self._clock.advance(now_s)
-        self._offsets = offsets
+        self._offsets = self.offsets_at(now_s)
+        sender = "" if sent_by is None or report.heard_by else "{}/{}".format(*sent_by)
         if not is_possible(report):
             self.dropped[DropReason.BAD_NUMBER] += 1
             return None
@@ -315,17 +325,15 @@ class Tracker:
 
     # --- tracks
 
-    def tracks(
-        self, now_s: float, frame: LocalFrame, offsets: DatumOffsets = AS_REPORTED
-    ) -> tuple[Track, ...]:
+    def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
         """All tracks with a known position and altitude, ordered by `track_id`.
 
         They are extrapolated to `now_s`; of many, those far away to a time up to a second before.
         """
         monotonic_s = self._clock.advance(now_s)
-        self._use_offsets(offsets)
+        self._use_offsets(self.offsets_at(now_s))
         self._remove_expired(monotonic_s)
-        maker = TrackMaker(now_s, monotonic_s, frame, offsets)
+        maker = TrackMaker(now_s, monotonic_s, frame, self._offsets)
         self._far.begin(frame, len(self._store.targets), now_s - monotonic_s)
         tracks = []
         for target in self._store:
@@ -347,7 +355,8 @@ class Tracker:
                 continue
             if track is not None:
                 tracks.append(track)
-        return tuple(tracks)
+        found = tuple(tracks)
+        return found if self._mark is None else self._mark(found, frame, now_s)
 
     def _use_offsets(self, offsets: DatumOffsets) -> None:
         """Judge all targets again when it becomes known how altitudes compare with ours, or unknown."""

@@ -192,17 +192,17 @@ def test_a_merged_track_continues_when_one_source_falls_silent() -> None:
 
 
 def test_a_merged_track_has_the_most_certain_altitude() -> None:
-    tracker = Tracker()
     offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
+    tracker = Tracker(offsets_at=lambda _: offsets)
     for second in range(10):
         # Barometers are 66 m off; the gate allows for it, because their offset is uncertain.
-        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second, offsets)
-        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second, offsets)
-    (track,) = tracker.tracks(9.0, FRAME, offsets)
+        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second)
+        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second)
+    (track,) = tracker.tracks(9.0, FRAME)
     assert track.position_m[2] == pytest.approx(-500.0)
     assert track.vertical_uncertainty_m == 4.0
     offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
-    (track,) = tracker.tracks(9.0, FRAME, offsets)
+    (track,) = tracker.tracks(9.0, FRAME)
     assert track.position_m[2] == pytest.approx(-434.0)
 
 

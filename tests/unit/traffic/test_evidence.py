@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from companion.geodesy import LocalFrame
-from companion.mavlink.facts import RECEIVER, OwnPosition, PressureAltitude, ReceiverOwnship, Sender, Traffic
+from companion.mavlink.facts import RECEIVER, OwnPosition, PressureAltitude, ReceiverOwnship, Sender
 from companion.model import (
     AltitudeReference,
     Track,
@@ -150,12 +150,12 @@ def test_an_aircraft_that_stands_at_the_height_of_home_is_on_the_surface(
     height_m: float, uncertainty_m: float, speed_mps: float, expected: TrafficKind
 ) -> None:
     offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, uncertainty_m)}
-    tracker = Tracker()
+    tracker = Tracker(offsets_at=lambda _: offsets)
     for second in range(20):
         own_at(tracker, second)
         position_m = 1500.0 + speed_mps * second, 0.0, -HOME_M - height_m
-        tracker.receive(report_at(position_m, second, (speed_mps, 0.0, 0.0)), second, offsets)
-    assert only(tracker.tracks(20.0, FRAME, offsets)).kind is expected
+        tracker.receive(report_at(position_m, second, (speed_mps, 0.0, 0.0)), second)
+    assert only(tracker.tracks(20.0, FRAME)).kind is expected
 
 
 def test_a_parked_aircraft_that_takes_off_is_traffic_at_once() -> None:
@@ -309,24 +309,24 @@ def test_two_mavlink_senders_of_the_same_traffic_are_two_observers() -> None:
     velocity_mps = (60.0, 0.0, 0.0)
     for second in range(40):
         prompt = report_at(straight(START_M, velocity_mps, second), second, velocity_mps)
-        picture.receive(Traffic(Sender(1, 156), prompt), second)
+        picture.tracker.receive(prompt, second, Sender(1, 156))
         if second >= 10:
             late = report_at(straight(START_M, velocity_mps, second - 3.5), second + 0.5, velocity_mps)
-            picture.receive(Traffic(Sender(7, 1), late), second + 0.5)
+            picture.tracker.receive(late, second + 0.5, Sender(7, 1))
         if second >= 15:
             truth_m = straight(START_M, velocity_mps, second + 0.6)
-            errors_m.append(math.dist(only(picture.tracks(second + 0.6, FRAME)).position_m, truth_m))
+            errors_m.append(math.dist(only(picture.tracker.tracks(second + 0.6, FRAME)).position_m, truth_m))
     assert max(errors_m) < 10.0
-    assert only(picture.tracks(40.0, FRAME)).sources == ("ADS-B 1/156", "ADS-B 7/1")
+    assert only(picture.tracker.tracks(40.0, FRAME)).sources == ("ADS-B 1/156", "ADS-B 7/1")
 
 
 def test_two_mavlink_senders_without_addresses_report_one_aircraft() -> None:
     picture = TrafficPicture(TrafficParams())
     for second in range(10):
         anonymous = replace(report_at(straight(START_M, VELOCITY_MPS, second), second, VELOCITY_MPS), icao=0)
-        picture.receive(Traffic(Sender(1, 156), anonymous), second)
-        picture.receive(Traffic(Sender(7, 1), replace(anonymous, climb_mps=0.1)), second + 0.01)
-    only(picture.tracks(10.0, FRAME))
+        picture.tracker.receive(anonymous, second, Sender(1, 156))
+        picture.tracker.receive(replace(anonymous, climb_mps=0.1), second + 0.01, Sender(7, 1))
+    only(picture.tracker.tracks(10.0, FRAME))
 
 
 @pytest.mark.parametrize(
@@ -445,7 +445,8 @@ def test_a_second_altitude_of_a_report_is_used_in_its_own_reference() -> None:
         (AltitudeReference.GEOMETRIC, 300.0),
     ):
         offsets = {**AS_REPORTED, uncertain: DatumOffset(0.0, 60.0)}
-        assert only(tracker.tracks(0.0, FRAME, offsets)).position_m[2] == -altitude_m
+        tracker.offsets_at = lambda _, offsets=offsets: offsets  # type: ignore[misc]
+        assert only(tracker.tracks(0.0, FRAME)).position_m[2] == -altitude_m
 
 
 def test_a_position_relative_to_us_is_placed_where_we_were_then() -> None:
@@ -491,12 +492,12 @@ def test_a_receivers_own_position_is_evidence_only_where_we_are(off_m: float, is
     )  # fmt: skip
     picture.observe_receiver(ReceiverOwnship(RECEIVER, report), 9.0)
     traffic = replace(report, time_s=9.0, lat_deg=47.02, altitude_m=640.0)
-    shown = picture.receive(Traffic(RECEIVER, traffic), 9.0)
+    shown = picture.tracker.receive(traffic, 9.0, RECEIVER)
     assert (shown is None) is is_ours
     # Its pressure altitude is ours, while our autopilot sends none: 600 m are 540 m there.
     other = replace(traffic, key="4B1234", icao=0x4B1234)
-    picture.receive(Traffic(RECEIVER, other), 9.0)
-    track = next(one for one in picture.tracks(9.0, FRAME) if one.icao == 0x4B1234)
+    picture.tracker.receive(other, 9.0, RECEIVER)
+    track = next(one for one in picture.tracker.tracks(9.0, FRAME) if one.icao == 0x4B1234)
     assert (-track.position_m[2], track.vertical_uncertainty_m) == (
         (700.0, 0.0) if is_ours else (640.0, 60.0)
     )
@@ -511,8 +512,8 @@ def test_the_autopilots_pressure_takes_precedence_over_a_receivers() -> None:
     )
     picture.observe_receiver(ReceiverOwnship(RECEIVER, report), 9.0)
     other = replace(report, key="4B1234", icao=0x4B1234, lat_deg=47.02, altitude_m=640.0)
-    picture.receive(Traffic(RECEIVER, other), 9.0)
-    assert only(picture.tracks(9.0, FRAME)).position_m[2] == -650.0
+    picture.tracker.receive(other, 9.0, RECEIVER)
+    assert only(picture.tracker.tracks(9.0, FRAME)).position_m[2] == -650.0
 
 
 # --- concerns

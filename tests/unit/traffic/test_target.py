@@ -118,11 +118,13 @@ def test_altitudes_of_two_references_are_kept_apart_and_the_more_certain_one_is_
         )
         tracker.receive(report, second)
         tracker.receive(other, second + 0.5)
-    offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
-    track = only(tracker.tracks(9.5, FRAME, offsets))
+    uncertain = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
+    tracker.offsets_at = lambda _: uncertain
+    track = only(tracker.tracks(9.5, FRAME))
     assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-300.0, 0.0, 0.0)
-    offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
-    track = only(tracker.tracks(9.5, FRAME, offsets))
+    uncertain_satellites = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
+    tracker.offsets_at = lambda _: uncertain_satellites
+    track = only(tracker.tracks(9.5, FRAME))
     assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-150.0, 0.0, 0.0)
     assert not tracker.dropped
 
