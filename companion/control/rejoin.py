@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from companion.autopilots.adapter import Adapter
-from companion.avoidance.mission_path import BesideLeg
+from companion.avoidance.leg import BesideLeg
 from companion.geodesy import GeoPoint, LocalFrame, wrap_pi, wrap_two_pi
 from companion.model import Guidance, PriorFlightState, Vec3
 from companion.ownship.aircraft import Aircraft
