@@ -23,7 +23,7 @@ from companion.model import AltitudeReference
 from companion.traffic.altitudes import OwnshipAltitudes
 from companion.traffic.mavlink_traffic import MavlinkTraffic
 from companion.traffic.members import MemberParams, Members
-from companion.traffic.own_trail import OwnshipFix
+from companion.traffic.own_aircraft import OwnshipFix
 from companion.traffic.params import TrafficParams
 from companion.traffic.tracker import Tracker
 from companion.traffic.triage import Urgency

@@ -21,8 +21,8 @@ from companion.traffic.measurement import (
     is_possible,
     measure,
 )
-from companion.traffic.own_trail import OwnshipFix, OwnTrail
-from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
+from companion.traffic.own_aircraft import Identity, OwnIdentity, OwnshipFix, OwnTrail
+from companion.traffic.ownship_echo import OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import Association, TargetStore
 from companion.traffic.target import Target, stale_after_s
@@ -103,7 +103,6 @@ class Tracker:
         self._coasting = Coasting(params, self._trail)
         self._far = FarTracks()
         self._triage = Triage(self._contacts, self._trail)
-        self._unplaced_received_s: dict[str, float] = {}  # the longest silence first
         self._notes = Notes({}, {}, {})
         self._concerns = ConcernFinder(
             Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
@@ -122,7 +121,6 @@ class Tracker:
         key = self._own.claim(icao)
         if key is None:
             return
-        self._unplaced_received_s.pop(key, None)
         for target in () if key not in self._contacts else self._contacts[key].hypotheses:
             self._identify(target)
 
@@ -178,7 +176,6 @@ class Tracker:
         if place_deg is None:
             own = self._own.is_claimed(report)
             if not own:
-                self._note_unplaced(report.key, monotonic_s)
                 self._note_name(report)
             self.dropped[DropReason.OWN if own else DropReason.NO_POSITION] += 1
             return None
@@ -315,13 +312,24 @@ class Tracker:
             self.dropped[DropReason.ON_GROUND] += new
             self._association.remove(target.track_id)
             return None
-        if self._echo.classify(target, altitude, self._own.identify(target, altitude)):
+        if self._is_echo(target, altitude):
             self.dropped[DropReason.OWN] += new
             self._association.remove(target.track_id)
             return None
         self._association.update(target, self._store, self._offsets)
         track_id = self._association.group_of(target.track_id)[0]
         return track_id if target.shown else None
+
+    def _is_echo(self, target: Target, altitude: SeaLevelAltitude | None) -> bool:
+        """Whether it is ourselves; one that is far away, and never was near us, needs no closer look."""
+        identity, key, echo = self._own.identify(target, altitude), target.track_id, self._echo
+        known = key in echo.keys or key in echo.evidence or key in echo.shadows.evidence
+        if known or identity is Identity.OURS or target.kind is TrafficKind.OBSTACLE:
+            return echo.classify(target, altitude, identity)
+        if not self._own.is_far(target):
+            return echo.classify(target, altitude, identity)
+        target.seen_far |= identity is not Identity.ANOTHERS
+        return False
 
     # --- tracks
 
@@ -369,21 +377,6 @@ class Tracker:
             for target in list(self._store):
                 self._identify(target)
 
-    def without_position(self, now_s: float) -> int:
-        """The number of aircraft received without a position or an altitude.
-
-        They are not avoided: without an altitude, every aircraft far above us would be a conflict.
-        """
-        monotonic_s = self._clock.advance(now_s)
-        self._remove_expired(monotonic_s)
-        unplaced = sum(key not in self._contacts for key in self._unplaced_received_s)
-        return unplaced + sum(
-            self._identifies_track(target)
-            and target.motion is not None
-            and to_sea_level(target.motion.altitudes, AS_REPORTED, monotonic_s) is None
-            for target in self._store
-        )
-
     def _identifies_track(self, target: Target) -> bool:
         if target.track_id in self._echo.keys or target.evidence.on_ground or not target.shown:
             return False
@@ -405,18 +398,9 @@ class Tracker:
         for target in () if contact is None else contact.hypotheses:
             target.callsign = report.callsign or target.callsign
 
-    def _note_unplaced(self, key: str, monotonic_s: float) -> None:
-        self._unplaced_received_s.pop(key, None)
-        if len(self._unplaced_received_s) >= self.params.max_tracks:
-            del self._unplaced_received_s[next(iter(self._unplaced_received_s))]
-        self._unplaced_received_s[key] = monotonic_s
-
     def _remove_expired(self, monotonic_s: float) -> None:
         for target in [target for target in self._store if monotonic_s > target.expires_s]:
             self._expire(target, monotonic_s)
-        oldest_s = monotonic_s - self.params.stale_s
-        for key in [key for key, received_s in self._unplaced_received_s.items() if received_s < oldest_s]:
-            del self._unplaced_received_s[key]
 
     def _expire(self, target: Target, monotonic_s: float) -> None:
         """Drop a target that is not heard any more, unless it is coasted."""
@@ -444,5 +428,6 @@ class Tracker:
         if self._store.remove(target):
             self._association.remove(target.track_id)
             self._echo.remove(target.track_id)
+            target.seen_far = False
             self._far.remove(target.track_id)
             self._notes.without_altitude.pop(target.track_id, None)

@@ -18,7 +18,7 @@ from companion.model import (
 )
 from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams
 from companion.traffic.altitudes import AS_REPORTED, DatumOffset
-from companion.traffic.own_trail import OwnshipFix
+from companion.traffic.own_aircraft import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)
 FAST: Vec3 = (45.0, 20.0, 0.0)
@@ -74,7 +74,6 @@ def test_one_aircraft_from_two_sources_becomes_one_track_after_some_reports(
     track = only(tracker, 12.0)
     assert track.track_id == ("SYS-7" if ADSB not in pair else "4B1234")
     assert track.icao == (0x4B1234 if pair[0] is ADSB else None)
-    assert tracker.without_position(12.0) == 0
 
 
 def test_three_sources_become_one_track_and_each_report_updates_it() -> None:
@@ -245,7 +244,6 @@ def test_a_target_first_received_on_our_trail_is_an_echo_at_once(source: Traffic
         assert tracker.receive(late, second) is None
         assert ids(tracker, second) == []
     assert tracker.dropped == {DropReason.OWN: 30}
-    assert tracker.without_position(40.0) == 0
 
 
 def test_an_aircraft_that_approaches_is_not_an_echo_even_within_the_gate() -> None:

@@ -20,7 +20,7 @@ from companion.model import (
 from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams, TrafficPicture
 from companion.traffic.altitudes import AS_REPORTED, DatumOffset
 from companion.traffic.evidence import Surroundings
-from companion.traffic.own_trail import OwnshipFix
+from companion.traffic.own_aircraft import OwnshipFix
 from tests.unit.traffic.straight_flight import FRAME, START_M, VELOCITY_MPS, follow, only, report_at, straight
 
 AUTOPILOT = Sender(1, 1)
@@ -535,7 +535,7 @@ def test_an_altitude_without_a_position_is_counted() -> None:
         altitude_reference=AltitudeReference.BAROMETRIC, icao=0x4B1234,
     )  # fmt: skip
     assert tracker.receive(mode_s, 0.0) is None
-    assert tracker.without_position(0.0) == 1
+    assert tracker.dropped[DropReason.NO_POSITION] == 1
 
 
 # --- many
