@@ -12,7 +12,6 @@ from functools import cache
 from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
-from companion.avoidance.group.formation import FormationParams
 from companion.control.emergency import EmergencyRelease
 from companion.control.handover import Handover, Orders
 from companion.control.readiness import Readiness
@@ -56,13 +55,11 @@ from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
 from companion.traffic import Concern, Tracker, TrafficPicture, Urgency
-from companion.traffic.members import MemberParams
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
 _NOTICES = (Notice, ConflictNotice, ResumeNotice)
-_KEEP_INTERVAL_S = 1.0
-_MOST_COUNTED, _MOST_SOURCES = 4096, 64  # tracks, and senders of traffic
+_MOST_SOURCES = 64  # senders of traffic
 
 
 class Engine:
@@ -92,7 +89,7 @@ class Engine:
         # The autopilot's answers to our requests; `companion check --link` shows them.
         self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = MessageRates()
-        self._picture = TrafficPicture(config.traffic, _members(config.avoidance.formation))
+        self._picture = TrafficPicture(config.traffic, config.members)
         self.tracker: Tracker = self._picture.tracker  # the traffic that is known
         self.operator = GcsRequests(
             self._settings,
@@ -110,7 +107,9 @@ class Engine:
             other_avoider=self._notices.other_avoider,
         )
         self._handover = Handover(self.aircraft, config.supervisor, self._readiness, config.control)
+        self.supervisor: Supervisor = self._handover.supervisor  # the state machine: who has the aircraft
         self._commanding = self._handover.commanding
+        self.avoider = avoider or Avoider(config.avoidance)  # with the limits and volumes in effect
         self._deciding = Deciding(
             self.aircraft,
             self.queries,
@@ -119,7 +118,7 @@ class Engine:
             config,
             self._handover,
             self._readiness,
-            avoider or Avoider(config.avoidance),
+            self.avoider,
         )
         self._end = Housekeeping(
             Rooms(
@@ -140,7 +139,8 @@ class Engine:
         self._resume = False  # the operator requested to resume the mission since the last tick
         self._answers: list[Message] = []
         self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
-        self._sources: Counter[tuple[TrafficSource, Sender]] = Counter()
+        # The number of traffic reports by MAVLink, by kind and sender.
+        self.mavlink_sources: Counter[tuple[TrafficSource, Sender]] = Counter()
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -154,16 +154,6 @@ class Engine:
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
         return _address(system_id, self._applied.engine.component_id)
-
-    @property
-    def supervisor(self) -> Supervisor:
-        """The state machine: who has the aircraft."""
-        return self._handover.supervisor
-
-    @property
-    def avoider(self) -> Avoider:
-        """The avoidance, with the limits and volumes in effect."""
-        return self._deciding.avoider
 
     @property
     def frame(self) -> LocalFrame | None:
@@ -184,11 +174,6 @@ class Engine:
     def rates_hz(self) -> dict[int, float]:
         """The measured rate of each message, by its id."""
         return self._rates.measured_hz
-
-    @property
-    def mavlink_sources(self) -> Mapping[tuple[TrafficSource, Sender], int]:
-        """The number of traffic reports by MAVLink, by kind and sender."""
-        return self._sources
 
     @property
     def decision(self) -> Decision:
@@ -363,8 +348,8 @@ class Engine:
             return
         source = fact.report.source if isinstance(fact, Traffic) else TrafficSource.SYSTEM
         key = source, fact.sender
-        if key in self._sources or len(self._sources) < _MOST_SOURCES:
-            self._sources[key] += 1
+        if key in self.mavlink_sources or len(self.mavlink_sources) < _MOST_SOURCES:
+            self.mavlink_sources[key] += 1
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Whether another system than ours sent it; false until our autopilot is known."""
@@ -457,13 +442,6 @@ class Engine:
     def _situation(self) -> TrafficSituation:
         deciding = self._deciding
         return TrafficSituation(deciding.decision, deciding.own, self.aircraft.kinematics.home_altitude_m())
-
-
-def _members(formation: FormationParams) -> MemberParams:
-    """The formation as the picture of the traffic knows it."""
-    return MemberParams(
-        formation.members, formation.silent_s, formation.smallest_m, formation.smallest_vertical_m
-    )
 
 
 @cache
