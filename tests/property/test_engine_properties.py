@@ -98,7 +98,7 @@ class Referee:
         else:
             assert command == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
             assert state is State.MONITOR
-        if not aircraft.armed:
+        if not aircraft.flight_state.armed:
             assert kind == "PARAM_SET", "nothing on the ground"
 
 
