@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from companion.mavlink.facts import OwnPosition, PressureAltitude, Traffic
+from companion.mavlink.facts import OwnPosition, PressureAltitude
 from companion.model import Track, Vec3
 from companion.traffic import TrafficParams, TrafficPicture
 from sim.campaign.flight import FIRST_ICAO, as_report
@@ -45,9 +45,9 @@ def follow(encounter: Encounter, preset: str, number: int, seed: int) -> ResultL
         now_s = _START_S + second
         _observe_ourselves(picture, encounter, float(second), now_s)
         for heard in observer.reports(float(second)):
-            fact = Traffic(AUTOPILOT, as_report(heard, now_s, observer.stated_sigma_m))
-            picture.receive(fact, now_s)
-        for index, track in _intruders(picture.tracks(now_s, FRAME), len(seen)):
+            report = as_report(heard, now_s, observer.stated_sigma_m)
+            picture.tracker.receive(report, now_s, AUTOPILOT)
+        for index, track in _intruders(picture.tracker.tracks(now_s, FRAME), len(seen)):
             seen[index] += 1
             if seen[index] > _SETTLES:
                 path = encounter.intruders[index]
