@@ -247,7 +247,7 @@ class Avoider:
             assessment,
             self.params,
             constraints,
-            wrong=self.senses.wrong_ways(flight.state, relevant, assessment),
+            wrong=self.senses.wrong_ways(now_s, flight.state, relevant, assessment),
             prefers_turns=self.prefers_turns,
             overtime=self._overtime(now_s),
         )
@@ -349,7 +349,6 @@ class Avoider:
     def _forget_conflict(self) -> None:
         self._domain.reset()
         self._inner.reset()
-        self.senses.reset()
         self._last_guidance = None
         self._last_layer = Layer.CLEAR
         self._clear_since_s = None

@@ -13,8 +13,8 @@ has the other on its right passes behind it, and the other, if it moves, turns a
 passes on the right (14 CFR 91.113(d)-(f), SERA.3210). Where they would pass right side to right side with
 room already, they keep to that.
 
-A sense stays for the whole engagement, unless the passing clearly develops the other way. It only adds a
-price, which decides between rows that are nearly equal; no row is ruled out.
+A sense stays as long as the conflict, and a minute longer, unless the passing clearly develops the other way.
+It only adds a price, which decides between rows that are nearly equal; no row is ruled out.
 """
 
 import math
@@ -25,16 +25,18 @@ from companion.avoidance.assess import TrafficAssessment
 from companion.avoidance.trajectory import OwnState
 from companion.model import Track, Vec3
 
-# Around equality, in shares of the protected volume: heights differ this much between the pictures of both.
-_BAND = 0.25
-# A sense stays until the passing is beyond the band's edge on the other side by this many bands.
+# Around equality, in shares of the protected volume: the pictures of both sides differ by half as much.
+_BAND, _BAND_ASIDE = 0.4, 0.25
+# A sense stays until the passing is on the other side by this many bands.
 _KEPT_BANDS = 1.5
-# Climbs continue for this long at most.
-_CLIMBS_FOR_S = 40.0
+# Climbs continue for this long at most: the other may level off, and the maneuvers of both begin and end.
+_CLIMBS_FOR_S = 20.0
 # Slower climbs are noise. Two that climb together faster than this mirror.
 _LEVEL_MPS, _CLIMBING_MPS = 0.5, 1.0
-# Below this relative speed there is no passing, and below this share a turn hardly changes on which side.
-_STILL_MPS, _LEAST_EFFECT = 2.0, 0.2
+# Below this relative speed the side of passing is noise; below this share a turn hardly changes it.
+_SLOW_MPS, _LEAST_EFFECT = 8.0, 0.2
+# A conflict that ended this long ago, and returns, is the same one: the maneuvers of both ended it.
+_REMEMBERED_S = 60.0
 # Only the nearest conflicts have senses: more would contradict each other.
 _MOST = 4
 
@@ -70,6 +72,7 @@ class Sense(NamedTuple):
 
     above: int
     aside: int
+    chosen_s: float  # or confirmed
 
 
 class Senses:
@@ -79,14 +82,15 @@ class Senses:
         self.own_icao: int | None = None
         self._chosen: dict[str, Sense] = {}
 
-    def reset(self) -> None:
-        """Forget all senses."""
-        self._chosen = {}
-
     def wrong_ways(
-        self, state: OwnState, tracks: Sequence[Track], assessment: TrafficAssessment
+        self, now_s: float, state: OwnState, tracks: Sequence[Track], assessment: TrafficAssessment
     ) -> WrongWays:
         """The ways against the sense of any of the nearest conflicts; `tracks` are those assessed."""
+        self._chosen = {
+            track_id: sense
+            for track_id, sense in self._chosen.items()
+            if 0.0 <= now_s - sense.chosen_s <= _REMEMBERED_S
+        }
         indices = assessment.conflict.nonzero()[0]
         indices = indices[assessment.surface_m[indices].argsort(kind="stable")][:_MOST]
         wrong = NO_WRONG_WAYS
@@ -99,19 +103,19 @@ class Senses:
                 passing = passing_of(state, place_m, velocity_mps)
                 horizontal_m = float(assessment.tracks.protected_horizontal_m[index])
                 vertical_m = float(assessment.tracks.protected_vertical_m[index])
-                found = self._wrong_ways(passing, tracks[index], horizontal_m, vertical_m)
+                found = self._wrong_ways(now_s, passing, tracks[index], horizontal_m, vertical_m)
                 wrong = WrongWays(*map(max, wrong, found))
         return wrong
 
     def _wrong_ways(
-        self, passing: Passing, track: Track, horizontal_m: float, vertical_m: float
+        self, now_s: float, passing: Passing, track: Track, horizontal_m: float, vertical_m: float
     ) -> WrongWays:
         """The wrong ways against one track, whose sense is chosen or kept."""
-        before = self._chosen.get(track.track_id, Sense(0, 0))
+        before = self._chosen.get(track.track_id, Sense(0, 0, now_s))
         band_m = _BAND * vertical_m + track.vertical_uncertainty_m
         above = sense_above(passing, self._by_address(track.icao), band_m, before.above)
-        aside = sense_aside(passing.aside_m, _BAND * horizontal_m, before.aside)
-        self._chosen[track.track_id] = Sense(above, aside)
+        aside = sense_aside(passing.aside_m, _BAND_ASIDE * horizontal_m, before.aside)
+        self._chosen[track.track_id] = Sense(above, aside, now_s)
         turn = aside * passing.turn_effect
         return WrongWays(above < 0, above > 0, left=turn > _LEAST_EFFECT, right=turn < -_LEAST_EFFECT)
 
@@ -130,7 +134,7 @@ def passing_of(state: OwnState, position_m: Vec3, velocity_mps: Vec3) -> Passing
     speed_mps, own_mps = math.hypot(north_mps, east_mps), math.hypot(own_north_mps, own_east_mps)
     climbs_mps = state.climb_mps, -velocity_mps[2]
     time_s, aside_m, effect = _CLIMBS_FOR_S, 0.0, 0.0
-    if speed_mps > _STILL_MPS:
+    if speed_mps > _SLOW_MPS:
         time_s = -(north_m * north_mps + east_m * east_mps) / speed_mps**2
         time_s = min(max(time_s, 0.0), _CLIMBS_FOR_S)
         aside_m = (north_m * east_mps - east_m * north_mps) / speed_mps
@@ -149,20 +153,18 @@ def sense_above(passing: Passing, by_address: int, band_m: float, before: int) -
     together = min(before * own_mps, before * other_mps) > _CLIMBING_MPS
     if before and by_address < 0 and together and abs(passing.above_m) < band_m:
         return -before
-    edge_m = -by_address * band_m
-    if before and before * (passing.above_m - edge_m) >= -_KEPT_BANDS * band_m:
+    if before and before * passing.above_m >= -_KEPT_BANDS * band_m:
         return before
     if by_address == 0 and abs(passing.above_m) <= band_m:
         return 0
-    return 1 if passing.above_m > edge_m else -1
+    return 1 if passing.above_m > -by_address * band_m else -1
 
 
 def sense_aside(aside_m: float, band_m: float, before: int) -> int:
     """Whether the track passes on our right (1) or on our left (-1); `before` is the sense until now."""
-    over_m = aside_m - band_m
-    if before and before * over_m >= -_KEPT_BANDS * band_m:
+    if before and before * aside_m >= -_KEPT_BANDS * band_m:
         return before
-    return 1 if over_m > 0.0 else -1
+    return 1 if aside_m > band_m else -1
 
 
 def _steady(climb_mps: float) -> float:

@@ -17,7 +17,7 @@ from companion.avoidance.trajectory import OwnState
 from companion.model import Goal, Ownship, Track, TrafficKind, Vec3
 
 PARAMS = AvoidanceParams()
-BAND_M, BAND_ASIDE_M = 0.25 * 76.2 * 1.25, 0.25 * 609.6 * 1.15
+BAND_M, BAND_ASIDE_M = 0.4 * 76.2 * 1.25, 0.25 * 609.6 * 1.15
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,11 @@ class Aircraft:
         return Aircraft(position_m, velocity_mps, self.icao)  # type: ignore[arg-type]
 
 
-def wrong_ways(
-    own: Aircraft, *tracks: Track, senses: Senses | None = None, own_icao: int | None = None
-) -> WrongWays:
+def wrong_ways(own: Aircraft, *tracks: Track, senses: Senses | None = None, now_s: float = 0.0) -> WrongWays:
     """The wrong ways of one aircraft, all tracks taken as conflicts."""
     if senses is None:
         senses = Senses()
-        senses.own_icao = own.icao if own_icao is None else own_icao
+        senses.own_icao = own.icao
     north_mps, east_mps, _ = own.velocity_mps
     speed_mps, course_rad = math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps)
     ownship = Ownship(0.0, own.position_m, own.velocity_mps, speed_mps, course_rad)
@@ -66,7 +64,7 @@ def wrong_ways(
         TransitionDomain(0.0),
     )
     every = assessment._replace(conflict=assessment.surface_m < math.inf)
-    return senses.wrong_ways(flight.state, tracks, every)
+    return senses.wrong_ways(now_s, flight.state, tracks, every)
 
 
 def both(one: Aircraft, other: Aircraft) -> tuple[WrongWays, WrongWays]:
@@ -83,7 +81,8 @@ SLOW_AHEAD = Aircraft((1500.0, 0.0, -300.0), (14.0, 0.0, 0.0), HIGH)
 
 def test_head_on_both_turn_right() -> None:
     one, other = both(NORTHBOUND, HEAD_ON)
-    assert one.left and other.left
+    assert one.left
+    assert other.left
     assert not one.right
     assert not other.right
 
@@ -112,7 +111,7 @@ def test_with_room_on_the_other_side_both_turn_left() -> None:
 
 
 @pytest.mark.parametrize(
-    ("above_m", "up"), [(0.0, True), (20.0, True), (-20.0, True), (30.0, True), (-30.0, False)]
+    ("above_m", "up"), [(0.0, True), (30.0, True), (-30.0, True), (45.0, True), (-45.0, False)]
 )
 def test_the_smaller_address_passes_above_unless_it_is_clearly_lower(above_m: float, up: bool) -> None:
     one, other = both(NORTHBOUND.seen_from((0.0, 0.0, -above_m), (0.0, 0.0, 0.0)), HEAD_ON)
@@ -126,7 +125,7 @@ def test_without_two_addresses_equal_heights_have_no_sense(icao: int | None) -> 
     ways = wrong_ways(NORTHBOUND, nameless.track())
     assert not ways.up
     assert not ways.down
-    higher = nameless.seen_from((0.0, 0.0, -40.0), (0.0, 0.0, 0.0))
+    higher = nameless.seen_from((0.0, 0.0, -45.0), (0.0, 0.0, 0.0))
     assert wrong_ways(NORTHBOUND, higher.track()).up
 
 
@@ -143,7 +142,7 @@ def test_an_intruder_that_climbs_is_passed_below() -> None:
 
 
 def test_an_uncertain_height_widens_the_band() -> None:
-    lower = NORTHBOUND.seen_from((0.0, 0.0, 40.0), (0.0, 0.0, 0.0))
+    lower = NORTHBOUND.seen_from((0.0, 0.0, 50.0), (0.0, 0.0, 0.0))
     assert wrong_ways(lower, HEAD_ON.track()).up
     assert wrong_ways(lower, HEAD_ON.track(vertical_uncertainty_m=60.0)).down
 
@@ -162,14 +161,22 @@ def test_between_two_intruders_of_opposite_senses_both_ways_are_wrong() -> None:
 
 def test_a_sense_is_kept_until_the_passing_clearly_develops_the_other_way() -> None:
     senses = Senses()
-    higher = HEAD_ON.seen_from((0.0, 0.0, -30.0), (0.0, 0.0, 0.0))
+    higher = HEAD_ON.seen_from((0.0, 0.0, -45.0), (0.0, 0.0, 0.0))
     assert wrong_ways(NORTHBOUND, higher.track(), senses=senses).up
-    level = HEAD_ON.seen_from((0.0, 0.0, 15.0), (0.0, 0.0, 0.0))
+    level = HEAD_ON.seen_from((0.0, 0.0, 45.0), (0.0, 0.0, 0.0))
     assert wrong_ways(NORTHBOUND, level.track(), senses=senses).up
-    lower = HEAD_ON.seen_from((0.0, 0.0, 45.0), (0.0, 0.0, 0.0))
+    lower = HEAD_ON.seen_from((0.0, 0.0, 70.0), (0.0, 0.0, 0.0))
     assert wrong_ways(NORTHBOUND, lower.track(), senses=senses).down
-    senses.reset()
-    assert wrong_ways(NORTHBOUND, HEAD_ON.track(), senses=senses) == WrongWays(left=True)
+
+
+def test_a_sense_is_remembered_for_a_minute_after_the_conflict() -> None:
+    senses = Senses()
+    higher = HEAD_ON.seen_from((0.0, 0.0, -45.0), (0.0, 0.0, 0.0))
+    assert wrong_ways(NORTHBOUND, higher.track(), senses=senses).up
+    assert wrong_ways(NORTHBOUND, HEAD_ON.track(), senses=senses, now_s=59.0).up
+    assert wrong_ways(NORTHBOUND, HEAD_ON.track(), senses=senses, now_s=120.0) == WrongWays(left=True)
+    assert wrong_ways(NORTHBOUND, higher.track(), senses=senses, now_s=121.0).up
+    assert wrong_ways(NORTHBOUND, HEAD_ON.track(), senses=senses, now_s=3.0) == WrongWays(left=True)
 
 
 def test_of_two_that_climb_together_the_larger_address_reverses_once() -> None:
@@ -201,7 +208,7 @@ def test_the_senses_of_two_are_complementary(
 ) -> None:
     """Whatever the geometry, each side being in error about the other, away from the edges of the rule."""
     assume(min(math.hypot(*one_mps[:2]), math.hypot(*other_mps[:2])) > 10.0)
-    assume(math.hypot(one_mps[0] - other_mps[0], one_mps[1] - other_mps[1]) > 5.0)
+    assume(math.hypot(one_mps[0] - other_mps[0], one_mps[1] - other_mps[1]) > 10.0)
     assume(one_icao is None or one_icao != other_icao)
     one = Aircraft((0.0, 0.0, -300.0), one_mps, one_icao)
     other = Aircraft(place_m, other_mps, other_icao)
