@@ -14,6 +14,7 @@ from companion.mavlink.dialect import mavlink
 from companion.model import TextUnits
 from companion.ownship.performance_limits import AircraftLimits
 from companion.traffic import TrafficParams
+from companion.traffic.members import MemberParams
 
 
 @dataclass(frozen=True)
@@ -65,3 +66,9 @@ class EngineConfig:
             raise ValueError("engine.max_height_m must be above supervisor.min_height_m")
         if self.engine.component_id == mavlink.MAV_COMP_ID_ADSB and self.traffic.forward != "off":
             raise ValueError("engine.component_id 156 is that of traffic.forward: choose another one")
+
+    @property
+    def members(self) -> MemberParams:
+        """The formation as the picture of the traffic knows it."""
+        known = self.avoidance.formation
+        return MemberParams(known.members, known.silent_s, known.smallest_m, known.smallest_vertical_m)

@@ -95,18 +95,19 @@ def _findings(runtime: Runtime, now_s: float) -> Iterator[Finding]:
         yield Finding("autopilot", several, good=False)
         yield from _conditions(engine)
         return
-    kind = "fixed wing" if aircraft.fixed_wing else "not a fixed wing"
+    fixed_wing = aircraft.flight_state.flies_as_wing(aircraft.identity.vehicle_type)
+    kind = "fixed wing" if fixed_wing else "not a fixed wing"
     version = aircraft.identity.version or "of unknown version"
     text = f"{adapter.name} {version}, system {adapter.target.system_id}, {kind}"
-    yield Finding("autopilot", text, aircraft.fixed_wing)
+    yield Finding("autopilot", text, fixed_wing)
     if others := sorted(aircraft.identity.others(now_s)):
         yield Finding("other autopilots", ", ".join(f"system {number}" for number in others))
-    armed = "armed" if aircraft.armed else "disarmed"
+    armed = "armed" if aircraft.flight_state.armed else "disarmed"
     yield Finding("mode", f"{aircraft.mode}, {armed}{', failsafe' if aircraft.flight_state.failsafe else ''}")
-    position, age_s = "none", now_s - aircraft.position_s
-    if aircraft.position is not None:
-        position = f"{aircraft.position.height_above_home_m:.0f} m above home, {age_s:.1f} s old"
-    yield Finding("position", position, aircraft.position is not None and age_s < 1.0)
+    here, age_s, position = aircraft.kinematics.position, now_s - aircraft.kinematics.position_s, "none"
+    if here is not None:
+        position = f"{here.height_above_home_m:.0f} m above home, {age_s:.1f} s old"
+    yield Finding("position", position, here is not None and age_s < 1.0)
     yield from _rates(engine.rates_hz, adapter)
     mission = engine.queries.mission
     yield Finding("mission", "not read" if mission is None else f"{len(mission.items)} items")

@@ -30,6 +30,7 @@ from companion.engine import (
     Transmit,
 )
 from companion.errors import CompanionError, ungrouped
+from companion.gcs.requests import role_request
 from companion.links import Link, ReceiverLink, Reconnect, open_all
 from companion.links.receiver_link import conditions_of
 from companion.links.sides import Sides
@@ -160,20 +161,13 @@ class Runtime:
     async def _run_tasks(self) -> None:
         with ungrouped():
             async with asyncio.TaskGroup() as tasks:
-                owned = [
-                    tasks.create_task(
-                        self._owned(Reconnect(link).run(self._on_frames)), name=f"link {link.address}"
-                    )
-                    for link in self.links
+                works = [
+                    (f"link {link.address}", Reconnect(link).run(self._on_frames)) for link in self.links
                 ]
-                owned += [
-                    tasks.create_task(
-                        self._owned(one.run(self._on_piece)), name=f"receiver {one.link.address}"
-                    )
-                    for one in self.receivers
-                ]
+                works += [(f"receiver {one.link.address}", one.run(self._on_piece)) for one in self.receivers]
                 if self.recorder is not None:
-                    owned.append(tasks.create_task(self._owned(self.recorder.run()), name="recorder"))
+                    works.append(("recorder", self.recorder.run()))
+                owned = [tasks.create_task(self._owned(work), name=name) for name, work in works]
                 if self._display is not None:
                     owned.append(tasks.create_task(_optional(self._display.run()), name="display"))
                 owned.append(tasks.create_task(self._owned(self._watch_silence()), name="silence"))
@@ -313,18 +307,8 @@ class Runtime:
         if role is None:
             return
         us = self.engine.sender
-        message = mavlink.MAVLink_command_long_message(
-            us.system_id,
-            us.component_id,
-            mavlink.MAV_CMD_DO_SET_MODE,
-            0,
-            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            role,
-            *[0.0] * 5,
-        )
-        raw = self._encoder.encode(message, us.system_id, _BROWSER)
-        frames = FrameSplitter().feed_datagram(raw)
-        self._hear(frames)
+        raw = self._encoder.encode(role_request(us, role), us.system_id, _BROWSER)
+        self._hear(FrameSplitter().feed_datagram(raw))
 
     def _request_stop(self, now_us: int) -> list[Effect]:
         self._stepper.advance(now_us)
@@ -410,10 +394,8 @@ class Runtime:
                 case Say():
                     if self.recorder is not None:
                         self.recorder.text(time_us, effect.severity, effect.text)
-                    level = (
-                        logging.WARNING if effect.severity <= mavlink.MAV_SEVERITY_WARNING else logging.INFO
-                    )
-                    _log.log(level, effect.text)
+                    warns = effect.severity <= mavlink.MAV_SEVERITY_WARNING
+                    _log.log(logging.WARNING if warns else logging.INFO, effect.text)
         self._report_recorder_problem(time_us)
 
     def _send(self, time_us: int, effect: Transmit) -> None:

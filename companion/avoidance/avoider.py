@@ -18,13 +18,13 @@ from companion.avoidance.assess import (
     threats_of,
 )
 from companion.avoidance.blocked_item import guidance_past, keeps_clear
-from companion.avoidance.constraints import Constraints, HeightReference, Refusals
+from companion.avoidance.constraints import Constraints, Refusals
 from companion.avoidance.cost import Conflict, conflict_context, return_context
 from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, describe_member
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.intruders import Tracks, TransitionDomain
-from companion.avoidance.mission_path import OwnFlight, mission_path, with_path
+from companion.avoidance.mission_path import HeightReference, OwnFlight, mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
 from companion.avoidance.senses import Senses
@@ -145,7 +145,8 @@ class Avoider:
         finite: then no decision is safe.
         """
         require_finite(own, goal)
-        self._refusals = self._refusals.at(now_s)
+        if self._refusals.refused:
+            self._refusals = self._refusals.at(now_s)
         own_id = "" if self._cooperation is None else self._cooperation.own_id
         own = credible_ownship(own, now_s)
         believed = [relevant_track(t, now_s) for t in tracks if not (own_id and t.track_id == own_id)]
@@ -255,7 +256,7 @@ class Avoider:
             context,
             assessment,
             assessment.most_urgent(self.params.priced_tracks),
-            None if last is None else constraints.within_limits(last),
+            None if last is None else constraints.envelope.within_limits(last),
         )
         layer, rows = self._policy.layers.choose(conflict, self._policy.outer, self._inner, self._last_layer)
         if self._last_layer is Layer.INNER and layer is not Layer.INNER:
@@ -320,7 +321,7 @@ class Avoider:
         if self._clear_since_s is None or now_s < self._clear_since_s:
             self._clear_since_s = now_s
         params, constraints = self.params, self._constraints
-        waited_s, last = now_s - self._clear_since_s, constraints.within_limits(self._last_guidance)
+        waited_s, last = now_s - self._clear_since_s, constraints.envelope.within_limits(self._last_guidance)
         if waited_s < params.release_after_s and constraints.allow(last, flight.state):
             return self._hold(last, "clear of conflict, waiting before the return")
         if waited_s < params.return_within_s and not self._mission_keeps_fence(flight):
@@ -338,7 +339,8 @@ class Avoider:
         if constraints.fence is not None and (flight.bends or flight.beside is not None):
             paths = mission_path(flight, constraints.envelope)
             return not constraints.fence.breach(paths, until_s, until_s).deepest_m.any()
-        return constraints.keeps_fence(constraints.within_limits(flight.mission), flight.state, until_s)
+        mission = constraints.envelope.within_limits(flight.mission)
+        return constraints.keeps_fence(mission, flight.state, until_s)
 
     def _hold(self, guidance: Guidance, words: str) -> Decision:
         """A guidance without a conflict, before the return to the mission."""

@@ -1,8 +1,7 @@
-"""Constraints: what may be flown, by the limits of the aircraft, the fence and the autopilot's refusals."""
+"""Constraints: what may be flown, by the fence and by the autopilot's refusals. Mostly there is neither."""
 
 import math
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +23,6 @@ from companion.model import Guidance
 
 # After this time the reason for a refusal (a limit, a mode, a fence of the autopilot) may have changed.
 REFUSED_FOR_S = 30.0
-# An avoidance ends up this far beyond the bound on its changes of height at most, by overshooting.
-_BEYOND_M = 50.0
-# Without a height of the mission, the height flown for this long after an avoidance is the pilot's choice.
-_FOLLOWS_AFTER_S = 60.0
 # Values this near to a refused one would be refused too: values are rounded on the wire, and rows change a
 # little from one decision to the next.
 _TOLERANCES = {Control.HEADING: math.radians(2.0), Control.SPEED: 0.5, Control.HEIGHT: 5.0}
@@ -119,65 +114,6 @@ class Refusals:
         return matched
 
 
-class HeightReference:
-    """The mission's height, from which the bound on changes of height counts.
-
-    While the mission is flown it follows the aircraft, but only towards the mission's height. An aircraft
-    that an avoidance left beside that height therefore does not take the bound along, however many avoidances
-    follow each other. Where no height of the mission is known, it follows the aircraft once there has been no
-    avoidance for a while.
-    """
-
-    def __init__(self) -> None:
-        self._height_m: float | None = None
-        self._avoided_s = -math.inf
-
-    def update(
-        self, now_s: float, own_m: float, mission_m: float | None, change_m: float, *, avoiding: bool
-    ) -> None:
-        """Follow the flight. `mission_m` is `None` when the mission states no height."""
-        if self._height_m is None:
-            self._height_m = own_m
-        if avoiding:
-            self._avoided_s = now_s
-            return
-        low_m, high_m = self._span_m(mission_m)
-        if mission_m is None and not 0.0 <= now_s - self._avoided_s <= _FOLLOWS_AFTER_S:
-            self._height_m = own_m
-        elif not low_m - change_m - _BEYOND_M <= own_m <= high_m + change_m + _BEYOND_M:
-            self._height_m = own_m  # no avoidance led here: someone else flew it
-        else:
-            self._height_m = min(max(own_m, low_m), high_m)
-
-    def limit(self, envelope: Envelope, mission_m: float | None, change_m: float) -> Envelope:
-        """The envelope with floor and ceiling no further than `change_m` from the mission's heights.
-
-        The envelope's own floor takes precedence, as the ground is below it.
-        """
-        low_m, high_m = self._span_m(mission_m)
-        floor_m, ceiling_m = low_m - change_m, high_m + change_m
-        if envelope.max_altitude_m is not None:
-            ceiling_m = min(ceiling_m, envelope.max_altitude_m)
-            floor_m = min(floor_m, ceiling_m)
-        if envelope.min_altitude_m is not None:
-            floor_m = max(floor_m, envelope.min_altitude_m)
-            ceiling_m = max(ceiling_m, floor_m)
-        return _within(envelope, floor_m, ceiling_m)
-
-    def _span_m(self, mission_m: float | None) -> tuple[float, float]:
-        """The lowest and the highest of the mission's heights: where it was, and where it leads."""
-        height_m = 0.0 if self._height_m is None else self._height_m
-        if mission_m is None:
-            return height_m, height_m
-        return min(height_m, mission_m), max(height_m, mission_m)
-
-
-@lru_cache(maxsize=4)
-def _within(envelope: Envelope, floor_m: float, ceiling_m: float) -> Envelope:
-    """Cached, because the limits rarely change during an avoidance."""
-    return replace(envelope, min_altitude_m=floor_m, max_altitude_m=ceiling_m)
-
-
 class Constraints(NamedTuple):
     """All that limits a guidance. `look_ahead_turns` is the fence's look-ahead, in times to turn around."""
 
@@ -185,14 +121,6 @@ class Constraints(NamedTuple):
     fence: Fence | None
     refusals: Refusals
     look_ahead_turns: float
-
-    def within_limits(self, guidance: Guidance) -> Guidance:
-        """The guidance, with airspeed and height within the aircraft's limits."""
-        return Guidance(
-            guidance.course_rad,
-            self.envelope.clamp_airspeed_mps(guidance.airspeed_mps),
-            self.envelope.clamp_altitude_m(guidance.altitude_m),
-        )
 
     def allow(self, guidance: Guidance, state: OwnState) -> bool:
         """Whether a guidance stays within the fence and the autopilot has not refused it."""

@@ -162,7 +162,7 @@ def conflict_context(
         envelope=constraints.envelope,
         weights=params.weights,
         fence=constraints.fence,
-        fence_look_ahead_s=constraints.fence_look_ahead_s(state),
+        fence_look_ahead_s=0.0 if constraints.fence is None else constraints.fence_look_ahead_s(state),
         refusals=constraints.refusals,
         maneuvers=params.surprises,
         prefers_turns=prefers_turns,
@@ -216,7 +216,9 @@ class EvaluatedRows(NamedTuple):
 
     def best_is_allowed(self, refusals: Refusals) -> bool:
         """Whether the cheapest row keeps the fence and has no refused value."""
-        return bool(self.within_fence[self.best]) and refusals.allow(self.best_guidance)
+        if not self.within_fence[self.best]:
+            return False
+        return not refusals.refused or refusals.allow(self.best_guidance)
 
 
 def evaluate_rows(
@@ -256,14 +258,10 @@ def _allowed_rows(
     context: CostContext, commands: Commands, last_guidance: Guidance | None
 ) -> tuple[Commands, Guidance | None]:
     """The rows without refused values, with the last guidance as row 0, and that guidance if it remains."""
-    refusals, envelope = context.refusals, context.envelope
+    refusals = context.refusals
     if not refusals.refused:
         return commands if last_guidance is None else commands.preceded_by(last_guidance), last_guidance
-    mission = Guidance(
-        context.mission.course_rad,
-        envelope.clamp_airspeed_mps(context.mission.airspeed_mps),
-        envelope.clamp_altitude_m(context.mission.altitude_m),
-    )
+    mission = context.envelope.within_limits(context.mission)
     if last_guidance is not None:
         last_guidance = refusals.substitute(last_guidance, mission, commands)
     if last_guidance is not None:

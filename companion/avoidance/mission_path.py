@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from companion.avoidance.leg import ON_LINE_M, BesideLeg, beside_leg
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
@@ -23,18 +25,13 @@ from companion.avoidance.trajectory import (
 from companion.geodesy import wrap_pi
 from companion.model import Goal, Guidance, Ownship, Vec2, Vec3
 
-# The largest angle at which a leg is joined, and how far ahead of us, in time, the way back meets it.
-STEEPEST_RAD = math.radians(40.0)
-_JOINS_AHEAD_S = 6.0
-# Nearer than this we count as on the leg: no autopilot tracks its line better in gusts and after turns.
-ON_LINE_M = 30.0
-# To turn onto a course and off it again, at the usual speeds and bank angles.
-_TURNS_S = 8.0
-# A slope is flown with a lag; its height is commanded this far ahead.
-_SLOPE_AHEAD_S = 4.0
 # A circle is flown from this far outside; its radius where none is known.
 _ON_CIRCLE_M = 60.0
 _USUAL_RADIUS_M = 80.0
+# An avoidance ends up this far beyond the bound on its changes of height at most, by overshooting.
+_BEYOND_M = 50.0
+# Without a height of the mission, the height flown for this long after an avoidance is the pilot's choice.
+_FOLLOWS_AFTER_S = 60.0
 # At a smaller corner the mission counts as straight.
 _STRAIGHT_RAD = math.radians(15.0)
 # A slope leaves at least this much of the climb and sink limits to reach it.
@@ -46,56 +43,63 @@ _TURNING_M = 300.0
 _MEAN_S = 30.0
 
 
-class BesideLeg(NamedTuple):
-    """A place beside a leg; `aside_m` is positive to its right, `to_go_m` negative beyond its end."""
+class HeightReference:
+    """The mission's height, from which the bound on changes of height counts.
 
-    aside_m: float
-    to_go_m: float
-    length_m: float
-    course_rad: float
-    altitude_m: float  # of the leg here: linear between its ends
+    While the mission is flown it follows the aircraft, but only towards the mission's height. An aircraft
+    that an avoidance left beside that height therefore does not take the bound along, however many avoidances
+    follow each other. Where no height of the mission is known, it follows the aircraft once there has been no
+    avoidance for a while.
+    """
 
-    def altitude_ahead_m(self, speed_mps: float, start_m: Vec3, end_m: Vec3) -> float:
-        """Height to command at this place, so that the slope is flown in spite of the lag."""
-        return leg_altitude_m(start_m, end_m, self.to_go_m - _SLOPE_AHEAD_S * speed_mps, self.length_m)
+    def __init__(self) -> None:
+        self._height_m: float | None = None
+        self._avoided_s = -math.inf
 
-    def join_rad(self, speed_mps: float) -> float:
-        """Course that leads onto the leg: the nearer, the more along it."""
-        ahead_m = max(_JOINS_AHEAD_S * speed_mps, 1.0)
-        steep = math.sin(STEEPEST_RAD)
-        return self.course_rad - math.asin(min(max(self.aside_m / ahead_m, -steep), steep))
+    def update(
+        self, now_s: float, own_m: float, mission_m: float | None, change_m: float, *, avoiding: bool
+    ) -> None:
+        """Follow the flight. `mission_m` is `None` when the mission states no height."""
+        if self._height_m is None:
+            self._height_m = own_m
+        if avoiding:
+            self._avoided_s = now_s
+            return
+        low_m, high_m = self._span_m(mission_m)
+        if mission_m is None and not 0.0 <= now_s - self._avoided_s <= _FOLLOWS_AFTER_S:
+            self._height_m = own_m
+        elif not low_m - change_m - _BEYOND_M <= own_m <= high_m + change_m + _BEYOND_M:
+            self._height_m = own_m  # no avoidance led here: someone else flew it
+        else:
+            self._height_m = min(max(own_m, low_m), high_m)
 
-    def is_too_short(self, speed_mps: float) -> bool:
-        """Whether the rest of the leg is too short to join it: then its end is flown to directly."""
-        if self.to_go_m <= 0.0:
-            return True
-        if abs(self.aside_m) <= ON_LINE_M:
-            return False
-        return self.to_go_m < abs(self.aside_m) / math.tan(STEEPEST_RAD) + _TURNS_S * speed_mps
+    def limit(self, envelope: Envelope, mission_m: float | None, change_m: float) -> Envelope:
+        """The envelope with floor and ceiling no further than `change_m` from the mission's heights.
+
+        The envelope's own floor takes precedence, as the ground is below it.
+        """
+        low_m, high_m = self._span_m(mission_m)
+        floor_m, ceiling_m = low_m - change_m, high_m + change_m
+        if envelope.max_altitude_m is not None:
+            ceiling_m = min(ceiling_m, envelope.max_altitude_m)
+            floor_m = min(floor_m, ceiling_m)
+        if envelope.min_altitude_m is not None:
+            floor_m = max(floor_m, envelope.min_altitude_m)
+            ceiling_m = max(ceiling_m, floor_m)
+        return _within(envelope, floor_m, ceiling_m)
+
+    def _span_m(self, mission_m: float | None) -> tuple[float, float]:
+        """The lowest and the highest of the mission's heights: where it was, and where it leads."""
+        height_m = 0.0 if self._height_m is None else self._height_m
+        if mission_m is None:
+            return height_m, height_m
+        return min(height_m, mission_m), max(height_m, mission_m)
 
 
-def beside_leg(start_m: Vec3, end_m: Vec3, position_m: Vec3) -> BesideLeg | None:
-    """A north-east-down position relative to a leg; `None` if start and end are the same place."""
-    leg_n, leg_e = end_m[0] - start_m[0], end_m[1] - start_m[1]
-    length_m = math.hypot(leg_n, leg_e)
-    if length_m < 1.0:
-        return None
-    leg_n, leg_e = leg_n / length_m, leg_e / length_m
-    north_m, east_m = end_m[0] - position_m[0], end_m[1] - position_m[1]
-    to_go_m = north_m * leg_n + east_m * leg_e
-    return BesideLeg(
-        aside_m=north_m * leg_e - east_m * leg_n,
-        to_go_m=to_go_m,
-        length_m=length_m,
-        course_rad=math.atan2(leg_e, leg_n),
-        altitude_m=leg_altitude_m(start_m, end_m, to_go_m, length_m),
-    )
-
-
-def leg_altitude_m(start_m: Vec3, end_m: Vec3, to_go_m: float, length_m: float) -> float:
-    """Height of a leg at a distance from its end; before its start that of the start."""
-    share = min(max(to_go_m / length_m, 0.0), 1.0)
-    return -end_m[2] + share * (end_m[2] - start_m[2])
+@lru_cache(maxsize=4)
+def _within(envelope: Envelope, floor_m: float, ceiling_m: float) -> Envelope:
+    """Cached, because the limits rarely change during an avoidance."""
+    return replace(envelope, min_altitude_m=floor_m, max_altitude_m=ceiling_m)
 
 
 class OwnFlight(NamedTuple):

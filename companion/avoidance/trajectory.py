@@ -114,6 +114,14 @@ class Envelope:
         """Turn rate of a coordinated turn at the bank limit, g tan(bank) / V, within the rate limit."""
         return min(self.turn_acceleration_mps2 / max(airspeed_mps, 1.0), self.max_turn_rate_radps)
 
+    def within_limits(self, guidance: Guidance) -> Guidance:
+        """The guidance, with airspeed and height within the limits."""
+        return Guidance(
+            guidance.course_rad,
+            self.clamp_airspeed_mps(guidance.airspeed_mps),
+            self.clamp_altitude_m(guidance.altitude_m),
+        )
+
     def clamp_airspeed_mps(self, airspeed_mps: float) -> float:
         """The nearest airspeed that can be flown."""
         return min(max(airspeed_mps, self.min_airspeed_mps), self.max_airspeed_mps)

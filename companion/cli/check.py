@@ -24,7 +24,7 @@ from companion.config import (
     load_saved,
     reference,
 )
-from companion.control import claims
+from companion.control.context import printed_claims
 from companion.control.state_machine import printed, printed_data
 from companion.errors import CompanionError, ConfigError
 from companion.links import open_links
@@ -65,7 +65,7 @@ def check(
         return
     if table:
         sys.stdout.write(f"{printed()}\n\nWhat each state remembers:\n{printed_data()}\n\n")
-        sys.stdout.write(f"What ends our control, and what keeps us from taking it:\n{claims.printed()}\n")
+        sys.stdout.write(f"What ends our control, and what keeps us from taking it:\n{printed_claims()}\n")
         return
     if config_file is None:
         raise ConfigError("CONFIG is missing: the configuration file")

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from companion.control.claims import CLAIMS, Claim, Consequence
+from companion.control.context import CLAIMS, Claim, Consequence
 from companion.control.mode_request import EVIDENCE_S, ModeRequest
 from companion.control.state_machine import FLYING, HELD, Event, State, Supervisor
 from companion.mavlink.dialect import Message
@@ -28,7 +28,7 @@ class EmergencyRelease:
         self._adapter = aircraft.adapter
         self._data = supervisor.data
         self._prior = supervisor.data.prior
-        self._mode, self._heartbeat_s = aircraft.custom_mode, aircraft.heartbeat_s
+        self._mode, self._heartbeat_s = aircraft.flight_state.custom_mode, aircraft.contact.heartbeat_s
         self._was_guided = supervisor.state in FLYING
         self._request: ModeRequest | None = None
         held = supervisor.state in HELD or supervisor.state is State.STOPPING
@@ -59,12 +59,12 @@ class EmergencyRelease:
         adapter, request = self._adapter, self._request
         if adapter is None:
             return
-        fresh = 0.0 <= now_s - self._heartbeat_s <= EVIDENCE_S and self._aircraft.resynchronized
+        fresh = 0.0 <= now_s - self._heartbeat_s <= EVIDENCE_S and self._aircraft.contact.resynchronized
         claimed = any(self._holds(claim, now_s) for claim in _CLAIMS)
         if request is not None and fresh and not claimed and adapter.is_guided(self._mode):
             if request.due(self._mode, self._heartbeat_s, now_s):
                 yield from adapter.restore_mode(self._prior)
-            level = self._aircraft.guidance_command(self._aircraft.present_guidance(), max_bank_rad=0.0)
+            level = self._aircraft.kinematics.command(self._aircraft.kinematics.guidance(), max_bank_rad=0.0)
             if level is not None:
                 yield from adapter.leaving(level, now_s)
         yield from adapter.tick(now_s)

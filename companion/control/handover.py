@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from companion.control import suppressed_threats
 from companion.control.alarms import conditions
-from companion.control.claims import Claims
-from companion.control.context import Commanding, ControlContext, Outgoing
+from companion.control.context import Claims, Commanding, ControlContext, Outgoing, Unheard
 from companion.control.mode_request import CERTAIN_S, ModeRequest
 from companion.control.readiness import Readiness
 from companion.control.rejoin import ControlParams, LegRejoin
@@ -171,7 +170,7 @@ class Handover:
         supervisor, aircraft = self.supervisor, self._context.aircraft
         if supervisor.state not in HELD and supervisor.state is not State.STOPPING:
             return None
-        if not aircraft.resynchronized:
+        if not aircraft.contact.resynchronized:
             return None
         present = self._claims.current(supervisor.data, now_s)
         override = next((event for event in present if supervisor.heeds(event)), None)
@@ -182,7 +181,8 @@ class Handover:
         if override is Event.COMPANION:
             return self._make_way(now_s)
         stopping = supervisor.state is State.STOPPING
-        if override is Event.MODE_CHANGED and stopping and now_s - aircraft.mode_since_s < CERTAIN_S:
+        in_mode_s = now_s - aircraft.flight_state.mode_since_s
+        if override is Event.MODE_CHANGED and stopping and in_mode_s < CERTAIN_S:
             return None  # nothing is requested meanwhile, and the service ends only when it is certain
         if override is Event.MODE_CHANGED and stopping and self._fell_while_yielding():
             return self._release.begin_found(Event.FOUND, now_s)
@@ -233,7 +233,7 @@ class Handover:
         data.seen_guided = unseen or context.aircraft.guided
         if not context.aircraft.guided:
             # The next heartbeat may already show the guided mode, of a request that arrives late.
-            data.last_unguided_mode = context.aircraft.custom_mode
+            data.last_unguided_mode = context.aircraft.flight_state.custom_mode
         text = f"Avoidance: hands off, {override}, {context.aircraft.mode}"
         return [Notice(mavlink.MAV_SEVERITY_WARNING, text)]
 
@@ -249,7 +249,7 @@ class Handover:
         contact = aircraft.contact
         interrupted = contact.just_regained(now_s) or contact.uplink_interrupted(now_s)
         # The newest heartbeat may be from before the silence: then the mode of now is not known yet.
-        unseen_s = max(aircraft.unseen_before_mode_s, now_s - aircraft.heartbeat_s)
+        unseen_s = max(aircraft.unseen_before_mode_s, now_s - aircraft.contact.heartbeat_s)
         return sent and interrupted and unseen_s >= _LEFT_UNSEEN_S
 
     def _left_guided_by_itself(self, now_s: float) -> bool:
@@ -262,7 +262,7 @@ class Handover:
         yielded = context.data.yields_until_s > -math.inf
         return (
             yielded
-            and context.aircraft.custom_mode == context.loss_mode
+            and context.aircraft.flight_state.custom_mode == context.loss_mode
             and not context.fell_out(context.data.request)
         )
 
@@ -279,17 +279,21 @@ class Handover:
         aircraft, data = self._context.aircraft, self.supervisor.data
         if data.guided_since_s is None or aircraft.guided:
             return False
-        return aircraft.custom_mode == data.prior.mode and now_s - data.guided_since_s < _OVERTAKEN_S
+        in_prior_mode = aircraft.flight_state.custom_mode == data.prior.mode
+        return in_prior_mode and now_s - data.guided_since_s < _OVERTAKEN_S
 
     # --- each tick, after the decision
 
-    def step(self, decision: Decision, orders: Orders, now_s: float, unheard: str | None = None) -> Outgoing:
+    def step(
+        self, decision: Decision, orders: Orders, now_s: float, unheard: Unheard | None = None
+    ) -> Outgoing:
         """Act on the decision and on the operator's orders, by the state machine.
 
-        `unheard` says that the last threat is not heard any more: then nothing is known to be clear.
+        `unheard` returns, in words, that the last threat is not heard any more; `None` while it is.
         """
         context, supervisor = self._context, self.supervisor
-        context.decision, context.role, context.unheard = decision, orders.role, unheard
+        context.decision, context.role = decision, orders.role
+        context.unheard = unheard or context.unheard
         if supervisor.data.suppressed_s:
             suppressed_threats.update(supervisor.data, decision, context.params.settle_s, now_s)
         if orders.role is not Role.FLY:
@@ -328,11 +332,11 @@ class Handover:
     def _resynchronize(self, now_s: float) -> Outgoing:
         """Go on after a gap, once a heartbeat shows what the aircraft does now."""
         context, supervisor, aircraft = self._context, self.supervisor, self._context.aircraft
-        if not aircraft.heard(now_s):
+        if not aircraft.contact.heard(now_s):
             return self._lose("autopilot lost", now_s)
-        if not aircraft.resynchronized:
+        if not aircraft.contact.resynchronized:
             return []
-        if aircraft.custom_mode == context.loss_mode != context.data.prior.mode:
+        if aircraft.flight_state.custom_mode == context.loss_mode != context.data.prior.mode:
             return self._fell_out(now_s)
         if not aircraft.guided:
             return self._take_over.give_up(now_s)  # asked for before the gap, and not entered
@@ -356,8 +360,8 @@ class Handover:
         context, data, supervisor = self._context, self.supervisor.data, self.supervisor
         aircraft, adapter = context.aircraft, context.adapter
         data.given_up = 0
-        lost = "own position lost" if aircraft.position_lost(now_s) else None
-        if not aircraft.heard(now_s):
+        lost = "own position lost" if aircraft.kinematics.position_lost(now_s) else None
+        if not aircraft.contact.heard(now_s):
             lost = "autopilot lost"  # then it is unknown who has the aircraft
         if lost is not None:
             return self._lose(lost, now_s)
@@ -382,16 +386,16 @@ class Handover:
         if rejoin is not None and not rejoin.is_done(context.aircraft, now_s):
             if not self.supervisor.handle(Event.FAR):
                 return []
-            clear = context.unheard or "Clear of traffic"
+            clear = context.unheard(now_s) or "Clear of traffic"
             text = f"{clear}, returning to {rejoin.destination(context.aircraft)}"
             return [Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
         self.supervisor.handle(Event.CLEAR)
         others = "" if context.decision.layer is Layer.CLEAR else "other "
-        text = f"{context.unheard or f'Clear of {others}traffic'}, back to {context.prior_mode}"
+        text = f"{context.unheard(now_s) or f'Clear of {others}traffic'}, back to {context.prior_mode}"
         return [*self._release.begin(now_s), Notice(mavlink.MAV_SEVERITY_NOTICE, text)]
 
     def _give_back(self, now_s: float) -> Outgoing:
-        if not self._context.aircraft.resynchronized or self._release.confirm(now_s):
+        if not self._context.aircraft.contact.resynchronized or self._release.confirm(now_s):
             return []
         if now_s < self.supervisor.data.yields_until_s:
             return []

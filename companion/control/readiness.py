@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
-from companion.control.claims import hindrances
+from companion.control.context import hindrances
 from companion.control.state_machine import SupervisorParams
 from companion.model import Role
 from companion.ownship.aircraft import Aircraft
@@ -40,18 +40,18 @@ class Readiness:
         other = self._other_avoider()
         if aircraft.adapter is not None and aircraft.adapter.cannot_fly is not None:
             yield aircraft.adapter.cannot_fly
-        if not aircraft.heard(now_s):
+        if not aircraft.contact.heard(now_s):
             yield "the autopilot is not heard"
-        elif not aircraft.resynchronized:
+        elif not aircraft.contact.resynchronized:
             yield "its state is not known since we stalled"
         yield from hindrances(aircraft, now_s)
-        if now_s - aircraft.position_s > self._position_fresh_s:
+        if now_s - aircraft.kinematics.position_s > self._position_fresh_s:
             yield "its position is old"
         if other is not None and params.beside_other_avoider == "advise":
             yield f"another avoider acts: {other}"
         if aircraft.mode not in params.take_over_from:
             yield f"its mode is {aircraft.mode}, not {' or '.join(params.take_over_from)}"
-        if aircraft.armed and not aircraft.flying(params.min_height_m):
+        if aircraft.flight_state.armed and not aircraft.flying(params.min_height_m):
             yield from self._why_not_flying()
         if not aircraft.landed_state_known(now_s):
             yield "it has not reported yet whether it is landing"
@@ -61,7 +61,7 @@ class Readiness:
             yield "it may be landing, its mission is not known"
 
     def _why_not_flying(self) -> Iterator[str]:
-        position, lowest_m = self._aircraft.position, self.params.min_height_m
+        position, lowest_m = self._aircraft.kinematics.position, self.params.min_height_m
         if position is not None and position.height_above_home_m < lowest_m:
             yield f"it is {position.height_above_home_m:.0f} m above home, below {lowest_m:.0f} m"
         elif not self._aircraft.flight_state.landing:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from companion.autopilots.adapter import Adapter
-from companion.avoidance.mission_path import BesideLeg
+from companion.avoidance.leg import BesideLeg
 from companion.geodesy import GeoPoint, LocalFrame, wrap_pi, wrap_two_pi
 from companion.model import Guidance, PriorFlightState, Vec3
 from companion.ownship.aircraft import Aircraft
@@ -84,7 +84,7 @@ class Rejoin:
         """Whether the former mode can be entered here, or the time for the way is over."""
         if self.began_s is None or now_s < self.began_s:
             self.began_s = now_s
-        position = aircraft.position
+        position = aircraft.kinematics.position
         if position is None or now_s - self.began_s > _LONGEST_S:
             return True
         north_mps, east_mps, _ = position.velocity_mps
@@ -98,7 +98,7 @@ class Rejoin:
         return is_there and abs(position.altitude_m - self.prior.altitude_m) <= _ON_HEIGHT_M
 
     def _to_go_m(self, aircraft: Aircraft) -> tuple[float, float]:
-        place = aircraft.place()
+        place = aircraft.kinematics.place()
         if place is None or self.place is None:
             return 0.0, 0.0
         return LocalFrame(place.lat_deg, place.lon_deg).to_ned_m(self.place)[:2]
@@ -130,7 +130,7 @@ class LegRejoin:
         if sequence == self.leg.sequence and (mission is self.mission or same_items(mission, self.mission)):
             self.leg_of = mission, sequence
             return self.leg
-        return navigation.legs.straight_to(mission, sequence, aircraft.home_altitude_m())
+        return navigation.legs.straight_to(mission, sequence, aircraft.kinematics.home_altitude_m())
 
     def destination(self, aircraft: Aircraft) -> str:
         """Where it leads, in words."""
@@ -139,9 +139,9 @@ class LegRejoin:
 
     def guidance(self, aircraft: Aircraft) -> Guidance:
         """Guidance along the leg or onto it, otherwise straight to its end."""
-        leg, place = self.present_leg(aircraft), aircraft.place()
+        leg, place = self.present_leg(aircraft), aircraft.kinematics.place()
         if leg is None or place is None:
-            return aircraft.present_guidance()
+            return aircraft.kinematics.guidance()
         speed_mps = _ground_speed_mps(aircraft)
         beside = self._beside(leg, place, speed_mps)
         course_rad, altitude_m = _course_to_end_rad(place, leg), leg.end.altitude_m
@@ -160,7 +160,8 @@ class LegRejoin:
         if self.began_s is None or self.last_s is None or not 0.0 <= now_s - self.last_s <= _PAUSE_S:
             self.began_s = now_s
         self.last_s = now_s
-        leg, place, position = self.present_leg(aircraft), aircraft.place(), aircraft.position
+        leg, position = self.present_leg(aircraft), aircraft.kinematics.position
+        place = aircraft.kinematics.place()
         if leg is None or place is None or position is None or aircraft.adapter is None:
             return True
         speed_mps = _ground_speed_mps(aircraft)
@@ -204,20 +205,20 @@ def way_back(
     prior: PriorFlightState, aircraft: Aircraft, mode: RejoinMode, min_height_m: float
 ) -> AnyRejoin | None:
     """The way back from an avoidance that begins now; `None` when the aircraft is given back at once."""
-    adapter, mission = aircraft.adapter, aircraft.mission
+    adapter, mission = aircraft.adapter, aircraft.navigation.mission
     if adapter is None:
         return None
     leg = aircraft.leg() if mode != "off" and adapter.is_mission(prior.mode) else None
     if leg is None or mission is None:
         return Rejoin.to(prior, adapter)
-    home_m = aircraft.home_altitude_m()
+    home_m = aircraft.kinematics.home_altitude_m()
     lowest_m = None if home_m is None else home_m + min_height_m
     return LegRejoin(prior, leg if mode == "line" else leg.straight(), mission, lowest_m)
 
 
 def mission_airspeed_mps(prior: PriorFlightState, aircraft: Aircraft) -> float | None:
     """The airspeed of the mission's DO_CHANGE_SPEED that is flown now, if the autopilot will forget it."""
-    adapter, mission = aircraft.adapter, aircraft.mission
+    adapter, mission = aircraft.adapter, aircraft.navigation.mission
     if adapter is None or mission is None or prior.sequence is None:
         return None
     if not (adapter.forgets_mission_speed and adapter.is_mission(prior.mode)):
@@ -232,7 +233,7 @@ def _radius_m(leg: Leg) -> float:
 
 
 def _ground_speed_mps(aircraft: Aircraft) -> float:
-    return math.hypot(*aircraft.velocity_mps()[:2])
+    return math.hypot(*aircraft.kinematics.velocity_mps()[:2])
 
 
 def _distance_m(here: GeoPoint, there: GeoPoint) -> float:

@@ -2,8 +2,7 @@
 
 import math
 
-from companion.control.claims import Claims
-from companion.control.context import ControlContext, Outgoing
+from companion.control.context import Claims, ControlContext, Outgoing
 from companion.control.mode_request import CERTAIN_S, ModeRequest, Progress
 from companion.control.requesting import ModeRequester
 from companion.control.state_machine import OVERLOOKED_WHEN_FOUND, Event, State
@@ -43,8 +42,8 @@ class Release:
         settle_s = 0.0 if data.guided_since_s is not None or not asked else _SETTLE_S
         if data.prior.mode == adapter.guided_mode:
             settle_s = _RETARGET_S
-        found |= aircraft.custom_mode == context.loss_mode
-        start = aircraft.custom_mode if found else adapter.guided_mode
+        found |= aircraft.flight_state.custom_mode == context.loss_mode
+        start = aircraft.flight_state.custom_mode if found else adapter.guided_mode
         data.request = ModeRequest(
             start,
             data.prior.mode,
@@ -65,10 +64,11 @@ class Release:
         """End the release when the heartbeat shows the requested mode; true when it has ended."""
         context, data, request = self._context, self._context.data, self._requester.request
         aircraft = context.aircraft
-        if request.progress(aircraft.custom_mode, aircraft.heartbeat_s) is not Progress.CONFIRMED:
+        progress = request.progress(aircraft.flight_state.custom_mode, aircraft.contact.heartbeat_s)
+        if progress is not Progress.CONFIRMED:
             return False
         ending = context.supervisor.state is State.STOPPING
-        if ending and aircraft.heartbeat_s - aircraft.mode_since_s < CERTAIN_S:
+        if ending and aircraft.contact.heartbeat_s - aircraft.flight_state.mode_since_s < CERTAIN_S:
             return False
         if data.guided_since_s is not None:
             data.forget_request()
@@ -107,10 +107,10 @@ class Release:
         After a jump, another mission or another item that someone selected, the former item is history.
         """
         context, data = self._context, self._context.data
-        wanted, present = data.prior.sequence, context.aircraft.sequence
+        wanted, present = data.prior.sequence, context.aircraft.navigation.sequence
         if wanted is None or present is None or now_s - data.given_back_s > _ITEM_CHECKED_S:
             return []
-        if present >= wanted or context.aircraft.custom_mode != data.prior.mode:
+        if present >= wanted or context.aircraft.flight_state.custom_mode != data.prior.mode:
             return []
         own_restart = present <= _FIRST_ITEM and context.adapter.restarts_mission
         if not own_restart or context.aircraft.navigation.plan_changes != data.plan:
@@ -124,9 +124,9 @@ class Release:
         context, data = self._context, self._context.data
         airspeed_mps, data.mission_airspeed_mps = data.mission_airspeed_mps, None
         late = now_s - data.given_back_s > _ITEM_CHECKED_S
-        if airspeed_mps is None or late or context.aircraft.custom_mode != data.prior.mode:
+        if airspeed_mps is None or late or context.aircraft.flight_state.custom_mode != data.prior.mode:
             return []
-        mission, sequence = context.aircraft.mission, context.aircraft.sequence
+        mission, sequence = context.aircraft.navigation.mission, context.aircraft.navigation.sequence
         if mission is None or sequence is None:
             return []
         if airspeed_mps not in [item.params[1] for item in mission.speed_changes(sequence)]:

@@ -25,7 +25,8 @@ class ModeRequester:
         """The messages of the request, if it is due (see `ModeRequest.due`)."""
         context, data, request = self._context, self._context.data, self.request
         aircraft, adapter = context.aircraft, context.adapter
-        if not aircraft.resynchronized or not request.due(aircraft.custom_mode, aircraft.heartbeat_s, now_s):
+        mode, contact = aircraft.flight_state.custom_mode, aircraft.contact
+        if not contact.resynchronized or not request.due(mode, contact.heartbeat_s, now_s):
             return []
         entering = context.supervisor.state in ENTERING
         if entering:

@@ -1,7 +1,6 @@
 """Taking the aircraft over: the guided mode is requested until the heartbeat shows it."""
 
-from companion.control.claims import Claims
-from companion.control.context import ControlContext, Outgoing
+from companion.control.context import Claims, ControlContext, Outgoing
 from companion.control.mode_request import ModeRequest
 from companion.control.rejoin import mission_airspeed_mps, way_back
 from companion.control.release import Release
@@ -54,7 +53,7 @@ class TakeOver:
         data.guided_since_s = None
         self._claims.begin(data, OVERRIDES)
         data.request = ModeRequest(
-            context.aircraft.custom_mode,
+            context.aircraft.flight_state.custom_mode,
             adapter.guided_mode,
             now_s,
             delay_s=adapter.entry_s,
@@ -67,7 +66,7 @@ class TakeOver:
         """Enter the guided mode again after a gap of ours, with the setpoints that it is entered with."""
         context, data, adapter = self._context, self._context.data, self._context.adapter
         data.request = ModeRequest(
-            context.aircraft.custom_mode,
+            context.aircraft.flight_state.custom_mode,
             adapter.guided_mode,
             now_s,
             delay_s=adapter.entry_s,
@@ -91,7 +90,7 @@ class TakeOver:
         """Request the guided mode until the heartbeat shows it, the conflict ends or the request fails."""
         context, data, request = self._context, self._context.data, self._requester.request
         # After a gap it may have been in the guided mode already, before our setpoints.
-        entered = request.start != request.wanted or context.aircraft.heartbeat_s >= request.asked_s
+        entered = request.start != request.wanted or context.aircraft.contact.heartbeat_s >= request.asked_s
         if context.aircraft.guided and entered:
             return self._note_taken(Event.TAKEN, now_s)
         if context.clear and context.supervisor.handle(Event.CLEAR):
@@ -100,7 +99,7 @@ class TakeOver:
             return self._requester.send(now_s)
         if not request.refusals and now_s - request.sent_s < _ANSWERED_WITHIN_S:
             return []  # the last request may just be obeyed
-        if not request.refusals and context.aircraft.heartbeat_s <= request.sent_s:
+        if not request.refusals and context.aircraft.contact.heartbeat_s <= request.sent_s:
             # No heartbeat since: the aircraft may be in the guided mode by now, flown by no one.
             context.supervisor.handle(Event.UNKNOWN)
             return self._release.begin(now_s)

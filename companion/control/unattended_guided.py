@@ -29,12 +29,12 @@ class UnattendedGuided:
     def note_mode(self, now_s: float) -> None:
         """Follow the modes while the aircraft is not ours: is it in the guided mode by our doing?"""
         aircraft, data = self._context.aircraft, self._context.data
-        if aircraft.custom_mode != data.fallback:
+        if aircraft.flight_state.custom_mode != data.fallback:
             data.fallback = None
         if not aircraft.guided:
-            data.last_unguided_mode = aircraft.custom_mode
+            data.last_unguided_mode = aircraft.flight_state.custom_mode
             if data.left_guided_s is None:
-                data.left_guided_s = aircraft.heartbeat_s
+                data.left_guided_s = aircraft.contact.heartbeat_s
             self._note_fall()
             return
         data.away_s = None
@@ -42,7 +42,7 @@ class UnattendedGuided:
             data.seen_guided = data.guided_since_s is not None
             return
         # The guided mode came back: it is someone's choice, unless it had not been left at all.
-        flickered = aircraft.heartbeat_s - data.left_guided_s <= FLICKER_S
+        flickered = aircraft.contact.heartbeat_s - data.left_guided_s <= FLICKER_S
         moved_m = aircraft.navigation.from_guided_target_m(now_s)
         same_target = moved_m is not None and moved_m <= _SAME_TARGET_M
         if data.guided_since_s is not None and (flickered or same_target):
@@ -54,12 +54,12 @@ class UnattendedGuided:
     def _note_fall(self) -> None:
         """Follow whether the present mode is the one that followed the guided mode by itself."""
         aircraft, data = self._context.aircraft, self._context.data
-        if aircraft.custom_mode != self._context.loss_mode:
+        if aircraft.flight_state.custom_mode != self._context.loss_mode:
             if data.away_s is None:
-                data.away_s = aircraft.heartbeat_s
+                data.away_s = aircraft.contact.heartbeat_s
             return
         chosen = not aircraft.flight_state.failsafe  # the end of our setpoints is reported as one
-        if chosen or (data.away_s is not None and aircraft.heartbeat_s - data.away_s > FLICKER_S):
+        if chosen or (data.away_s is not None and aircraft.contact.heartbeat_s - data.away_s > FLICKER_S):
             data.seen_guided = data.fell_out = False
         data.away_s = None
         data.fell_out |= data.seen_guided
@@ -79,11 +79,11 @@ class UnattendedGuided:
         moved_m, target = navigation.from_guided_target_m(now_s), navigation.reported_target(now_s)
         redirected = self._context.adapter.keeps_guided_target and (moved_m or 0.0) > _OTHER_TARGET_M
         redirected |= target is not None and self._context.adapter.is_foreign_target(target)
-        if not aircraft.armed or data.guided_since_s is None or redirected:
+        if not aircraft.flight_state.armed or data.guided_since_s is None or redirected:
             return False
         if self._context.loss_mode is not None:
             # It leaves the guided mode by itself; while it stays there, someone else sends setpoints.
-            return data.fell_out and aircraft.custom_mode == self._context.loss_mode
+            return data.fell_out and aircraft.flight_state.custom_mode == self._context.loss_mode
         return aircraft.guided
 
     def prior_if_left(self, now_s: float) -> PriorFlightState | None:
@@ -101,16 +101,16 @@ class UnattendedGuided:
         aircraft = context.aircraft
         if data.left_behind is not None:
             return self._left_behind(data.left_behind, now_s)
-        if aircraft.guided and aircraft.armed and now_s - data.requested_s < _LATE_S:
+        if aircraft.guided and aircraft.flight_state.armed and now_s - data.requested_s < _LATE_S:
             return Event.LATE, PriorFlightState(data.last_unguided_mode)
         if not self.is_left(now_s):
             since_s = data.left_guided_s if data.away_s is None else data.away_s
-            if since_s is None or aircraft.heartbeat_s - since_s > FLICKER_S:
+            if since_s is None or aircraft.contact.heartbeat_s - since_s > FLICKER_S:
                 data.unattended_since_s = None
             return None
         # While the pilot flies with the sticks, the aircraft lands, or nothing is heard, it is not abandoned.
         attended = (
-            not aircraft.in_contact(now_s)
+            not aircraft.contact.in_contact(now_s)
             or aircraft.sticks.in_use(now_s)
             or aircraft.flight_state.landing
             or aircraft.identity.is_ambiguous(now_s)
@@ -132,13 +132,14 @@ class UnattendedGuided:
         if not left.is_fresh(now_s) or left.before is None:
             data.left_behind = None
             return None
-        if adapter is None or not aircraft.heard(now_s):
+        if adapter is None or not aircraft.contact.heard(now_s):
             return None
         if data.left_behind_since_s is None:
             data.left_behind_since_s = now_s
         if now_s - data.left_behind_since_s < _FOUND_AFTER_S:
             return None
         data.left_behind = None
-        if not aircraft.armed or aircraft.custom_mode not in (adapter.guided_mode, left.left_behind):
+        state = aircraft.flight_state
+        if not state.armed or state.custom_mode not in (adapter.guided_mode, left.left_behind):
             return None
         return Event.INVALID_OUTSIDE if adapter.setpoint_invalid(now_s) else Event.FOUND, left.before

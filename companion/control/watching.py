@@ -32,7 +32,7 @@ class Watching:
     def step(self, now_s: float) -> Outgoing:
         """Give back what was left by us; take the aircraft over when it is ready and there is a conflict."""
         context, data, supervisor = self._context, self._context.data, self._context.supervisor
-        if not context.aircraft.resynchronized:
+        if not context.aircraft.contact.resynchronized:
             advice = [] if context.clear else [ConflictNotice(flying=False)]
             return [*self._invalid_notices(now_s), *advice]
         if context.aircraft.adapter is not None and self._unattended.nothing_is_left(now_s):
@@ -57,12 +57,12 @@ class Watching:
         if supervisor.state in (State.HANDS_OFF, State.SUPPRESSED) and not self._has_settled(now_s):
             return outgoing
         supervisor.handle(Event.READY)
-        if now_s - context.aircraft.heartbeat_s > EVIDENCE_S:
+        if now_s - context.aircraft.contact.heartbeat_s > EVIDENCE_S:
             return outgoing
         outgoing += self._release.restore_speed(now_s)
         outgoing += self._release.restore_item(now_s)
         # A single heartbeat with another mode may be wrong.
-        certain = now_s - context.aircraft.mode_since_s >= FLICKER_S
+        certain = now_s - context.aircraft.flight_state.mode_since_s >= FLICKER_S
         # The advice may last longer than its threats, while they fly away: that is nothing to take over for.
         in_conflict = not context.clear and bool(context.decision.threats)
         return [*outgoing, *self._take_over.begin(now_s)] if in_conflict and certain else outgoing
@@ -77,7 +77,7 @@ class Watching:
     def _note_choices(self) -> None:
         """Note a mode that someone else has chosen: our commands and the mission item are then dropped."""
         aircraft, data = self._context.aircraft, self._context.data
-        in_prior_mode = aircraft.custom_mode == data.prior.mode
+        in_prior_mode = aircraft.flight_state.custom_mode == data.prior.mode
         if not aircraft.guided:
             data.left_in_prior_mode &= in_prior_mode
         if aircraft.adapter is not None and not in_prior_mode:
@@ -89,7 +89,8 @@ class Watching:
         aircraft, data = self._context.aircraft, self._context.data
         if aircraft.adapter is None or not data.left_in_prior_mode or self._context.role is not Role.FLY:
             return False
-        return aircraft.custom_mode == data.prior.mode and aircraft.adapter.setpoint_invalid(now_s)
+        in_prior_mode = aircraft.flight_state.custom_mode == data.prior.mode
+        return in_prior_mode and aircraft.adapter.setpoint_invalid(now_s)
 
     def _invalid_notices(self, now_s: float) -> Outgoing:
         """Warns the pilot that the controller has no valid setpoint: only the sticks fly the aircraft."""

@@ -17,7 +17,7 @@ from companion.model import Decision, Goal, Layer, Ownship, Role, Track
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 from companion.ownship.legs import Leg
-from companion.traffic import TrafficPicture
+from companion.traffic import Tracker
 from companion.traffic.members import fact_of
 
 # The error of a flat frame grows with the distance from its origin; within this it is negligible.
@@ -50,7 +50,7 @@ class Deciding:
         self,
         aircraft: Aircraft,
         queries: AutopilotQueries,
-        picture: TrafficPicture,
+        tracker: Tracker,
         obstacles: ObstacleMap | None,
         config: EngineConfig,
         handover: Handover,
@@ -66,7 +66,8 @@ class Deciding:
         self.tracks: tuple[Track, ...] = ()
         self._aircraft = aircraft
         self._queries = queries
-        self._picture = picture
+        self._tracker = tracker
+        self._threats: list[str] | None = None  # of the decision of this tick, until the tracker knows them
         self._obstacles = obstacles
         self._handover = handover
         self._readiness = readiness
@@ -85,30 +86,42 @@ class Deciding:
         if self._conflict_over:
             self._conflict_over = False
             self.avoider.reset()
-        if aircraft.position_lost(now_s):
+        if aircraft.kinematics.position_lost(now_s):
             self.own, self.tracks = None, ()
             self._do_without("no position")
             return
-        if now_s - aircraft.position_s > self.config.engine.position_stale_s:
+        if now_s - aircraft.kinematics.position_s > self.config.engine.position_stale_s:
             return
         self.frame = self._frame_here()
         if self.frame is None:
             return
-        self.own = aircraft.ownship(self.frame)
-        self.tracks = self._picture.tracks(now_s, self.frame)
+        self.own = aircraft.kinematics.ownship(self.frame)
+        self.tracks = self._tracker.tracks(now_s, self.frame)
         if self._obstacles is not None:
-            self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.home_altitude_m())
+            self.tracks += self._obstacles.tracks(now_s, self.frame, aircraft.kinematics.home_altitude_m())
         self.goal = self._goal_now(self.frame, now_s)
         if self.own is None or role is Role.OFF or not self._may_decide():
             self._do_without("off" if role is Role.OFF else "not flying")
-            self._picture.note_threats([], now_s)
+            self._threats = []
             return
         self._apply_limits(self.frame, now_s)
         if self.config.avoidance.formation.members and aircraft.sender is not None:
             self.avoider.join(str(aircraft.sender.system_id), answers=self._may_answer(role, now_s))
-        self.avoider.senses.own_icao = self._picture.tracker.own_icao
+        self.avoider.senses.own_icao = self._tracker.own_icao
         self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
-        self._picture.note_threats([threat.track_id for threat in self.decision.threats], now_s)
+        self._threats = [threat.track_id for threat in self.decision.threats]
+
+    def note_threats(self, now_s: float) -> None:
+        """Let the tracker keep the threats of this tick's decision, if there was one."""
+        if self._threats is not None:
+            self._tracker.note_threats(self._threats, now_s)
+            self._threats = None
+
+    def unheard(self, now_s: float) -> str | None:
+        """In words, that the last threat is not heard any more; `None` while it is."""
+        self.note_threats(now_s)
+        unheard = self._tracker.unheard(now_s)
+        return None if unheard is None else f"{unheard[0]} not heard for {unheard[1]:.0f} s"
 
     def _may_answer(self, role: Role, now_s: float) -> bool:
         """Whether an answer of ours would be flown: the aircraft is ours, or would be taken over."""
@@ -167,7 +180,7 @@ class Deciding:
 
     def _frame_here(self) -> LocalFrame | None:
         """The local frame, which follows the aircraft; the goal is converted to a new frame."""
-        place = self._aircraft.place()
+        place = self._aircraft.kinematics.place()
         frame = self.frame
         if place is None:
             return frame
@@ -184,7 +197,7 @@ class Deciding:
         aircraft, adapter = self._aircraft, self._aircraft.adapter
         self.avoider.prefers_turns = adapter is not None and adapter.invalid_after_climbs
         self.avoider.withhold(_lost_controls(aircraft))
-        home_m = aircraft.home_altitude_m()
+        home_m = aircraft.kinematics.home_altitude_m()
         if home_m is None:
             return
         queries, ground_m = self._queries, aircraft.terrain.altitude_m(now_s)
@@ -209,7 +222,7 @@ class Deciding:
 def _lost_controls(aircraft: Aircraft) -> frozenset[Control]:
     """The controls that cannot be flown: those that the autopilot refuses, and speed without airspeed."""
     lost = frozenset() if aircraft.adapter is None else aircraft.adapter.lost_controls
-    return lost if aircraft.airspeed_measured else lost | {Control.SPEED}
+    return lost if aircraft.kinematics.airspeed_measured else lost | {Control.SPEED}
 
 
 def _checked(decision: Decision) -> Decision:

@@ -12,7 +12,6 @@ from functools import cache
 from companion.airspace.obstacles import ObstacleMap
 from companion.autopilots import NAMES
 from companion.avoidance import Avoider
-from companion.avoidance.group.formation import FormationParams
 from companion.control.emergency import EmergencyRelease
 from companion.control.handover import Handover, Orders
 from companion.control.readiness import Readiness
@@ -56,13 +55,11 @@ from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import RELEVANT_FACTS, AutopilotQueries
 from companion.ownship.message_rates import MessageRates
 from companion.traffic import Concern, Tracker, TrafficPicture, Urgency
-from companion.traffic.members import MemberParams
 
 _OPERATOR_FACTS = (CommandRequest, ParameterRequest, ParameterSet)
 _ADAPTER_FACTS = (Parameter, AttitudeTarget, AutopilotVersion, AvailableMode, NavigationTarget)
 _NOTICES = (Notice, ConflictNotice, ResumeNotice)
-_KEEP_INTERVAL_S = 1.0
-_MOST_COUNTED, _MOST_SOURCES = 4096, 64  # tracks, and senders of traffic
+_MOST_SOURCES = 64  # senders of traffic
 
 
 class Engine:
@@ -92,7 +89,8 @@ class Engine:
         # The autopilot's answers to our requests; `companion check --link` shows them.
         self.queries = AutopilotQueries(config.avoidance.envelope, config.aircraft, config.fences)
         self._rates = MessageRates()
-        self._picture = TrafficPicture(config.traffic, _members(config.avoidance.formation))
+        self._picture = TrafficPicture(config.traffic, config.members)
+        self.tracker: Tracker = self._picture.tracker  # the traffic that is known
         self.operator = GcsRequests(
             self._settings,
             lambda: self.sender,
@@ -109,23 +107,25 @@ class Engine:
             other_avoider=self._notices.other_avoider,
         )
         self._handover = Handover(self.aircraft, config.supervisor, self._readiness, config.control)
+        self.supervisor: Supervisor = self._handover.supervisor  # the state machine: who has the aircraft
         self._commanding = self._handover.commanding
+        self.avoider = avoider or Avoider(config.avoidance)  # with the limits and volumes in effect
         self._deciding = Deciding(
             self.aircraft,
             self.queries,
-            self._picture,
+            self.tracker,
             ObstacleMap(config.known_obstacles, config.obstacles) if config.known_obstacles else None,
             config,
             self._handover,
             self._readiness,
-            avoider or Avoider(config.avoidance),
+            self.avoider,
         )
         self._end = Housekeeping(
             Rooms(
                 self.aircraft,
                 self.queries,
                 self._rates,
-                self._picture,
+                self.tracker,
                 self.operator,
                 self._notices,
                 self._readiness,
@@ -139,7 +139,8 @@ class Engine:
         self._resume = False  # the operator requested to resume the mission since the last tick
         self._answers: list[Message] = []
         self.shell_conditions: tuple[Condition, ...] = ()  # of the shell around the engine, such as its files
-        self._sources: Counter[tuple[TrafficSource, Sender]] = Counter()
+        # The number of traffic reports by MAVLink, by kind and sender.
+        self.mavlink_sources: Counter[tuple[TrafficSource, Sender]] = Counter()
         self.ticks = 0
         self.foreign = 0  # facts from other systems
 
@@ -153,21 +154,6 @@ class Engine:
             own = self.aircraft.sender
             system_id = 1 if own is None else own.system_id
         return _address(system_id, self._applied.engine.component_id)
-
-    @property
-    def tracker(self) -> Tracker:
-        """The traffic that is known."""
-        return self._picture.tracker
-
-    @property
-    def supervisor(self) -> Supervisor:
-        """The state machine: who has the aircraft."""
-        return self._handover.supervisor
-
-    @property
-    def avoider(self) -> Avoider:
-        """The avoidance, with the limits and volumes in effect."""
-        return self._deciding.avoider
 
     @property
     def frame(self) -> LocalFrame | None:
@@ -188,11 +174,6 @@ class Engine:
     def rates_hz(self) -> dict[int, float]:
         """The measured rate of each message, by its id."""
         return self._rates.measured_hz
-
-    @property
-    def mavlink_sources(self) -> Mapping[tuple[TrafficSource, Sender], int]:
-        """The number of traffic reports by MAVLink, by kind and sender."""
-        return self._sources
 
     @property
     def decision(self) -> Decision:
@@ -228,7 +209,7 @@ class Engine:
             time_s=now_s,
             state=str(self.supervisor.state),
             mode=self.aircraft.mode,
-            armed=self.aircraft.armed,
+            armed=self.aircraft.flight_state.armed,
             ownship=deciding.own,
             tracks=deciding.tracks,
             decision=deciding.decision,
@@ -310,8 +291,8 @@ class Engine:
 
     def _receive_telemetry(self, fact: Fact, now_s: float, at_s: float) -> bool:
         """Take in what a vehicle or a component reports about itself; it was true at `at_s`."""
-        mode_before = self.aircraft.custom_mode
-        back = not self.aircraft.heard(at_s)
+        mode_before = self.aircraft.flight_state.custom_mode
+        back = not self.aircraft.contact.heard(at_s)
         if type(fact) in RELEVANT_FACTS and self.aircraft.adapter is not None:
             self.queries.observe(fact, self.aircraft.adapter, self.sender, now_s)
         if not self.aircraft.observe(fact, at_s):
@@ -328,7 +309,7 @@ class Engine:
                     self._ask_again()
                 if self.aircraft.adapter is not None:
                     self.aircraft.adapter.observe(fact, at_s)
-                return self.aircraft.custom_mode != mode_before
+                return self.aircraft.flight_state.custom_mode != mode_before
             case OwnPosition():
                 if self.aircraft.contact.restarted(fact.boot_time_s):
                     self._ask_again()
@@ -348,7 +329,10 @@ class Engine:
         if (forwarding.sent or forwarding.systems_s) and forwarding.is_echo(fact, now_s):
             return False
         self._count_source(fact)
-        track_id = self._picture.receive(fact, now_s)
+        if isinstance(fact, Traffic):
+            track_id = self.tracker.receive(fact.report, now_s, fact.sender)
+        else:
+            track_id = self._picture.receive(fact, now_s)
         if forwarding.to is not None:
             forwarding.received.append(Received(fact, track_id, self.aircraft.sender, now_s))
         if track_id is None:
@@ -364,8 +348,8 @@ class Engine:
             return
         source = fact.report.source if isinstance(fact, Traffic) else TrafficSource.SYSTEM
         key = source, fact.sender
-        if key in self._sources or len(self._sources) < _MOST_SOURCES:
-            self._sources[key] += 1
+        if key in self.mavlink_sources or len(self.mavlink_sources) < _MOST_SOURCES:
+            self.mavlink_sources[key] += 1
 
     def _is_of_another_system(self, fact: Fact) -> bool:
         """Whether another system than ours sent it; false until our autopilot is known."""
@@ -394,8 +378,8 @@ class Engine:
         orders, self._resume = Orders(self.operator.role, self._resume), False
         if overridden is None:
             self._deciding.update(orders.role, now_s)
-            unheard = self._picture.unheard(now_s)
-            effects += self._emit(self._handover.step(self.decision, orders, now_s, unheard), now_s)
+            outgoing = self._handover.step(self.decision, orders, now_s, self._deciding.unheard)
+            effects += self._emit(outgoing, now_s)
         if was_flying and not self.supervisor.flying and not self._handover.suppresses:
             # A suppressed conflict goes on as the same one.
             self._deciding.forget_conflict()
@@ -457,14 +441,7 @@ class Engine:
     @property
     def _situation(self) -> TrafficSituation:
         deciding = self._deciding
-        return TrafficSituation(deciding.decision, deciding.own, self.aircraft.home_altitude_m())
-
-
-def _members(formation: FormationParams) -> MemberParams:
-    """The formation as the picture of the traffic knows it."""
-    return MemberParams(
-        formation.members, formation.silent_s, formation.smallest_m, formation.smallest_vertical_m
-    )
+        return TrafficSituation(deciding.decision, deciding.own, self.aircraft.kinematics.home_altitude_m())
 
 
 @cache

@@ -25,7 +25,7 @@ from companion.output.persisted_state import PersistedState
 from companion.ownship.aircraft import Aircraft
 from companion.ownship.autopilot_queries import AutopilotQueries
 from companion.ownship.message_rates import MessageRates
-from companion.traffic import Concern, TrafficPicture
+from companion.traffic import Concern, Tracker
 
 _KEEP_INTERVAL_S = 1.0
 _MOST_COUNTED = 4096  # tracks
@@ -39,7 +39,7 @@ class Rooms(NamedTuple):
     aircraft: Aircraft
     queries: AutopilotQueries
     rates: MessageRates
-    picture: TrafficPicture
+    tracker: Tracker
     operator: GcsRequests
     notices: OperatorNotices
     readiness: Readiness
@@ -68,6 +68,7 @@ class Housekeeping:
     ) -> Outgoing:
         """Notices, requests, rates, `answers`, COLLISION, our own heartbeat, in the order of sending."""
         rooms, adapter = self._rooms, self._rooms.aircraft.adapter
+        rooms.deciding.note_threats(now_s)
         outgoing: Outgoing = [*rooms.notices.tick()]
         outgoing += self.conditions.tick(self._present_conditions(shell_conditions, now_s), now_s)
         if adapter is not None:
@@ -77,13 +78,13 @@ class Housekeeping:
         outgoing += self._broadcasts.collisions(rooms.deciding.decision, now_s, flying=supervisor.flying)
         if adapter is not None:
             if supervisor.holds:
-                outgoing += rooms.rates.heartbeat(adapter, rooms.aircraft.heartbeat_s, now_s)
+                outgoing += rooms.rates.heartbeat(adapter, rooms.aircraft.contact.heartbeat_s, now_s)
             # An autopilot that leaves the guided mode without our setpoints: do they arrive?
             often = supervisor.holds and adapter.leaves_guided_by_itself
             outgoing += self._broadcasts.time_sync(self._us().component_id, now_s, often=often)
         announce = partial(rooms.deciding.announcement, self._us(), now_s)
         outgoing += self._broadcasts.intent(announce, now_s)
-        healthy = rooms.aircraft.heard(now_s) and not rooms.aircraft.position_lost(now_s)
+        healthy = rooms.aircraft.contact.heard(now_s) and not rooms.aircraft.kinematics.position_lost(now_s)
         outgoing += self._broadcasts.heartbeat(rooms.operator.role, now_s, healthy=healthy)
         return outgoing
 
@@ -98,7 +99,7 @@ class Housekeeping:
         commanding = rooms.handover.commanding
         if (commanding.may_fly or not rooms.handover.supervisor.flying) and commanding.in_contact(now_s):
             outgoing += adapter.tick(now_s)
-        if rooms.aircraft.heard(now_s):
+        if rooms.aircraft.contact.heard(now_s):
             outgoing += rooms.rates.tick(adapter, now_s)
             requests, notices = rooms.queries.tick(adapter, now_s)
             outgoing += [*requests, *notices]
@@ -112,7 +113,7 @@ class Housekeeping:
         threatened = bool(rooms.deciding.decision.threats)
         alarms = rooms.handover.conditions(now_s)
         own = rooms.notices.conditions(rooms.readiness, now_s, threatened=threatened)
-        self.concerns = rooms.picture.concerns(now_s)
+        self.concerns = rooms.tracker.concerns(now_s)
         traffic = traffic_conditions(self.concerns, rooms.deciding.own)
         return [*alarms, *own, *traffic, *rooms.queries.conditions(), *of_shell]
 
@@ -125,7 +126,7 @@ class Housekeeping:
         rooms, deciding = self._rooms, self._rooms.deciding
         place = rooms.forwarding.to
         rooms.forwarding.note_received()
-        if place is None or not rooms.aircraft.heard(now_s):
+        if place is None or not rooms.aircraft.contact.heard(now_s):
             return []
         sender = Sender(self._us().system_id, mavlink.MAV_COMP_ID_ADSB)
         messages = rooms.forwarding.messages(deciding.tracks, deciding.own, deciding.frame, now_s)
@@ -153,7 +154,7 @@ class Housekeeping:
             supervisor.flying,
             aircraft.mode,
             deciding.frame,
-            aircraft.home_altitude_m(),
+            aircraft.kinematics.home_altitude_m(),
             [concern_values(concern) for concern in self.concerns],
             self._counted_reports(),
         )

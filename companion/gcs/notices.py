@@ -82,7 +82,7 @@ class OperatorNotices:
                 "other avoider",
                 f"autopilot avoids too ({other}){consequence}",
                 "autopilot does not avoid any more",
-                matters=self._aircraft.armed or threatened,
+                matters=self._aircraft.flight_state.armed or threatened,
             )
 
     def _lost_controls(self) -> Iterator[Condition]:
@@ -103,7 +103,7 @@ class OperatorNotices:
             if others := aircraft.identity.others(now_s):
                 text = f"another autopilot, system {min(others)}"
                 yield _condition(text, text, matters=False)
-            elif not aircraft.fixed_wing:
+            elif not aircraft.flight_state.flies_as_wing(aircraft.identity.vehicle_type):
                 yield _condition("type", "not a fixed wing, advising only", matters=False)
             return
         if len(aircraft.identity.others(now_s)) > 1:
@@ -138,7 +138,7 @@ class OperatorNotices:
     def _is_to_fly(self) -> bool:
         """Whether the aircraft is in the air and in a mode to take over from, and our role is to fly it."""
         aircraft = self._aircraft
-        in_the_air = aircraft.armed and aircraft.flight_state.may_be_in_the_air
+        in_the_air = aircraft.flight_state.armed and aircraft.flight_state.may_be_in_the_air
         if self._operator.role is not Role.FLY or not in_the_air or aircraft.taking_off_or_landing():
             return False
         return aircraft.mode in self._settings.supervisor.take_over_from

@@ -20,6 +20,14 @@ _LIST_INTERVAL_S = 0.1
 _RESULTS_KNOWN = 64
 
 
+def role_request(us: Sender, role: Role) -> Message:
+    """MAV_CMD_DO_SET_MODE with our role, as a ground station sends it to us."""
+    custom_mode = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    return mavlink.MAVLink_command_long_message(
+        us.system_id, us.component_id, mavlink.MAV_CMD_DO_SET_MODE, 0, custom_mode, role, *[0.0] * 5
+    )
+
+
 class GcsRequests:
     """Holds the role and answers requests; `address` returns our own address.
 

@@ -3,7 +3,6 @@
 import math
 
 from companion.autopilots import Adapter
-from companion.autopilots.adapter import GuidanceCommand
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import (
     AirData,
@@ -24,7 +23,7 @@ from companion.mavlink.facts import (
     TerrainReport,
     Wind,
 )
-from companion.model import Goal, Guidance, Ownship, PriorFlightState, Vec3
+from companion.model import Goal, PriorFlightState
 from companion.ownship.autopilot_state import Contact, FlightState, Identity, Sticks
 from companion.ownship.kinematics import Kinematics, Terrain
 from companion.ownship.legs import Leg
@@ -61,6 +60,8 @@ class Aircraft:
         stick_us: float = 0.0,
     ) -> None:
         self.identity = Identity(system_id, autopilot, adopt_after_s)
+        self.adapter: Adapter | None = None  # of our autopilot, once it is adopted
+        self.sender: Sender | None = None  # its address
         self.contact = Contact()
         self.flight_state = FlightState()
         self.kinematics = Kinematics()
@@ -102,11 +103,12 @@ class Aircraft:
             case FenceStatus():
                 self.flight_state.observe_fence(fact, now_s)
             case TerrainReport():
-                self.terrain.observe(fact, self.place(), now_s)
+                self.terrain.observe(fact, self.kinematics.place(), now_s)
             case MissionProgress():
                 guided = self.ours and self.guided
                 self.navigation.observe_progress(fact, now_s, guided=guided, flown=self._in_mission)
-            case NavigationTarget() if now_s >= self.mode_since_s:  # older ones belong to another mode
+            # Older ones belong to another mode.
+            case NavigationTarget() if now_s >= self.flight_state.mode_since_s:
                 self.navigation.observe_target(fact, now_s, ours=self.ours, guided=self.guided)
             case AutopilotVersion():
                 self.identity.version = fact.version
@@ -122,7 +124,7 @@ class Aircraft:
 
     def _is_here(self, fact: OwnPosition, now_s: float) -> bool:
         """Whether the position is that of our aircraft."""
-        if now_s < self.position_s:
+        if now_s < self.kinematics.position_s:
             return False  # overtaken by a newer one
         place = self._gate.judge(fact, now_s)
         if place is Place.TWO_PLACES:
@@ -134,8 +136,9 @@ class Aircraft:
     def _observe_heartbeat(self, fact: Heartbeat, now_s: float) -> bool:
         if not self.identity.is_ours(fact, now_s):
             return False
+        self.adapter, self.sender = self.identity.adapter, self.identity.sender
         self.contact.observe(now_s)
-        if fact.custom_mode != self.custom_mode:
+        if fact.custom_mode != self.flight_state.custom_mode:
             self.unseen_before_mode_s = now_s - self.contact.heartbeat_s
         self.contact.heartbeat_s = max(now_s, self.contact.heartbeat_s)
         self.flight_state.observe_heartbeat(fact, now_s)
@@ -149,16 +152,16 @@ class Aircraft:
     @property
     def mode(self) -> str | None:
         """The mode's name."""
-        return None if self.adapter is None else self.adapter.mode_name(self.custom_mode)
+        return None if self.adapter is None else self.adapter.mode_name(self.flight_state.custom_mode)
 
     @property
     def guided(self) -> bool:
         """Whether the autopilot is in the mode in which our setpoints are obeyed."""
-        return self.adapter is not None and self.adapter.is_guided(self.custom_mode)
+        return self.adapter is not None and self.adapter.is_guided(self.flight_state.custom_mode)
 
     @property
     def _in_mission(self) -> bool:
-        return self.adapter is not None and self.adapter.is_mission(self.custom_mode)
+        return self.adapter is not None and self.adapter.is_mission(self.flight_state.custom_mode)
 
     def enter_mode(self, custom_mode: int, now_s: float) -> None:
         """Store the mode, as a heartbeat or an accepted request shows it."""
@@ -169,7 +172,7 @@ class Aircraft:
         was_in_mission, self.flight_state.custom_mode = self._in_mission, custom_mode
         self.navigation.legs.first = int(self.adapter is not None and self.adapter.home_is_item_0)
         if self._in_mission and not was_in_mission and self._mode_heard:
-            self.navigation.legs.entered(self.place())
+            self.navigation.legs.entered(self.kinematics.place())
         self._mode_heard = True
 
     def left_guided_by_itself(self, now_s: float) -> bool:
@@ -179,27 +182,28 @@ class Aircraft:
         end of the setpoints as a failsafe until a mode is chosen, also when it is the same one.
         """
         adapter = self.adapter
-        if adapter is None or self.guided or self.custom_mode != adapter.setpoint_loss_mode():
+        if adapter is None or self.guided or self.flight_state.custom_mode != adapter.setpoint_loss_mode():
             return False
         if not self.flight_state.failsafe:
             return False
-        seen_now = now_s - self.mode_since_s <= _JUDGED_WITHIN_S
-        without = self.mode_since_s - adapter.last_setpoint_s >= _SETPOINTS_LOST_S
+        seen_now = now_s - self.flight_state.mode_since_s <= _JUDGED_WITHIN_S
+        without = self.flight_state.mode_since_s - adapter.last_setpoint_s >= _SETPOINTS_LOST_S
         return (seen_now and without) or self.contact.uplink_interrupted(now_s)
 
     def flying(self, min_height_m: float) -> bool:
         """Whether it is armed, at least this high above home, and neither taking off nor landing."""
-        if not self.armed or self.position is None:
+        position = self.kinematics.position
+        if not self.flight_state.armed or position is None:
             return False
         if not self.flight_state.may_be_in_the_air or self.taking_off_or_landing():
             return False
-        return self.position.height_above_home_m >= min_height_m
+        return position.height_above_home_m >= min_height_m
 
     def in_the_air(self, min_height_m: float) -> bool:
         """Whether it is `flying`, or reports that it is in the air, however low above home."""
         if self.flying(min_height_m):
             return True
-        return self.armed and self.flight_state.in_the_air and not self.taking_off_or_landing()
+        return self.flight_state.armed and self.flight_state.in_the_air and not self.taking_off_or_landing()
 
     def landed_state_known(self, now_s: float) -> bool:
         """Whether the landed state is known, or has been awaited long enough."""
@@ -213,10 +217,9 @@ class Aircraft:
     def prior_flight_state(self, now_s: float) -> PriorFlightState:
         """The present flight state, to return to later."""
         own = self.kinematics
-        target, course_rad = self.target(now_s), own.course_rad()
-        return PriorFlightState(
-            self.custom_mode, self.sequence, target, course_rad, own.altitude_m(), own.airspeed_mps()
-        )
+        target, course_rad = self.navigation.target(now_s), own.course_rad()
+        mode, sequence = self.flight_state.custom_mode, self.navigation.sequence
+        return PriorFlightState(mode, sequence, target, course_rad, own.altitude_m(), own.airspeed_mps())
 
     def mission_destination(self, before: PriorFlightState) -> GeoPoint | None:
         """The place that the mission flown before leads to; `None` when there was none or it is unknown."""
@@ -232,115 +235,7 @@ class Aircraft:
         """The goal of the mission (see `Navigation.goal`)."""
         return self.navigation.goal(frame, now_s, in_mission=self._in_mission)
 
-    # --- identity
-
-    @property
-    def adapter(self) -> Adapter | None:
-        """The adapter of our autopilot, once it is adopted."""
-        return self.identity.adapter
-
-    @property
-    def sender(self) -> Sender | None:
-        """The address of our autopilot."""
-        return self.identity.sender
-
-    @property
-    def fixed_wing(self) -> bool:
-        """Whether the aircraft flies as an aeroplane: a VTOL only in wing flight."""
-        return self.flight_state.flies_as_wing(self.identity.vehicle_type)
-
-    # --- contact
-
-    @property
-    def heartbeat_s(self) -> float:
-        """Time of the newest heartbeat."""
-        return self.contact.heartbeat_s
-
-    def heard(self, now_s: float) -> bool:
-        """Whether heartbeats arrive."""
-        return self.contact.heard(now_s)
-
-    @property
-    def resynchronized(self) -> bool:
-        """Whether a heartbeat from after the last gap of ours was received."""
-        return self.contact.resynchronized
-
-    def in_contact(self, now_s: float) -> bool:
-        """Whether messages arrive right now, with a heartbeat since the last silence."""
-        return self.contact.in_contact(now_s)
-
-    # --- flight state
-
-    @property
-    def armed(self) -> bool:
-        """Whether the motors are armed."""
-        return self.flight_state.armed
-
-    @property
-    def custom_mode(self) -> int:
-        """The mode, as a number of this autopilot."""
-        return self.flight_state.custom_mode
-
-    @property
-    def mode_since_s(self) -> float:
-        """Since when heartbeats have shown this mode."""
-        return self.flight_state.mode_since_s
-
-    # --- kinematics
-
-    @property
-    def position(self) -> OwnPosition | None:
-        """The newest position."""
-        return self.kinematics.position
-
-    @property
-    def position_s(self) -> float:
-        """Time at which the newest position was received."""
-        return self.kinematics.position_s
-
-    def position_lost(self, now_s: float) -> bool:
-        """Whether the position is too old for any use."""
-        return self.kinematics.position_lost(now_s)
-
-    def place(self) -> GeoPoint | None:
-        """The position, with height above mean sea level."""
-        return self.kinematics.place()
-
-    def home_altitude_m(self) -> float | None:
-        """Height of home above mean sea level."""
-        return self.kinematics.home_altitude_m()
-
-    def velocity_mps(self) -> Vec3:
-        """Velocity over ground, north-east-down; 0 without a position."""
-        return self.kinematics.velocity_mps()
-
-    def airspeed_mps(self) -> float:
-        """Airspeed, measured or from the best substitute (see `Kinematics.airspeed_mps`)."""
-        return self.kinematics.airspeed_mps()
-
-    @property
-    def airspeed_measured(self) -> bool:
-        """Whether the airspeed is measured by a sensor."""
-        return self.kinematics.measured_airspeed_mps() is not None
-
-    def ownship(self, frame: LocalFrame) -> Ownship | None:
-        """Ownship in the local frame, valid at the time when the position was received."""
-        return self.kinematics.ownship(frame)
-
-    def present_guidance(self) -> Guidance:
-        """The present course, airspeed and height."""
-        return self.kinematics.guidance()
-
-    def guidance_command(self, guidance: Guidance, *, max_bank_rad: float) -> GuidanceCommand | None:
-        """The guidance with what a setpoint needs besides; `None` without a position."""
-        return self.kinematics.command(guidance, max_bank_rad)
-
-    # --- navigation
-
-    @property
-    def mission(self) -> Mission | None:
-        """The mission, while it is known."""
-        return self.navigation.mission
+    # --- the mission
 
     def note_mission(self, mission: Mission | None, now_s: float, *, arrives: bool) -> None:
         """Store the mission as it is known at `now_s`; `None`: it is not. `arrives`: it is being read."""
@@ -353,27 +248,18 @@ class Aircraft:
         if before is not None:
             self.navigation.plan_changes += 1
         self.navigation.mission = mission
-        self.navigation.legs.learn(mission, self.place(), flown=self._in_mission)
+        self.navigation.legs.learn(mission, self.kinematics.place(), flown=self._in_mission)
 
     def mission_awaited(self, now_s: float) -> bool:
         """Whether a mission is flown that is not known yet, and may be soon."""
         awaited_s = now_s - max(self.identity.adopted_s, self._mission_known_s)
         longest_s = _MISSION_READ_S if self._mission_arrives else _MISSION_AWAITED_S
-        return self._in_mission and self.mission is None and awaited_s < longest_s
+        return self._in_mission and self.navigation.mission is None and awaited_s < longest_s
 
     def may_be_landing(self) -> bool:
         """Whether a mission is flown that is not known, so low and in such a descent that it may land."""
-        position = self.position
-        if position is None or not self._in_mission or self.mission is not None:
+        position = self.kinematics.position
+        if position is None or not self._in_mission or self.navigation.mission is not None:
             return False
         descends = position.velocity_mps[2] > _DESCENT_MPS
         return descends and position.height_above_home_m < _MAY_LAND_BELOW_M
-
-    @property
-    def sequence(self) -> int | None:
-        """The number of the mission item that is flown."""
-        return self.navigation.sequence
-
-    def target(self, now_s: float) -> GeoPoint | None:
-        """The place that the autopilot itself flies to or circles; `None` when it is unknown or old."""
-        return self.navigation.target(now_s)

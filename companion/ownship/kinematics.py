@@ -225,6 +225,11 @@ class Kinematics:
         north_mps, east_mps, _ = self.velocity_mps()
         return math.atan2(east_mps, north_mps)
 
+    @property
+    def airspeed_measured(self) -> bool:
+        """Whether the airspeed is measured by a sensor."""
+        return self.measured_airspeed_mps() is not None
+
     def measured_airspeed_mps(self) -> float | None:
         """Airspeed as a sensor measures it; `None` without one: then no speed may be commanded."""
         return None if self.airspeed.sensor_awaited(self.position_s) else self._reported_airspeed_mps()

@@ -8,7 +8,7 @@ the items, where the aircraft belongs.
 import math
 from dataclasses import dataclass, replace
 
-from companion.avoidance.mission_path import BesideLeg, beside_leg
+from companion.avoidance.leg import BesideLeg, beside_leg
 from companion.geodesy import GeoPoint, LocalFrame
 from companion.mavlink.facts import MissionItem
 from companion.model import Goal

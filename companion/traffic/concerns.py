@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 from companion.geodesy import LocalFrame
 from companion.model import LatLon
 from companion.traffic.contact import Contact
-from companion.traffic.own_trail import OwnTrail
-from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
+from companion.traffic.own_aircraft import OwnIdentity, OwnTrail
+from companion.traffic.ownship_echo import OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import TargetStore
 from companion.traffic.target import Target

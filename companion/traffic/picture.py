@@ -1,8 +1,11 @@
-"""The picture of the traffic around us: facts from every source in, tracks in the local frame out."""
+"""The picture of the traffic around us: a tracker, and the facts that it needs besides reports of traffic.
+
+A traffic report goes to the tracker at once. Here are the facts of our own aircraft, which make altitudes
+comparable, and those of other MAVLink systems, which become reports.
+"""
 
 import math
 
-from companion.geodesy import LocalFrame
 from companion.mavlink.facts import (
     OWN_ICAO_PARAMETER,
     Fact,
@@ -16,12 +19,11 @@ from companion.mavlink.facts import (
     ReceiverOwnship,
     Traffic,
 )
-from companion.model import AltitudeReference, Track
+from companion.model import AltitudeReference
 from companion.traffic.altitudes import OwnshipAltitudes
-from companion.traffic.concerns import Concern
 from companion.traffic.mavlink_traffic import MavlinkTraffic
 from companion.traffic.members import MemberParams, Members
-from companion.traffic.own_trail import OwnshipFix
+from companion.traffic.own_aircraft import OwnshipFix
 from companion.traffic.params import TrafficParams
 from companion.traffic.tracker import Tracker
 from companion.traffic.triage import Urgency
@@ -33,12 +35,13 @@ _PRESSURE_MISSING_S = 10.0
 
 
 class TrafficPicture:
-    """Turns facts into tracks. Times are those of the engine's clock."""
+    """Brings facts to the tracker. Times are those of the engine's clock."""
 
     def __init__(self, params: TrafficParams, members: MemberParams | None = None) -> None:
-        self.tracker = Tracker(params)
         self._members = Members(members) if members is not None and members.system_ids else None
         self._own_altitudes = OwnshipAltitudes(params.heights)
+        mark = None if self._members is None else self._members.marked
+        self.tracker = Tracker(params, self._own_altitudes.offsets, mark)
         self._mavlink_traffic = MavlinkTraffic()
         self._pressure_s = -math.inf  # of our autopilot
 
@@ -84,43 +87,21 @@ class TrafficPicture:
             report = self._mavlink_traffic.observe(fact, now_s)
         if report is None:
             return None
-        return self.tracker.urgency(report, now_s, self._own_altitudes.offsets(now_s))
+        return self.tracker.urgency(report, now_s)
 
     def receive(self, fact: Fact, now_s: float) -> str | None:
-        """Process a traffic report, or a fact of another MAVLink system.
-
-        Returns the id of the track that it updates, `None` if there is none.
-        """
+        """Process a fact of another MAVLink system; returns the id of the track that it updates, if any."""
         if isinstance(fact, MemberIntent):
             if self._members is not None:
                 self._members.observe_intent(fact, now_s)
             return None
-        report = fact.report if isinstance(fact, Traffic) else self._mavlink_traffic.observe(fact, now_s)
+        report = self._mavlink_traffic.observe(fact, now_s)
         if report is None:
             return None
-        sender = "" if report.heard_by else "{}/{}".format(*fact.sender)
-        track_id = self.tracker.receive(report, now_s, self._own_altitudes.offsets(now_s), sender)
+        track_id = self.tracker.receive(report, now_s, fact.sender)
         if self._members is not None and track_id is not None and isinstance(fact, OwnPosition):
             self._members.note_track(fact.sender.system_id, track_id, now_s)
         return track_id
-
-    def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
-        """All tracks in the local frame, extrapolated to `now_s`, ordered by `track_id`."""
-        tracks = self.tracker.tracks(now_s, frame, self._own_altitudes.offsets(now_s))
-        return self._members.marked(tracks, frame, now_s) if self._members else tracks
-
-    def note_threats(self, track_ids: list[str], now_s: float) -> None:
-        """Note which tracks are in conflict with us now: they are coasted when they fall silent."""
-        self.tracker.note_threats(track_ids, now_s)
-
-    def unheard(self, now_s: float) -> str | None:
-        """In words, that the last threat is not heard any more; `None` while it is."""
-        unheard = self.tracker.unheard(now_s)
-        return None if unheard is None else f"{unheard[0]} not heard for {unheard[1]:.0f} s"
-
-    def concerns(self, now_s: float) -> tuple[Concern, ...]:
-        """What the operator should know of traffic that is not avoided, or is odd."""
-        return self.tracker.concerns(now_s)
 
     def _observe_position(self, fact: OwnPosition, now_s: float) -> None:
         self._own_altitudes.observe_altitude(fact.altitude_m)

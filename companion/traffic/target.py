@@ -95,6 +95,7 @@ class Target:
         "reach_s",
         "reports",
         "scans",
+        "seen_far",
         "sigma_m",
         "source",
         "threat",
@@ -128,6 +129,7 @@ class Target:
         self.scans = 0  # reports at different times; those of a burst are one
         self.first = False
         self.heard_before = False  # its key was, by a target that made room
+        self.seen_far = False  # too far from us for an echo: only when it comes near it may become one
         self.urgent = measurement.urgent
         self.alarm = 0
         self.threat = False  # in conflict with us, as decided last

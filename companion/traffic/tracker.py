@@ -2,9 +2,11 @@
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from typing import Final
 
 from companion.geodesy import LocalFrame
+from companion.mavlink.facts import Sender
 from companion.model import AltitudeReference, LatLon, Track, TrafficKind, TrafficReport
 from companion.traffic.altitudes import AS_REPORTED, DatumOffsets, SeaLevelAltitude, to_sea_level
 from companion.traffic.anonymous import AnonymousContacts
@@ -19,8 +21,8 @@ from companion.traffic.measurement import (
     is_possible,
     measure,
 )
-from companion.traffic.own_trail import OwnshipFix, OwnTrail
-from companion.traffic.ownship_echo import OwnIdentity, OwnshipEcho
+from companion.traffic.own_aircraft import Identity, OwnIdentity, OwnshipFix, OwnTrail
+from companion.traffic.ownship_echo import OwnshipEcho
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import Association, TargetStore
 from companion.traffic.target import Target, stale_after_s
@@ -57,6 +59,8 @@ class MonotonicClock:
         return monotonic_s if self._latest_s is None else min(monotonic_s, self._latest_s)
 
 
+Mark = Callable[[tuple[Track, ...], LocalFrame, float], tuple[Track, ...]]
+
 # Our own positions are kept for the last reports of a slow shadow and its delay.
 _TRAIL_S = 60.0
 # A smaller change of the uncertainty of altitudes does not change what stands on the ground.
@@ -68,15 +72,22 @@ _MOST_IDLE = 256
 class Tracker:
     """All traffic received recently, one track for each aircraft however many sources report it.
 
-    The same calls give the same tracks, bit for bit. Altitudes are stored as reported; `offsets` make them
-    comparable with ours.
+    The same calls give the same tracks, bit for bit. Altitudes are stored as reported; `offsets_at` returns
+    what makes them comparable with ours. `mark` completes the tracks of those that are known otherwise.
 
     `dropped` counts reports, and parts of them, that were not used, by reason; `evicted` counts targets that
     were dropped because there were too many.
     """
 
-    def __init__(self, params: TrafficParams | None = None) -> None:
+    def __init__(
+        self,
+        params: TrafficParams | None = None,
+        offsets_at: Callable[[float], DatumOffsets] = lambda _now_s: AS_REPORTED,
+        mark: Mark | None = None,
+    ) -> None:
         self.params = params = params or TrafficParams()
+        self.offsets_at = offsets_at
+        self._mark = mark
         self.dropped: Counter[DropReason] = Counter()
         self.evicted = 0
         self.surroundings: Surroundings = UNKNOWN
@@ -92,7 +103,6 @@ class Tracker:
         self._coasting = Coasting(params, self._trail)
         self._far = FarTracks()
         self._triage = Triage(self._contacts, self._trail)
-        self._unplaced_received_s: dict[str, float] = {}  # the longest silence first
         self._notes = Notes({}, {}, {})
         self._concerns = ConcernFinder(
             Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
@@ -111,7 +121,6 @@ class Tracker:
         key = self._own.claim(icao)
         if key is None:
             return
-        self._unplaced_received_s.pop(key, None)
         for target in () if key not in self._contacts else self._contacts[key].hypotheses:
             self._identify(target)
 
@@ -152,19 +161,18 @@ class Tracker:
 
     # --- reports
 
-    def urgency(self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED) -> Urgency:
+    def urgency(self, report: TrafficReport, now_s: float) -> Urgency:
         """How soon a report is to be processed, while there are more than can be."""
-        return self._triage.urgency(report, self._clock.advance(now_s), offsets)
+        return self._triage.urgency(report, self._clock.advance(now_s), self.offsets_at(now_s))
 
-    def receive(
-        self, report: TrafficReport, now_s: float, offsets: DatumOffsets = AS_REPORTED, sender: str = ""
-    ) -> str | None:
+    def receive(self, report: TrafficReport, now_s: float, sent_by: Sender | None = None) -> str | None:
         """Process a report; returns the id of the track that it updates, `None` if there is none.
 
-        `sender` tells several apart that send the same kind of report, each with a delay of its own.
+        Several that send the same kind of report differ in `sent_by`, each with a delay of its own.
         """
         monotonic_s = self._clock.advance(now_s)
-        self._offsets = offsets
+        self._offsets = self.offsets_at(now_s)
+        sender = "" if sent_by is None or report.heard_by else "{}/{}".format(*sent_by)
         if not is_possible(report):
             self.dropped[DropReason.BAD_NUMBER] += 1
             return None
@@ -173,7 +181,6 @@ class Tracker:
         if place_deg is None:
             own = self._own.is_claimed(report)
             if not own:
-                self._note_unplaced(report.key, monotonic_s)
                 self._note_name(report)
             self.dropped[DropReason.OWN if own else DropReason.NO_POSITION] += 1
             return None
@@ -310,7 +317,7 @@ class Tracker:
             self.dropped[DropReason.ON_GROUND] += new
             self._association.remove(target.track_id)
             return None
-        if self._echo.classify(target, altitude, self._own.identify(target, altitude)):
+        if self._is_echo(target, altitude):
             self.dropped[DropReason.OWN] += new
             self._association.remove(target.track_id)
             return None
@@ -318,19 +325,28 @@ class Tracker:
         track_id = self._association.group_of(target.track_id)[0]
         return track_id if target.shown else None
 
+    def _is_echo(self, target: Target, altitude: SeaLevelAltitude | None) -> bool:
+        """Whether it is ourselves; one that is far away, and never was near us, needs no closer look."""
+        identity, key, echo = self._own.identify(target, altitude), target.track_id, self._echo
+        known = key in echo.keys or key in echo.evidence or key in echo.shadows.evidence
+        if known or identity is Identity.OURS or target.kind is TrafficKind.OBSTACLE:
+            return echo.classify(target, altitude, identity)
+        if not self._own.is_far(target):
+            return echo.classify(target, altitude, identity)
+        target.seen_far |= identity is not Identity.ANOTHERS
+        return False
+
     # --- tracks
 
-    def tracks(
-        self, now_s: float, frame: LocalFrame, offsets: DatumOffsets = AS_REPORTED
-    ) -> tuple[Track, ...]:
+    def tracks(self, now_s: float, frame: LocalFrame) -> tuple[Track, ...]:
         """All tracks with a known position and altitude, ordered by `track_id`.
 
         They are extrapolated to `now_s`; of many, those far away to a time up to a second before.
         """
         monotonic_s = self._clock.advance(now_s)
-        self._use_offsets(offsets)
+        self._use_offsets(self.offsets_at(now_s))
         self._remove_expired(monotonic_s)
-        maker = TrackMaker(now_s, monotonic_s, frame, offsets)
+        maker = TrackMaker(now_s, monotonic_s, frame, self._offsets)
         self._far.begin(frame, len(self._store.targets), now_s - monotonic_s)
         tracks = []
         for target in self._store:
@@ -352,7 +368,8 @@ class Tracker:
                 continue
             if track is not None:
                 tracks.append(track)
-        return tuple(tracks)
+        found = tuple(tracks)
+        return found if self._mark is None else self._mark(found, frame, now_s)
 
     def _use_offsets(self, offsets: DatumOffsets) -> None:
         """Judge all targets again when it becomes known how altitudes compare with ours, or unknown."""
@@ -364,21 +381,6 @@ class Tracker:
             self._unjudged_m = 0.0
             for target in list(self._store):
                 self._identify(target)
-
-    def without_position(self, now_s: float) -> int:
-        """The number of aircraft received without a position or an altitude.
-
-        They are not avoided: without an altitude, every aircraft far above us would be a conflict.
-        """
-        monotonic_s = self._clock.advance(now_s)
-        self._remove_expired(monotonic_s)
-        unplaced = sum(key not in self._contacts for key in self._unplaced_received_s)
-        return unplaced + sum(
-            self._identifies_track(target)
-            and target.motion is not None
-            and to_sea_level(target.motion.altitudes, AS_REPORTED, monotonic_s) is None
-            for target in self._store
-        )
 
     def _identifies_track(self, target: Target) -> bool:
         if target.track_id in self._echo.keys or target.evidence.on_ground or not target.shown:
@@ -401,18 +403,9 @@ class Tracker:
         for target in () if contact is None else contact.hypotheses:
             target.callsign = report.callsign or target.callsign
 
-    def _note_unplaced(self, key: str, monotonic_s: float) -> None:
-        self._unplaced_received_s.pop(key, None)
-        if len(self._unplaced_received_s) >= self.params.max_tracks:
-            del self._unplaced_received_s[next(iter(self._unplaced_received_s))]
-        self._unplaced_received_s[key] = monotonic_s
-
     def _remove_expired(self, monotonic_s: float) -> None:
         for target in [target for target in self._store if monotonic_s > target.expires_s]:
             self._expire(target, monotonic_s)
-        oldest_s = monotonic_s - self.params.stale_s
-        for key in [key for key, received_s in self._unplaced_received_s.items() if received_s < oldest_s]:
-            del self._unplaced_received_s[key]
 
     def _expire(self, target: Target, monotonic_s: float) -> None:
         """Drop a target that is not heard any more, unless it is coasted."""
@@ -440,5 +433,6 @@ class Tracker:
         if self._store.remove(target):
             self._association.remove(target.track_id)
             self._echo.remove(target.track_id)
+            target.seen_far = False
             self._far.remove(target.track_id)
             self._notes.without_altitude.pop(target.track_id, None)

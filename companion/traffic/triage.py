@@ -12,7 +12,7 @@ from companion.model import TrafficReport
 from companion.traffic.altitudes import DatumOffsets
 from companion.traffic.contact import Contact
 from companion.traffic.measurement import is_possible
-from companion.traffic.own_trail import OwnTrail
+from companion.traffic.own_aircraft import OwnTrail
 
 # How soon is soon: the outer layer looks about as far ahead.
 _SOON_S: Final = 90.0

@@ -63,7 +63,7 @@ async def test_own_position_and_the_intruder_come_before_a_flood() -> None:
                 station.sendto(next(invented), ("127.0.0.1", flooded.local_port))
             await asyncio.sleep(0.05)
             now_s = clock.now_us() / 1e6
-            ages_s.append(now_s - engine.aircraft.position_s)
+            ages_s.append(now_s - engine.aircraft.kinematics.position_s)
             heard += any(track.icao == 0xA00001 for track in engine.snapshot(now_s).tracks)
     assert max(ages_s) <= 0.11
     assert heard >= 23

@@ -107,7 +107,7 @@ async def test_a_bug_on_the_pilots_own_heartbeat_is_not_answered_with_a_mode(bro
     works = getattr(part, broken)
 
     def fails_when_taken(*arguments: object) -> object:
-        if engine.aircraft.custom_mode == 5:
+        if engine.aircraft.flight_state.custom_mode == 5:
             raise ZeroDivisionError("a bug")
         return works(*arguments)
 

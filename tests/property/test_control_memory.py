@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
+from companion.control.context import Unheard
 from companion.control.handover import Handover, Orders
 from companion.control.readiness import Readiness
 from companion.control.state_machine import State, StateData
@@ -74,7 +75,9 @@ class TwinSeat(Seat):
         self.compare(twin, expected, plain(outgoing))
         return outgoing
 
-    def step(self, decision: Decision, orders: Orders, now_s: float, unheard: str | None = None) -> object:
+    def step(
+        self, decision: Decision, orders: Orders, now_s: float, unheard: Unheard | None = None
+    ) -> object:
         twin = self.twin()
         expected = plain(twin.step(decision, orders, now_s, unheard))
         outgoing = self._step(decision, orders, now_s, unheard)

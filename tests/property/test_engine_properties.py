@@ -73,7 +73,7 @@ class Referee:
         if before is State.HANDS_OFF:
             assert after in (State.HANDS_OFF, State.MONITOR, State.ENGAGING, State.RELEASING)
         if (
-            not engine.aircraft.armed
+            not engine.aircraft.flight_state.armed
             or engine.aircraft.flight_state.failsafe
             or engine.aircraft.flight_state.landing
         ):
@@ -98,7 +98,7 @@ class Referee:
         else:
             assert command == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
             assert state is State.MONITOR
-        if not aircraft.armed:
+        if not aircraft.flight_state.armed:
             assert kind == "PARAM_SET", "nothing on the ground"
 
 

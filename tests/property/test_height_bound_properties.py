@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.avoidance import AvoidanceParams, Avoider, Envelope
-from companion.avoidance.constraints import HeightReference
+from companion.avoidance.mission_path import HeightReference
 from companion.model import Goal, Ownship, Track
 
 MISSION_M, BOUND_M = 300.0, 100.0

@@ -51,7 +51,6 @@ def play(history: list[tuple[float, TrafficReport | None]]) -> list[tuple[Track,
         if report is not None:
             tracker.receive(report, now_s)
         answers.append(tracker.tracks(now_s, FRAME))
-        assert tracker.without_position(now_s) <= 2 * PARAMS.max_tracks
     assert tracker.dropped.total() <= 2 * len(history)
     return answers
 

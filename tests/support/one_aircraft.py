@@ -14,6 +14,7 @@ from companion.mavlink.facts import (
     PressureAltitude,
     ReceiverOwnship,
     Sender,
+    Traffic,
 )
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.translate import frame_to_fact
@@ -112,7 +113,7 @@ def errors_of(names: Sequence[str], seeds: Sequence[int] = (0,)) -> Errors:
             now_s = START_S + step * STEP_S
             _fly(picture, sources, step, now_s)
             if step * STEP_S >= SETTLED_S:
-                _compare(errors, picture.tracks(now_s, FRAME), now_s)
+                _compare(errors, picture.tracker.tracks(now_s, FRAME), now_s)
     return errors
 
 
@@ -130,6 +131,8 @@ def _fly(picture: TrafficPicture, sources: Sequence[_Source], step: int, now_s: 
         for fact in source.heard(now_s, Carrier(place, velocity_mps)):
             if isinstance(fact, ReceiverOwnship):
                 picture.observe_receiver(fact, now_s)
+            elif isinstance(fact, Traffic):
+                picture.tracker.receive(fact.report, now_s, fact.sender)
             else:
                 picture.receive(fact, now_s)
 

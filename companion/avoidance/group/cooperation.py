@@ -163,7 +163,7 @@ class Cooperation:
         if not self._is_needed(response, answering=answering):
             return None
         members = np.array([_id_of(track) in response.guidance for track in tracks])
-        part = constraints.within_limits(response.guidance[self.own_id])
+        part = constraints.envelope.within_limits(response.guidance[self.own_id])
         strangers = predicted.subset(np.flatnonzero(~members))
         self._answering = (
             not (conflict & ~members).any()
@@ -246,7 +246,7 @@ class Cooperation:
         response = joint_response(table_of([described, *answering]), self._params)
         if response is None:
             return None
-        part = situation.constraints.within_limits(response.guidance[self.own_id])
+        part = situation.constraints.envelope.within_limits(response.guidance[self.own_id])
         return part if _may_be_flown(part, situation) else None
 
     def _shorter(
@@ -284,7 +284,7 @@ def _responses_of(ours: MemberState, constraints: Constraints) -> list[Guidance]
     """Our rows of the joint table, the mission's course first."""
     mission, envelope = mission_of(ours), envelope_of(ours.member)
     return [
-        constraints.within_limits(
+        constraints.envelope.within_limits(
             Guidance(
                 wrap_two_pi(mission.course_rad + row.beside_rad),
                 envelope.airspeed_mps(row.pace, mission.airspeed_mps),

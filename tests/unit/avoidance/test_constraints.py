@@ -20,7 +20,7 @@ def constraints(fence: Fence | None = None, refusals: Refusals | None = None) ->
 
 
 def test_airspeed_and_height_are_clamped_and_the_course_is_not() -> None:
-    assert constraints().within_limits(Guidance(1.0, 50.0, 900.0)) == Guidance(1.0, 28.0, 400.0)
+    assert constraints().envelope.within_limits(Guidance(1.0, 50.0, 900.0)) == Guidance(1.0, 28.0, 400.0)
 
 
 def test_without_a_fence_there_is_no_look_ahead() -> None:

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.avoidance import Avoider
-from companion.avoidance.mission_path import STEEPEST_RAD, OwnFlight, beside_leg, mission_path, with_path
+from companion.avoidance.leg import STEEPEST_RAD, beside_leg
+from companion.avoidance.mission_path import OwnFlight, mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.trajectory import TIMES_S, Array, Envelope
 from companion.model import Goal, Layer, Ownship, Track, Vec3

@@ -20,7 +20,6 @@ def report(key: str = "A00001") -> TrafficReport:
 def test_a_report_of_a_receiver_is_traffic() -> None:
     engine = Engine()
     assert engine.receive(Traffic(RECEIVER, report()), NOW_US / 1e6) is False
-    assert engine.tracker.without_position(NOW_US / 1e6) == 0
     assert not engine.tracker.dropped
     assert engine.foreign == 0
 

@@ -44,7 +44,7 @@ def test_facts_of_others_are_not_ours() -> None:
     ours = aircraft()
     other = Sender(2, 1)
     assert not ours.observe(OwnPosition(other, 0.0, 1.0, 2.0, 3.0, 4.0, (0.0, 0.0, 0.0), None), 0.0)
-    assert ours.position is None
+    assert ours.kinematics.position is None
 
 
 def test_modes_have_names_and_one_is_guided() -> None:
@@ -101,9 +101,9 @@ def test_the_former_target_counts_again_when_the_guided_mode_is_left() -> None:
     ours.observe(heartbeat(GUIDED), 1.0)
     ours.ours = True
     ours.observe(NavigationTarget(AUTOPILOT, 47.1, 8.0, 650.0), 29.0)
-    assert ours.target(30.0) is None
+    assert ours.navigation.target(30.0) is None
     ours.observe(heartbeat(), 30.0)
-    assert ours.target(30.0) == GeoPoint(47.2, 8.0, 650.0)
+    assert ours.navigation.target(30.0) == GeoPoint(47.2, 8.0, 650.0)
 
 
 def test_a_prior_flight_state_names_what_to_return_to() -> None:

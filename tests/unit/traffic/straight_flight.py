@@ -11,10 +11,12 @@ from companion.model import (
     Vec3,
     adsb_key,
 )
-from companion.traffic import Tracker
+from companion.traffic import ConcernKind, Tracker
+from companion.traffic.own_aircraft import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)
 ICAO = 0x4B1234
+HOME_M = 500.0
 
 
 def adsb(icao: int, time_s: float, lat_deg: float, lon_deg: float, altitude_m: float) -> TrafficReport:
@@ -58,3 +60,15 @@ def follow(tracker: Tracker, until_s: int, velocity_known: bool = True) -> None:
         position_m = straight(START_M, VELOCITY_MPS, second)
         report = report_at(position_m, second, VELOCITY_MPS if velocity_known else None)
         assert tracker.receive(report, second)
+
+
+def own_at(tracker: Tracker, time_s: float, north_m: float = 0.0, *, north_mps: float = 22.0) -> None:
+    """Our own position, 100 m above home."""
+    place = FRAME.to_geo(north_m, 0.0, -HOME_M - 100.0)
+    tracker.surroundings = tracker.surroundings._replace(home_altitude_m=HOME_M)
+    tracker.observe_ownship(OwnshipFix(time_s, *place, north_mps, 0.0, 0.0))
+
+
+def concerns(tracker: Tracker, now_s: float) -> list[ConcernKind]:
+    """The kinds of the present concerns."""
+    return [concern.kind for concern in tracker.concerns(now_s)]

@@ -18,7 +18,7 @@ from companion.model import (
 )
 from companion.traffic import ConcernKind, DropReason, Tracker, TrafficParams
 from companion.traffic.altitudes import AS_REPORTED, DatumOffset
-from companion.traffic.own_trail import OwnshipFix
+from companion.traffic.own_aircraft import OwnshipFix
 
 FRAME = LocalFrame(47.4, 8.5)
 FAST: Vec3 = (45.0, 20.0, 0.0)
@@ -74,7 +74,6 @@ def test_one_aircraft_from_two_sources_becomes_one_track_after_some_reports(
     track = only(tracker, 12.0)
     assert track.track_id == ("SYS-7" if ADSB not in pair else "4B1234")
     assert track.icao == (0x4B1234 if pair[0] is ADSB else None)
-    assert tracker.without_position(12.0) == 0
 
 
 def test_three_sources_become_one_track_and_each_report_updates_it() -> None:
@@ -192,17 +191,17 @@ def test_a_merged_track_continues_when_one_source_falls_silent() -> None:
 
 
 def test_a_merged_track_has_the_most_certain_altitude() -> None:
-    tracker = Tracker()
     offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
+    tracker = Tracker(offsets_at=lambda _: offsets)
     for second in range(10):
         # Barometers are 66 m off; the gate allows for it, because their offset is uncertain.
-        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second, offsets)
-        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second, offsets)
-    (track,) = tracker.tracks(9.0, FRAME, offsets)
+        tracker.receive(report(ADSB, float(second), (0.0, 0.0, 66.0)), second)
+        tracker.receive(replace(report(UTM, float(second)), altitude_sigma_m=4.0), second)
+    (track,) = tracker.tracks(9.0, FRAME)
     assert track.position_m[2] == pytest.approx(-500.0)
     assert track.vertical_uncertainty_m == 4.0
     offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
-    (track,) = tracker.tracks(9.0, FRAME, offsets)
+    (track,) = tracker.tracks(9.0, FRAME)
     assert track.position_m[2] == pytest.approx(-434.0)
 
 
@@ -245,7 +244,6 @@ def test_a_target_first_received_on_our_trail_is_an_echo_at_once(source: Traffic
         assert tracker.receive(late, second) is None
         assert ids(tracker, second) == []
     assert tracker.dropped == {DropReason.OWN: 30}
-    assert tracker.without_position(40.0) == 0
 
 
 def test_an_aircraft_that_approaches_is_not_an_echo_even_within_the_gate() -> None:

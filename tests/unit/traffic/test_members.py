@@ -54,7 +54,7 @@ def test_the_configured_systems_are_members(system_ids: object, is_member: bool)
     seen = picture(system_ids)
     seen.receive(INTENT, 0.0)
     assert seen.receive(position(0.0), 0.0) == "SYS-7"
-    track = only(seen.tracks(0.0, FRAME))
+    track = only(seen.tracker.tracks(0.0, FRAME))
     assert (track.protected_horizontal_m, track.protected_vertical_m) == (
         (50.0, 30.0) if is_member else (None, None)
     )
@@ -65,7 +65,7 @@ def test_what_a_member_announces_is_in_the_local_frame() -> None:
     seen = picture()
     seen.receive(replace(INTENT, flown=GUIDANCE, proposal=Proposal(4, None)), 0.0)
     seen.receive(position(0.0), 0.0)
-    member = only(seen.tracks(0.0, FRAME)).member
+    member = only(seen.tracker.tracks(0.0, FRAME)).member
     assert member is not None
     assert member.member_id == "7"
     assert member.goal.position_m is not None
@@ -78,7 +78,7 @@ def test_what_a_member_announces_is_in_the_local_frame() -> None:
 def test_a_member_without_an_intent_has_the_small_volume_only() -> None:
     seen = picture()
     seen.receive(position(0.0), 0.0)
-    track = only(seen.tracks(0.0, FRAME))
+    track = only(seen.tracker.tracks(0.0, FRAME))
     assert track.protected_horizontal_m == 50.0
     assert track.member is None
 
@@ -89,11 +89,11 @@ def test_a_silent_member_becomes_a_stranger() -> None:
     seen.receive(INTENT, 0.0)
     seen.receive(position(0.0), 0.0)
     seen.receive(position(4.0), 4.0)
-    assert only(seen.tracks(4.9, FRAME)).member is not None
-    late = only(seen.tracks(5.1, FRAME))
+    assert only(seen.tracker.tracks(4.9, FRAME)).member is not None
+    late = only(seen.tracker.tracks(5.1, FRAME))
     assert late.member is None
     assert late.protected_horizontal_m == 50.0
-    assert only(seen.tracks(9.1, FRAME)).protected_horizontal_m is None
+    assert only(seen.tracker.tracks(9.1, FRAME)).protected_horizontal_m is None
 
 
 def test_an_overtaken_intent_is_dropped_and_one_of_a_restarted_member_is_not() -> None:
@@ -107,7 +107,7 @@ def test_an_overtaken_intent_is_dropped_and_one_of_a_restarted_member_is_not() -
         (30_000, GUIDANCE, GUIDANCE),
     ):
         seen.receive(replace(INTENT, counter=counter, flown=flown), 0.0)
-        member = only(seen.tracks(0.0, FRAME)).member
+        member = only(seen.tracker.tracks(0.0, FRAME)).member
         assert member is not None
         assert member.intent is not None
         assert member.intent.flown == used, counter

@@ -76,8 +76,6 @@ def test_a_target_without_altitude_is_counted_and_not_a_track() -> None:
     assert tracker.receive(replace(report_at(START_M, 0.0, VELOCITY_MPS), altitude_m=None), 0.0)
     assert tracker.tracks(0.0, FRAME) == ()
     assert tracker.dropped[DropReason.NO_ALTITUDE] == 1
-    assert tracker.without_position(0.0) == 1
-    assert tracker.without_position(30.0) == 0
 
 
 def test_an_altitude_is_extrapolated_for_a_limited_time() -> None:
@@ -90,7 +88,6 @@ def test_an_altitude_is_extrapolated_for_a_limited_time() -> None:
         assert len(shown) == (second <= 10)
         if shown:
             assert math.dist(shown[0].position_m, straight(START_M, VELOCITY_MPS, second)) < 0.01
-    assert tracker.without_position(12.0) == 1
     assert tracker.dropped[DropReason.NO_ALTITUDE] == 2
     tracker.receive(report_at(straight(START_M, VELOCITY_MPS, 13), 13.0, VELOCITY_MPS), 13.0)
     assert math.dist(only(tracker.tracks(13.0, FRAME)).position_m, straight(START_M, VELOCITY_MPS, 13)) < 0.01
@@ -102,11 +99,8 @@ def test_a_report_without_position_is_counted_and_does_not_refresh_a_track() -> 
     unplaced = replace(report_at(START_M, 15.0, VELOCITY_MPS), lat_deg=None, lon_deg=None)
     assert not tracker.receive(unplaced, 15.0)
     assert only(tracker.tracks(15.0, FRAME)).age_s == 15.0
-    assert tracker.without_position(15.0) == 0
     assert not tracker.receive(replace(unplaced, icao=0x777, key="000777"), 15.0)
-    assert tracker.without_position(15.0) == 1
     assert tracker.dropped[DropReason.NO_POSITION] == 2
-    assert tracker.without_position(36.0) == 0
 
 
 def test_altitudes_of_two_references_are_kept_apart_and_the_more_certain_one_is_used() -> None:
@@ -118,11 +112,13 @@ def test_altitudes_of_two_references_are_kept_apart_and_the_more_certain_one_is_
         )
         tracker.receive(report, second)
         tracker.receive(other, second + 0.5)
-    offsets = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
-    track = only(tracker.tracks(9.5, FRAME, offsets))
+    uncertain = {**AS_REPORTED, AltitudeReference.BAROMETRIC: DatumOffset(0.0, 60.0)}
+    tracker.offsets_at = lambda _: uncertain
+    track = only(tracker.tracks(9.5, FRAME))
     assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-300.0, 0.0, 0.0)
-    offsets = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
-    track = only(tracker.tracks(9.5, FRAME, offsets))
+    uncertain_satellites = {**AS_REPORTED, AltitudeReference.GEOMETRIC: DatumOffset(0.0, 50.0)}
+    tracker.offsets_at = lambda _: uncertain_satellites
+    track = only(tracker.tracks(9.5, FRAME))
     assert (track.position_m[2], track.velocity_mps[2], track.vertical_uncertainty_m) == (-150.0, 0.0, 0.0)
     assert not tracker.dropped
 

@@ -16,7 +16,7 @@ from companion.model import (
     TrafficReport,
 )
 from companion.traffic import DropReason, Tracker, TrafficParams, Urgency
-from companion.traffic.own_trail import OwnshipFix
+from companion.traffic.own_aircraft import OwnshipFix
 from tests.support.paths import TLOGS
 from tests.unit.traffic.straight_flight import (
     FRAME,
@@ -113,14 +113,15 @@ def test_our_own_transponder_is_not_traffic() -> None:
     assert not tracker.receive(report_at(START_M, 0.0, icao=0xA), 0.0)
     assert tracker.receive(report_at(START_M, 0.0, icao=0xB), 0.0)
     tracker.receive(replace(report_at(START_M, 0.0, icao=0xC), lat_deg=None), 0.0)
-    assert tracker.without_position(0.0) == 1
+    assert tracker.dropped[DropReason.NO_POSITION] == 1
     tracker.add_own_address(0xB)
     tracker.add_own_address(0xC)
     tracker.add_own_address(0)
     assert tracker.tracks(0.0, FRAME) == ()
-    assert tracker.without_position(0.0) == 0
+    tracker.receive(replace(report_at(START_M, 0.0, icao=0xC), lat_deg=None), 0.0)
+    assert tracker.dropped[DropReason.NO_POSITION] == 1, "it is ours by now"
     assert not tracker.receive(report_at((0.0, 0.0, -300.0), 1.0, icao=0xB), 1.0)
-    assert tracker.dropped[DropReason.OWN] == 2
+    assert tracker.dropped[DropReason.OWN] == 3
 
 
 @pytest.mark.parametrize(
@@ -186,9 +187,6 @@ def test_when_there_are_too_many_the_longest_silence_is_dropped() -> None:
     tracker.receive(report_at(START_M, 5.0, VELOCITY_MPS, icao=4), 5.0)
     assert [track.icao for track in tracker.tracks(5.0, FRAME)] == [1, 3, 4]
     assert tracker.evicted == 1
-    for icao in range(10, 20):
-        tracker.receive(replace(report_at(START_M, 5.0, icao=icao), lat_deg=None), 5.0)
-    assert tracker.without_position(5.0) == 3
 
 
 def test_tracks_are_ordered_by_their_id() -> None:

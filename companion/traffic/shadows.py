@@ -1,4 +1,4 @@
-"""Our own recent positions: where we were when another source saw us, and the shadows that repeat them.
+"""Shadows: targets that repeat our own track, late and displaced.
 
 Radar stations, networks and repeaters report us late and displaced, under addresses of their own. Such a
 shadow keeps a constant delay and a constant small offset from us. In straight flight, so does an aircraft
@@ -7,138 +7,16 @@ turn or our climb. Who comes nearer while we fly straight is no shadow.
 """
 
 import math
-from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from companion.geodesy import LocalFrame, wrap_pi
-from companion.model import AltitudeReference, LatLon, TrafficReport, Vec2
+from companion.model import Vec2
 from companion.traffic.altitudes import SeaLevelAltitude
+from companion.traffic.own_aircraft import OwnshipFix, OwnTrail, furthest_echo_m
 from companion.traffic.params import EchoParams
 from companion.traffic.target import Target
-
-_SPACING_S: Final = 0.2
-# A position is extrapolated for this long; later it is missing. A slow link sends one a second.
-_EXTRAPOLATED_S: Final = 2.0
-# The first position says where we were before, if we flew straight.
-_ASSUMED_SPACING_S, _ASSUMED_S = 1.0, 12.0
-# How soon something may be near us: we can approach it, it can turn towards us, and both can climb.
-_APPROACH_MPS, _LEAST_CLOSING_MPS, _UNKNOWN_SPEED_MPS = 20.0, 5.0, 40.0
-_NEAR_HEIGHT_M, _VERTICAL_MPS = 150.0, 15.0
-# Old positions are removed so many at a time.
-_REMOVED: Final = 50
-
-
-class OwnshipFix(NamedTuple):
-    """Our own position at `time_s`, altitude above mean sea level; velocity north, east and up."""
-
-    time_s: float
-    lat_deg: float
-    lon_deg: float
-    altitude_m: float
-    north_mps: float
-    east_mps: float
-    climb_mps: float
-
-    def at(self, time_s: float) -> "OwnshipFix":
-        """The position at another time, in straight flight."""
-        elapsed_s = time_s - self.time_s
-        frame = LocalFrame(self.lat_deg, self.lon_deg)
-        altitude_m = self.altitude_m + self.climb_mps * elapsed_s
-        place = frame.to_geo(self.north_mps * elapsed_s, self.east_mps * elapsed_s, -altitude_m)
-        return OwnshipFix(time_s, *place, *self[4:])
-
-
-class OwnTrail:
-    """Our positions of the last `kept_s`."""
-
-    def __init__(self, kept_s: float) -> None:
-        self._kept_s = kept_s
-        self._fixes: list[OwnshipFix] = []
-        self.assumed_until_s = -math.inf  # positions before are assumed, not known
-
-    @property
-    def latest(self) -> OwnshipFix | None:
-        """The newest position."""
-        return self._fixes[-1] if self._fixes else None
-
-    def observe(self, fix: OwnshipFix) -> bool:
-        """Record our position; returns whether none was known for a while."""
-        latest = self.latest
-        if latest is not None and fix.time_s - latest.time_s < _SPACING_S - 1e-3:
-            return False
-        begins = latest is None or fix.time_s - latest.time_s > self._kept_s
-        if begins:
-            self._fixes.clear()
-            self.assumed_until_s = fix.time_s
-            for number in range(int(_ASSUMED_S / _ASSUMED_SPACING_S), 0, -1):
-                self._fixes.append(fix.at(fix.time_s - number * _ASSUMED_SPACING_S))
-        self._fixes.append(fix)
-        if len(self._fixes) > _REMOVED and fix.time_s - self._fixes[_REMOVED].time_s > self._kept_s:
-            del self._fixes[:_REMOVED]
-        return begins or latest is None or fix.time_s - latest.time_s > _EXTRAPOLATED_S
-
-    def reach_s(
-        self, time_s: float, place_deg: LatLon, velocity_mps: Vec2 | None, altitude_m: float | None
-    ) -> float:
-        """How soon something could be near us; infinite while our own position is unknown."""
-        own = self.at(time_s) or self.latest
-        if own is None:
-            return math.inf
-        north_m, east_m = LocalFrame(own.lat_deg, own.lon_deg).to_north_east_m(*place_deg)
-        distance_m = math.hypot(north_m, east_m)
-        closing_mps = _UNKNOWN_SPEED_MPS
-        if velocity_mps is not None:
-            north_mps, east_mps = velocity_mps[0] - own.north_mps, velocity_mps[1] - own.east_mps
-            closing_mps = -(north_m * north_mps + east_m * east_mps) / max(distance_m, 1.0)
-        horizontal_s = distance_m / max(closing_mps + _APPROACH_MPS, _LEAST_CLOSING_MPS)
-        if altitude_m is None:
-            return horizontal_s
-        return max(horizontal_s, (abs(altitude_m - own.altitude_m) - _NEAR_HEIGHT_M) / _VERTICAL_MPS)
-
-    @staticmethod
-    def placed(report: TrafficReport, own: OwnshipFix) -> tuple[LatLon | None, TrafficReport]:
-        """The place of a report that is relative to us, and the report with an altitude relative to ours."""
-        if report.relative_m is None:
-            return None, report
-        north_m, east_m, up_m = report.relative_m
-        place = LocalFrame(own.lat_deg, own.lon_deg).to_geo(north_m, east_m, -(own.altitude_m + up_m))
-        if report.altitude_m is None:
-            altitude_m, reference = place.altitude_m, AltitudeReference.SEA_LEVEL
-            report = replace(report, altitude_m=altitude_m, altitude_reference=reference)
-        return (place.lat_deg, place.lon_deg), report
-
-    def between(self, from_s: float, until_s: float) -> list[OwnshipFix]:
-        """Our positions of this time."""
-        first = bisect_left(self._fixes, from_s, key=_time_s)
-        return self._fixes[first : bisect_right(self._fixes, until_s, key=_time_s)]
-
-    def at(self, time_s: float) -> OwnshipFix | None:
-        """Our position at a time; `None` if it is unknown."""
-        latest = self.latest
-        if latest is None or not self._fixes[0].time_s <= time_s <= latest.time_s + _EXTRAPOLATED_S:
-            return None
-        if time_s >= latest.time_s:
-            return latest if time_s == latest.time_s else latest.at(time_s)
-        index = bisect_left(self._fixes, time_s, key=_time_s)
-        before, after = self._fixes[max(index - 1, 0)], self._fixes[index]
-        if after.time_s - before.time_s > 2.0 * _EXTRAPOLATED_S:
-            return None
-        share = (time_s - before.time_s) / max(after.time_s - before.time_s, 1e-6)
-        dlon_deg = (after.lon_deg - before.lon_deg + 180.0) % 360.0 - 180.0
-        return OwnshipFix(
-            time_s,
-            before.lat_deg + share * (after.lat_deg - before.lat_deg),
-            (before.lon_deg + share * dlon_deg + 180.0) % 360.0 - 180.0,
-            *(one + share * (other - one) for one, other in zip(before[3:], after[3:], strict=True)),
-        )
-
-
-def _time_s(fix: OwnshipFix) -> float:
-    return fix.time_s
-
 
 _MOST_SAMPLES, _COMPARED_SAMPLES = 12, 8
 _DELAY_STEP_S: Final = 1.0
@@ -200,39 +78,36 @@ class Shadows:
 
     def __init__(self, params: EchoParams, trail: OwnTrail) -> None:
         self._params, self._trail = params, trail
-        self._evidence: dict[str, _Evidence] = {}
+        self.evidence: dict[str, _Evidence] = {}  # of targets near us
         self._comparisons_left = _COMPARISONS_PER_S
         self._compared_s = -math.inf
 
     def remove(self, track_id: str) -> None:
         """Forget a target that is not received any more."""
-        self._evidence.pop(track_id, None)
+        self.evidence.pop(track_id, None)
 
     def comes_nearer(self, track_id: str) -> bool:
         """Whether a target comes nearer while we fly straight: then it is not ours."""
-        evidence = self._evidence.get(track_id)
+        evidence = self.evidence.get(track_id)
         return evidence is not None and evidence.comes_nearer
 
     def match_of(self, track_id: str) -> Match | None:
         """The delay and offset of a shadow."""
-        evidence = self._evidence.get(track_id)
+        evidence = self.evidence.get(track_id)
         return evidence.match if evidence is not None and evidence.is_shadow else None
 
     def classify(self, target: Target, altitude: SeaLevelAltitude | None, *, known_other: bool) -> bool:
         """Whether a target with a new measurement is a shadow; `known_other`: by its identity it is not."""
         sample = _sample(target, altitude)
-        evidence, own = self._evidence.get(target.track_id), self._trail.at(sample.time_s)
+        evidence, own = self.evidence.get(target.track_id), self._trail.at(sample.time_s)
         if own is None:
             return evidence is not None and evidence.is_shadow
         distance_m = math.hypot(*_offset_m(own, sample))
-        reach_m = self._params.shadow_radius_m + self._params.shadow_delay_s * math.hypot(
-            own.north_mps, own.east_mps
-        )
-        if distance_m > 2.0 * reach_m:
+        if distance_m > furthest_echo_m(own, self._params):
             self.remove(target.track_id)
             return False
         if evidence is None:
-            evidence = self._evidence[target.track_id] = _Evidence()
+            evidence = self.evidence[target.track_id] = _Evidence()
         if evidence.samples and evidence.samples[-1].time_s == sample.time_s:
             evidence.samples.pop()
         else:
