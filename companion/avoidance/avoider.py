@@ -27,6 +27,7 @@ from companion.avoidance.intruders import Tracks, TransitionDomain
 from companion.avoidance.mission_path import HeightReference, OwnFlight, mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
+from companion.avoidance.senses import Senses
 from companion.avoidance.trajectory import Control, any_of
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track, TrafficKind, Vec3
 
@@ -69,6 +70,7 @@ class Avoider:
         self._policy = policy_of(params)
         self._domain = TransitionDomain(self._policy.outer.widening_rad)
         self._inner = InnerLayer(params.controls)
+        self.senses = Senses()
         self._cooperation = self._made_cooperation()
         self._answered = False  # the last decision was our part of an agreed answer
         self._last_guidance: Guidance | None = None
@@ -246,6 +248,7 @@ class Avoider:
             assessment,
             self.params,
             constraints,
+            wrong=self.senses.wrong_ways(now_s, flight.state, relevant, assessment),
             prefers_turns=self.prefers_turns,
             overtime=self._overtime(now_s),
         )

@@ -26,6 +26,7 @@ from companion.avoidance.intruders import (
 )
 from companion.avoidance.mission_path import OwnFlight
 from companion.avoidance.params import AvoidanceParams, CostWeights
+from companion.avoidance.senses import NO_WRONG_WAYS, WrongWays
 from companion.avoidance.trajectory import (
     HORIZON_S,
     Array,
@@ -41,7 +42,6 @@ from companion.avoidance.trajectory import (
     index_at,
 )
 from companion.compiled import kernels
-from companion.geodesy import wrap_pi
 from companion.model import Guidance
 
 # Commands that differ by no more than this count as the same.
@@ -75,7 +75,7 @@ class CostContext(NamedTuple):
     mission: Guidance
     over_m: float  # the height that passes above every threat [m]
     under_m: float  # the height that passes below every threat [m]
-    right_preferred: bool
+    wrong: WrongWays  # the ways that a stranger which avoids too may take
     horizon_s: float  # how far ahead rows are judged
     goal_distance: float  # in radii of the outer layer; 1 where the goal is only a direction
     breach_ratio: float  # separation, in volumes with margin, below which the bare volume counts as entered
@@ -141,6 +141,7 @@ def conflict_context(
     params: AvoidanceParams,
     constraints: Constraints,
     *,
+    wrong: WrongWays = NO_WRONG_WAYS,
     prefers_turns: bool,
     overtime: float,
 ) -> CostContext:
@@ -157,7 +158,7 @@ def conflict_context(
         horizon_s=assessment.horizon_s,
         goal_distance=to_goal_m / params.outer_radius_m,
         breach_ratio=min(1.0 + params.lost_margin, margin) / margin,
-        right_preferred=_right_preferred(mission, assessment.motion.position_m[assessment.nearest]),
+        wrong=wrong,
         envelope=constraints.envelope,
         weights=params.weights,
         fence=constraints.fence,
@@ -185,7 +186,7 @@ def return_context(
         horizon_s=HORIZON_S,
         goal_distance=1.0,
         breach_ratio=1.0,
-        right_preferred=False,
+        wrong=NO_WRONG_WAYS,
         envelope=constraints.envelope,
         weights=replace(params.weights, switch=params.weights.ease),
         rule_course_rad=mission.course_rad,
@@ -194,13 +195,6 @@ def return_context(
         refusals=constraints.refusals,
         prefers_turns=prefers_turns,
     )
-
-
-def _right_preferred(mission: Guidance, rel_m: Array) -> bool:
-    """Whether the rules of the air require a turn to the right: head-on, or crossing from the right."""
-    north_m, east_m, _ = rel_m.tolist()
-    bearing_rad = wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)
-    return math.radians(-20.0) <= bearing_rad <= math.radians(110.0)
 
 
 class EvaluatedRows(NamedTuple):
@@ -307,7 +301,7 @@ def _add_efforts(
         mission.airspeed_mps,
         mission.altitude_m,
         context.own.course_rad,
-        context.right_preferred,
+        context.wrong,
         context.prefers_turns,
         last_guidance,
         _SAME_COURSE_RAD,

@@ -50,7 +50,9 @@ class CostWeights:
     # time, and what looks cheaper now may not be a moment later.
     switch: Annotated[float, Ge(0)] = 2.0
     ease: Annotated[float, Ge(0)] = 0.6  # instead of `switch`, for less of the present guidance
-    wrong_side: Annotated[float, Ge(0)] = 0.3  # flat, for turning left where the rules of the air say right
+    wrong_side: Annotated[float, Ge(0)] = 1.0  # flat, for turning to the side against the rules of the air
+    # Flat, for leaving the mission's height towards a stranger's: it may avoid too, to the other side.
+    wrong_sense: Annotated[float, Ge(0)] = 3.0
     # Times the use of the fence's margin, 1 at the fence itself and beyond. Leaving the fence outweighs the
     # loss of many volumes: the autopilot then takes over or ends the flight, and people beyond the fence have
     # not agreed to the risk. Only a near mid-air collision outweighs the fence.

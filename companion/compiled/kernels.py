@@ -794,13 +794,14 @@ def outcomes(
 
 def add_efforts(
     cost: c.double[::1], commands, weights, of_outcome, course_rad: c.double, airspeed_mps: c.double,
-    altitude_m: c.double, flown_rad: c.double, right_preferred: c.bint, spares_heights: c.bint, held,
+    altitude_m: c.double, flown_rad: c.double, wrong, spares_heights: c.bint, held,
     same_course_rad: c.double, same_height_m: c.double, switched: c.double,
 ):  # fmt: skip
     """Add to `cost`, (K,), the cost of the rows themselves and that of their ground paths' outcome, (H,).
 
     `course_rad`, `airspeed_mps` and `altitude_m` are the mission's, `flown_rad` is the course flown. `held`
-    is the guidance of row 0 or `None`; with it, `switched` is added to the cost of any other row.
+    is the guidance of row 0 or `None`; with it, `switched` is added to the cost of any other row. `wrong` is
+    four times whether a way is wrong: up, down, left, right.
     """
     target_rad: c.const[c.double][::1] = _lists(commands.course_rad)
     target_mps: c.const[c.double][::1] = _lists(commands.airspeed_mps)
@@ -814,7 +815,10 @@ def add_efforts(
     turn: c.double = weights.turn / PI
     deviation: c.double = weights.deviation / PI
     speed: c.double = weights.speed / 10.0
-    wrong_side: c.double = weights.wrong_side if right_preferred else 0.0
+    wrong_up: c.double = weights.wrong_sense if wrong[0] else 0.0
+    wrong_down: c.double = weights.wrong_sense if wrong[1] else 0.0
+    wrong_left: c.double = weights.wrong_side if wrong[2] else 0.0
+    wrong_right: c.double = weights.wrong_side if wrong[3] else 0.0
     height: c.double = weights.height / 100.0
     descent: c.double = weights.descent
     spared_height: c.double = weights.spared_height if spares_heights else 0.0
@@ -832,7 +836,9 @@ def add_efforts(
             + speed * fabs(target_mps[h] - airspeed_mps)
         )  # fmt: skip
         if off_rad < TO_THE_LEFT_RAD:
-            price += wrong_side
+            price += wrong_left
+        elif off_rad > -TO_THE_LEFT_RAD:
+            price += wrong_right
         value[h] = price + outcome[h]
         value[eases + h] = _lies_between(off_rad, held_rad, same_course_rad)
     for z in range(grounds, grounds + heights):
@@ -841,7 +847,7 @@ def add_efforts(
         if off_m < -1.0:
             price += descent
         if fabs(off_m) > same_height_m:
-            price += spared_height
+            price += spared_height + (wrong_up if off_m > 0.0 else wrong_down)
         value[z] = price
         value[eases + z] = _lies_between(off_m, held_m, same_height_m)
     for k in range(rows):

@@ -113,7 +113,7 @@ def add_efforts(
     airspeed_mps: float,
     altitude_m: float,
     flown_rad: float,
-    right_preferred: bool,
+    wrong: tuple[bool, bool, bool, bool],
     spares_heights: bool,
     held: object | None,
     same_course_rad: float,

@@ -107,6 +107,7 @@ class Deciding:
         self._apply_limits(self.frame, now_s)
         if self.config.avoidance.formation.members and aircraft.sender is not None:
             self.avoider.join(str(aircraft.sender.system_id), answers=self._may_answer(role, now_s))
+        self.avoider.senses.own_icao = self._tracker.own_icao
         self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
         self._threats = [threat.track_id for threat in self.decision.threats]
 

@@ -192,6 +192,13 @@ class OwnIdentity:
         self._elsewhere: dict[str, tuple[int, float]] = {}  # reports in a row, and when the last one came
         self.refuted: dict[str, float] = {}  # by key, with the time
 
+    @property
+    def icao(self) -> int | None:
+        """The address that our transponder was last called by, or the only configured one; else `None`."""
+        ours = [icao for icao in self._icao if adsb_key(icao) not in self.refuted]
+        is_clear = len(self._icao) > self._configured or len(ours) == 1
+        return ours[-1] if ours and is_clear else None
+
     def claim(self, icao: int) -> str | None:
         """Note that a message calls an address ours; returns its key, `None` if it is not believed."""
         key = adsb_key(icao)

@@ -124,6 +124,11 @@ class Tracker:
         for target in () if key not in self._contacts else self._contacts[key].hypotheses:
             self._identify(target)
 
+    @property
+    def own_icao(self) -> int | None:
+        """The address by which others hear us, `None` while it is unknown or one of several."""
+        return self._own.icao
+
     def observe_ownship(self, fix: OwnshipFix) -> None:
         """Store our own position; what was received before is compared with it when it is known again."""
         began = self._trail.observe(OwnshipFix(self._clock.advance(fix.time_s), *fix[1:]))

@@ -22,7 +22,7 @@ def test_one_intruder_is_kept_well_clear(from_deg: float, speed_mps: float) -> N
     assert outcome.well_clear >= 1.0
     assert outcome.arrived
     assert outcome.engagements == 1
-    assert outcome.changes <= 8
+    assert outcome.changes <= 9, "an overtaken aircraft eases back to its course in small steps"
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from companion.avoidance.intruders import (
     separation,
 )
 from companion.avoidance.params import CostWeights
+from companion.avoidance.senses import WrongWays
 from companion.avoidance.trajectory import (
     HORIZON_S,
     TIMES_S,
@@ -268,8 +269,8 @@ def test_efforts_are_those_of_the_plain_maths(seed: int) -> None:
     held = random_guidance(rng) if rng.random() < 0.5 else None
     if held is not None:
         commands = commands.preceded_by(held)
-    weights, flown_rad = CostWeights(*rng.uniform(0.0, 9.0, 15).tolist()), float(rng.uniform(-4.0, 4.0))
-    to_the_right, spares = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
+    weights, flown_rad = CostWeights(*rng.uniform(0.0, 9.0, 17).tolist()), float(rng.uniform(-4.0, 4.0))
+    spares, wrong = bool(rng.random() < 0.5), WrongWays(*(bool(x) for x in rng.random(4) < 0.5))
     of_outcome, before = rng.random(len(commands.course_rad)), rng.random(len(commands))
     cost = before.copy()
     kernels.add_efforts(
@@ -281,7 +282,7 @@ def test_efforts_are_those_of_the_plain_maths(seed: int) -> None:
         mission.airspeed_mps,
         mission.altitude_m,
         flown_rad,
-        to_the_right,
+        wrong,
         spares,
         held,
         0.1,
@@ -296,7 +297,9 @@ def test_efforts_are_those_of_the_plain_maths(seed: int) -> None:
         expected += weights.turn / math.pi * abs(around_rad(commands.course_rad[ground], flown_rad))
         expected += weights.deviation / math.pi * abs(off_rad)
         expected += weights.speed / 10.0 * abs(commands.airspeed_mps[ground] - mission.airspeed_mps)
-        expected += weights.wrong_side * (to_the_right and off_rad < -math.radians(1.0))
+        expected += weights.wrong_side * (wrong.left and off_rad < -math.radians(1.0))
+        expected += weights.wrong_side * (wrong.right and off_rad > math.radians(1.0))
+        expected += weights.wrong_sense * ((wrong.up and off_m > 5.0) or (wrong.down and off_m < -5.0))
         expected += weights.height / 100.0 * abs(off_m) + weights.descent * (off_m < -1.0)
         expected += weights.spared_height * (spares and abs(off_m) > 5.0)
         if held is not None and row > 0:
@@ -427,5 +430,18 @@ def test_tracks_are_not_made_from_arrays_that_do_not_match(name: str, wrong: Arr
 def add_nothing(cost: Array, commands: Commands) -> None:
     of_outcome = np.zeros(len(commands.course_rad))
     kernels.add_efforts(
-        cost, commands, CostWeights(), of_outcome, 0.0, 20.0, 300.0, 0.0, False, False, None, 0.1, 5.0, 2.0
+        cost,
+        commands,
+        CostWeights(),
+        of_outcome,
+        0.0,
+        20.0,
+        300.0,
+        0.0,
+        WrongWays(),
+        False,
+        None,
+        0.1,
+        5.0,
+        2.0,
     )

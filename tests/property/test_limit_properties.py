@@ -13,6 +13,7 @@ from companion.avoidance import AvoidanceParams, Avoider
 from companion.avoidance.cost import CostContext
 from companion.avoidance.inner import StrategyTable
 from companion.avoidance.params import CostWeights
+from companion.avoidance.senses import WrongWays
 from companion.avoidance.trajectory import ALL_CONTROLS, Commands, Control, OwnState, Pace, fly_ahead
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
 from companion.units import STANDARD_GRAVITY_MPS2
@@ -55,7 +56,7 @@ def random_context(seed: int) -> CostContext:
         mission=Guidance(chance.uniform(0.0, 6.28), chance.uniform(5.0, 40.0), chance.uniform(-100.0, 900.0)),
         over_m=chance.uniform(0.0, 1500.0),
         under_m=chance.uniform(-500.0, 600.0),
-        right_preferred=bool(chance.integers(2)),
+        wrong=WrongWays(*map(bool, chance.integers(0, 2, 4))),
         horizon_s=90.0,
         goal_distance=1.0,
         breach_ratio=0.87,

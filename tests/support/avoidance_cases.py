@@ -10,6 +10,7 @@ from companion.avoidance import AvoidanceParams, Envelope
 from companion.avoidance.cost import CostContext
 from companion.avoidance.intruders import Tracks
 from companion.avoidance.params import CostWeights, Layers, OuterMethod
+from companion.avoidance.senses import WrongWays
 from companion.avoidance.trajectory import ALL_CONTROLS, HORIZON_S, Control, OwnState, Pace
 from companion.geodesy import wrap_pi
 from companion.model import Goal, Guidance, Ownship, Track, Vec3
@@ -44,7 +45,7 @@ def make_context(**changes: object) -> CostContext:
         mission=MISSION,
         over_m=410.0,
         under_m=190.0,
-        right_preferred=True,
+        wrong=WrongWays(left=True, up=True),
         horizon_s=HORIZON_S,
         goal_distance=1.0,
         breach_ratio=1.0 / 1.15,

@@ -75,7 +75,10 @@ def brute_force_cost(row: Guidance, context: CostContext, tracks: Tracks) -> flo
     cost += weights.descent if row.altitude_m < context.mission.altitude_m - 1.0 else 0.0
     if context.prefers_turns and abs(row.altitude_m - context.mission.altitude_m) > 5.0:
         cost += weights.spared_height
-    cost += weights.wrong_side if context.right_preferred and off < -math.radians(1.0) else 0.0
+    left, right = off < -math.radians(1.0), off > math.radians(1.0)
+    cost += weights.wrong_side * ((context.wrong.left and left) or (context.wrong.right and right))
+    up_m = row.altitude_m - context.mission.altitude_m
+    cost += weights.wrong_sense * ((context.wrong.up and up_m > 5.0) or (context.wrong.down and up_m < -5.0))
     return cost
 
 

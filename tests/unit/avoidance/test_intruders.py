@@ -14,6 +14,7 @@ from companion.avoidance.intruders import (
     enumerate_maneuvers,
     separation,
 )
+from companion.avoidance.senses import NO_WRONG_WAYS
 from companion.avoidance.trajectory import Commands, OwnState, fly_ahead
 from companion.model import Guidance
 from tests.support.avoidance_cases import make_context, one_track, random_tracks
@@ -82,7 +83,7 @@ def test_a_row_that_stays_clear_if_the_intruder_turns_is_preferred() -> None:
     context = make_context(
         own=OwnState((0.0, 0.0, -300.0), 0.0, 21.0, 0.5, (2.0, -3.0)),
         mission=Guidance(0.0, 22.0, 300.0),
-        right_preferred=False,
+        wrong=NO_WRONG_WAYS,
     )
     passing = one_track((2400.0, -750.0, -300.0), (-60.0, 0.0, 0.0), 700.0, 95.0)
     rows = Commands.of([Guidance(0.0, 22.0, height_m) for height_m in (300.0, 400.0)])

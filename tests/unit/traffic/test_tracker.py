@@ -345,3 +345,23 @@ def test_threats_then_the_near_ones_are_urgent_and_who_is_heard_again_before_who
     assert tracker.urgency(far, 9.3) is Urgency.THREAT
     high = report_at((500.0, 0.0, -9000.0), 20.0, icao=6)
     assert tracker.urgency(high, 20.0) is Urgency.NEW
+
+
+@pytest.mark.parametrize(
+    ("configured", "claimed", "icao"),
+    [
+        ((), (), None),
+        ((0xA,), (), 0xA),
+        ((0xA, 0xB), (), None),
+        ((), (0xC,), 0xC),
+        ((0xA,), (0xC,), 0xC),
+        ((), (0,), None),
+    ],
+)
+def test_the_own_address_is_that_of_the_transponder_or_the_only_configured_one(
+    configured: tuple[int, ...], claimed: tuple[int, ...], icao: int | None
+) -> None:
+    tracker = Tracker(TrafficParams(own_icao=frozenset(configured)))
+    for one in claimed:
+        tracker.add_own_address(one)
+    assert tracker.own_icao == icao
