@@ -15,6 +15,7 @@ from tests.support.short_scenario import write_short_head_on
 SHORT_BENCH = """
 import sim.bench, sim.cli
 sim.bench.TRACK_COUNTS = (1, 10)
+sim.bench._MEMBERS = 2
 sim.bench._wire_latency_ms.__defaults__ = (3.0,)
 sim.cli.main()
 """
@@ -41,7 +42,7 @@ def installed(plain: Installation) -> Installation:
 
 @pytest.fixture(scope="module")
 def measuring(installed: Installation) -> "subprocess.Popen[str]":
-    """A measurement that runs beside the other tests, of fewer tracks and seconds than usual."""
+    """A measurement that runs beside the other tests, of fewer tracks, members and seconds than usual."""
     return installed.start("python", "-c", SHORT_BENCH, "bench", "--report", "bench.json")
 
 
