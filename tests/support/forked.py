@@ -1,6 +1,7 @@
 """Commands that run on, forked from a process that has imported everything: a start takes no second."""
 
 import asyncio
+import atexit
 import importlib
 import multiprocessing
 import os
@@ -134,7 +135,11 @@ async def fork(
 
 
 def _run(
-    module: str, arguments: tuple[str, ...], folder: Path | None, environment: dict[str, str], written: _Written
+    module: str,
+    arguments: tuple[str, ...],
+    folder: Path | None,
+    environment: dict[str, str],
+    written: _Written,
 ) -> None:
     written.use()
     run_command(module, arguments, folder, environment)
@@ -147,4 +152,7 @@ def run_command(
     os.environ |= environment
     os.chdir(folder or Path.cwd())
     sys.argv = ["-c", *arguments]
-    importlib.import_module(f"{module}.cli").main()
+    try:
+        importlib.import_module(f"{module}.cli").main()
+    finally:
+        atexit._run_exitfuncs()  # a process of `multiprocessing` ends without
