@@ -9,6 +9,7 @@ from companion.control.state_machine import State
 from companion.engine import Transmit
 from sim.vehicle import Mode
 from tests.support.monitored_loop import COMMANDS, SET_INTERVAL, MonitoredLoop, is_mode_request
+from tests.support.short_scenario import shorter
 
 
 def flying(loop: MonitoredLoop) -> None:
@@ -109,15 +110,15 @@ def test_lost_commands_are_sent_again() -> None:
         count[kind] = count.get(kind, 0) + 1
         return count[kind] <= 2
 
-    loop = MonitoredLoop(drops=first_two)
+    loop = MonitoredLoop(shorter("head-on"), drops=first_two)
     flight = loop.run()
     assert flight.mission_completed
     assert not any(e.nmac or e.lowc for e in flight.score.encounters.values())
 
 
 def test_requests_to_a_silent_autopilot_are_moderated_and_reported_once() -> None:
-    loop = MonitoredLoop("head-on", drops=is_mode_request)
-    flight = loop.run(90.0)
+    loop = MonitoredLoop(drops=is_mode_request)
+    flight = loop.run(65.0)
     assert flight.engagements == 0
     assert 0 < len(loop.sent) < 60 * 2
     assert flight.texts.count("Avoidance: autopilot did not answer") <= 3
@@ -222,7 +223,8 @@ def test_an_outage_after_the_request_does_not_strand_the_aircraft() -> None:
     back()
     loop.run(5.0)
     assert loop.mode() is not Mode.GUIDED or loop.engine.supervisor.flying
-    loop.run(100.0)
+    loop.run(60.0)
+    loop.until(State.MONITOR, limit_s=40.0)
     assert loop.mode() is Mode.AUTO
 
 
@@ -273,8 +275,7 @@ def test_a_return_to_the_mission_by_the_pilot_suppresses_the_conflict() -> None:
     loop.run(40.0)
     assert loop.mode() is Mode.AUTO
     assert loop.engine.supervisor.state is State.SUPPRESSED
-    loop.run(60.0)
-    assert loop.engine.supervisor.state is State.MONITOR, "the traffic is past"
+    loop.until(State.MONITOR, limit_s=60.0)  # the traffic is past
 
 
 def test_refused_setpoints_are_reported() -> None:
@@ -355,7 +356,8 @@ def test_after_a_long_outage_the_aircraft_is_released() -> None:
     back = silent_downlink(loop)
     loop.run(20.0)
     back()
-    loop.run(100.0)
+    loop.run(60.0)
+    loop.until(State.MONITOR, limit_s=40.0)
     assert loop.mode() is Mode.AUTO
 
 

@@ -10,10 +10,14 @@ from companion.model import Goal, Ownship, Track
 from sim.closed_loop import ClosedLoop
 from sim.scenario import Autopilot, Waypoint, load_scenario
 from tests.support.autopilots import BOTH, in_turn
+from tests.support.thorough import sample
 
 MISSION_M = 300.0
 BOUND_M = 100.0
 OVERSHOOT_M = 8.0
+# Aircraft that cross one after the other, and how long that is flown.
+CROSSING = sample(5, 8)
+LONG_S = 70.0 + 20.0 * CROSSING
 
 
 @pytest.mark.parametrize("gives_back", [False, True], ids=["one avoidance", "given back in between"])
@@ -62,15 +66,15 @@ def test_a_series_of_crossing_aircraft_each_higher_or_lower(autopilot: Autopilot
             from_deg=90.0 * (-1) ** number,
             miss_height_m=step_m * number,
         )
-        for number in range(8)
+        for number in range(CROSSING)
     )
     config = EngineConfig()
     config = replace(config, avoidance=replace(config.avoidance, largest_height_change_m=BOUND_M))
     far = replace(head_on.mission, waypoints=(Waypoint(9000.0, 0.0, 300.0),))
-    scenario = replace(head_on, duration_s=230.0, intruders=intruders, mission=far)
+    scenario = replace(head_on, duration_s=LONG_S, intruders=intruders, mission=far)
     loop = ClosedLoop(scenario, Engine(config), autopilot=autopilot)
     heights_m: list[float] = []
-    loop.run(230.0, on_step=lambda loop, _: heights_m.append(loop.world.vehicle.truth.place.altitude_m))
+    loop.run(LONG_S, on_step=lambda loop, _: heights_m.append(loop.world.vehicle.truth.place.altitude_m))
     level_m = heights_m[0]
     assert max(heights_m) <= level_m + BOUND_M + OVERSHOOT_M
     assert min(heights_m) >= level_m - BOUND_M - OVERSHOOT_M

@@ -19,7 +19,7 @@ from tests.support.thorough import pairs
 SPEED, HEIGHT, HEADING, REPOSITION = 43000, 43001, 43002, 192
 GUIDED_COMMANDS = (SPEED, HEIGHT, HEADING)
 UNSUPPORTED = 3
-PASSED_S, GIVEN_BACK_S = 90.0, 110.0  # when the intruder has passed, and when the aircraft was given back
+PASSED_S, GIVEN_BACK_S = 80.0, 110.0  # when the intruder has passed, and when the aircraft was given back
 VFR_HUD, SYS_STATUS, WIND, WIND_COV = 74, 1, 168, 231
 
 

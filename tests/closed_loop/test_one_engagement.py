@@ -16,8 +16,8 @@ from sim.traffic import AdsbReceiver, Intruder, Maneuver
 from tests.support.thorough import sample
 
 BASE = load_scenario("head-on")
-ENCOUNTERS = sample(8, 60)
-BATCHES = 8
+ENCOUNTERS = sample(5, 60)
+BATCHES = sample(5, 8)
 # The airspeed in the scenarios; it determines where an encounter starts.
 CRUISE_MPS = 24.0
 # Time after the release, with the intruder past and opening, after which a flight ends.

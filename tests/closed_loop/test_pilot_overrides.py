@@ -39,9 +39,9 @@ def override(loop: MonitoredLoop, way: Override, during_s: float) -> None:
     assert loop.sent_since(ended) == []
 
 
-def _px4(place: int) -> Autopilot:
-    """OFFBOARD or GUIDED_COURSE: each override of PX4 is flown in half of the states in each of them."""
-    return (PX4, PX4_1_18)[place % 2]
+def _flown(autopilot: Autopilot, place: int) -> bool:
+    """Each override is flown in two of the four states, of PX4 in one of them in each way of flying."""
+    return autopilot == (ARDUPILOT, PX4, ARDUPILOT, PX4_1_18)[place % 4]
 
 
 CASES = [
@@ -49,7 +49,7 @@ CASES = [
     for autopilot in ALL
     for state in STATES
     for place, way in enumerate(OVERRIDES[autopilot])
-    if THOROUGH or autopilot in (ARDUPILOT, _px4(place + list(STATES).index(state)))
+    if THOROUGH or str(way) == MISSION_MODE[autopilot] or _flown(autopilot, place + list(STATES).index(state))
     # The mission mode is no override while we request it or it is still the present mode.
     if not (str(way) == MISSION_MODE[autopilot] and state in (State.ENGAGING, State.RELEASING))
 ]

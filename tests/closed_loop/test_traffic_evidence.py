@@ -120,7 +120,7 @@ def test_an_aircraft_without_a_height_is_told_and_not_avoided() -> None:
         return [altered(message, flags=message.flags & ~mavlink.ADSB_FLAGS_VALID_ALTITUDE)]
 
     loop = ReportedWrongly(change=heightless)
-    loop.run(100.0)
+    loop.run(65.0)
     assert loop.flight.engagements == 0
     told = [text for text in loop.flight.texts if "height unknown" in text]
     assert len(told) >= 2
@@ -231,7 +231,7 @@ def test_our_own_report_before_our_own_position_is_no_conflict() -> None:
 # --- age
 
 
-@pytest.mark.parametrize("last_s", [20.0, 40.0, 60.0])
+@pytest.mark.parametrize("last_s", [12.0, 25.0, 40.0])
 def test_a_conflict_is_coasted_past_its_meeting_and_silence_is_not_clear(last_s: float) -> None:
     def until(loop: ReportedWrongly, message: Message) -> Reports:
         return [message] if loop.time_s < last_s else []
@@ -251,7 +251,7 @@ def test_an_age_that_counts_up_without_new_positions_is_silence() -> None:
     last: list[tuple[float, Message]] = []
 
     def frozen(loop: ReportedWrongly, message: Message) -> Reports:
-        if loop.time_s < 25.0:
+        if loop.time_s < 20.0:
             last[:] = [(loop.time_s, message)]
             return [message]
         since_s, newest = last[0]

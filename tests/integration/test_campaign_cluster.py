@@ -98,8 +98,8 @@ def without_timing(path: Path) -> list[ResultLine]:
 
 def test_a_killed_worker_does_not_change_the_results(tmp_path: Path) -> None:
     # ArduPilot's rule decides fastest.
-    plan = Plan(32, seed=3, avoiders=("ardupilot",))
-    options = ("--encounters", "32", "--seed", "3", "--avoider", "ardupilot", "--report", "r.json")
+    plan = Plan(16, seed=3, avoiders=("ardupilot",))
+    options = ("--encounters", "16", "--seed", "3", "--avoider", "ardupilot", "--report", "r.json")
     with (
         scheduler(tmp_path) as (address, process),
         worker(address, tmp_path, "first.log") as first,

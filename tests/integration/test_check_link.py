@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import socket
-import sys
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -21,6 +20,7 @@ from companion.preflight import Preflight, run_preflight
 from sim.clock import ScaledClock
 from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, FakePx4, FakeVehicle, takeoff_item, waypoint_item
+from tests.support.forked import fork
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -105,10 +105,7 @@ async def check(folder: Path, port: int, seconds: float, more: str = "") -> tupl
     """Run the command as a process, with `more` configuration: exit code, lines, errors."""
     config = folder / "c.yaml"
     config.write_text(f"links: [udpin:127.0.0.1:{port}]\n{more}")
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "companion", "check", str(config), "--link", "--seconds", str(seconds),
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, cwd=folder,
-    )  # fmt: skip
+    process = await fork("check", str(config), "--link", "--seconds", str(seconds), folder=folder)
     try:
         out, errors = await asyncio.wait_for(process.communicate(), 60.0)
     finally:

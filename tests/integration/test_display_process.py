@@ -16,6 +16,7 @@ from companion.errors import PORT_IN_USE
 from companion.web import Display
 from companion.web.settings import Settings
 from sim.demo import DemoOptions, DemoState, fly_demo
+from tests.support.forked import Forked, fork
 from tests.support.short_scenario import shorter
 from tests.support.web_bench import TOKEN, Answer, Site
 
@@ -163,10 +164,8 @@ async def test_a_bad_token_fails_the_check_but_not_the_flight(
     assert "the display is read-only" in errors.decode()
 
 
-async def started(command: str, config: Path) -> asyncio.subprocess.Process:
-    return await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "companion", command, str(config), stderr=asyncio.subprocess.PIPE
-    )
+async def started(command: str, config: Path) -> Forked:
+    return await fork(command, str(config))
 
 
 async def test_a_display_that_cannot_be_started_is_tried_again(

@@ -109,8 +109,8 @@ def test_bad_usage_is_one_line_and_exit_two(tmp_path: Path, options: tuple[str, 
     assert words in refused.stderr
 
 
-def flown_inside(folder: Path, vehicle: FakeVehicle, clock: ScaledClock) -> Flight:
-    (folder / "short.yaml").write_text(SHORT)
+def flown_inside(folder: Path, vehicle: FakeVehicle, clock: ScaledClock, text: str = SHORT) -> Flight:
+    (folder / "short.yaml").write_text(text)
     options = Options(
         load_set(folder / "short.yaml"), vehicle, folder, clock=clock, inside=True, set_parameters=True
     )
@@ -146,7 +146,8 @@ async def test_an_interruption_ends_in_order(tmp_path: Path, moment: str) -> Non
 async def test_a_mode_of_someone_else_is_left_alone(tmp_path: Path) -> None:
     start_s = float(int(time.time()))
     clock, vehicle = ScaledClock(8.0, start_s=start_s), FakeArduPlane(HOME, start_s)
-    flight = flown_inside(tmp_path, vehicle, clock)
+    waits_less = SHORT.replace("lasts_s: 10\n", "lasts_s: 10\n    expect: {back_within_s: 10}\n")
+    flight = flown_inside(tmp_path, vehicle, clock, waits_less)
     running = asyncio.create_task(flight.run())
     await until(lambda: flight.judged is not None)
     vehicle.set_mode("RTL")

@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 import time
+from asyncio.subprocess import Process
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from sim.server import VehicleServer
 from sim.vehicle import FakeArduPlane, Mode
 from sim.world import build_world
 from tests.support.faulty_flight import free_ports
+from tests.support.forked import Forked, fork
 from tests.support.short_scenario import shorter
 
 pytestmark = pytest.mark.wire
@@ -102,15 +104,19 @@ async def flying_vehicle(port: int) -> AsyncIterator[FakeArduPlane]:
         await running
 
 
-@contextlib.asynccontextmanager
-async def service(tmp_path: Path, port: int) -> AsyncIterator[asyncio.subprocess.Process]:
-    """`companion run` in its own process."""
-    config = tmp_path / "c.yaml"
-    config.write_text(f"links: [udpin:127.0.0.1:{port}]\nrecording: {{directory: {tmp_path / 'rec'}}}\n")
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "companion", "run", str(config),
+async def _typed(*words: str) -> Process:
+    return await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "companion", *words,
         stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE, env={**os.environ, "COLUMNS": "200"},
     )  # fmt: skip
+
+
+@contextlib.asynccontextmanager
+async def service(tmp_path: Path, port: int, *, forked: bool = True) -> AsyncIterator[Process | Forked]:
+    """`companion run` in its own process; not `forked`, the command as a user types it."""
+    config = tmp_path / "c.yaml"
+    config.write_text(f"links: [udpin:127.0.0.1:{port}]\nrecording: {{directory: {tmp_path / 'rec'}}}\n")
+    process = await (fork("run", str(config), COLUMNS="200") if forked else _typed("run", str(config)))
     try:
         yield process
     finally:
@@ -128,7 +134,7 @@ async def until_mode(vehicle: FakeArduPlane, mode: Mode, limit_s: float) -> None
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 async def test_a_signal_releases_the_aircraft_before_the_service_ends(tmp_path: Path, number: int) -> None:
     (port,) = free_ports(1)
-    async with flying_vehicle(port) as vehicle, service(tmp_path, port) as process:
+    async with flying_vehicle(port) as vehicle, service(tmp_path, port, forked=False) as process:
         await until_mode(vehicle, Mode.GUIDED, 20.0)
         await asyncio.sleep(0.5)
         process.send_signal(number)

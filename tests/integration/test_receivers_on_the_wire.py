@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import json
 import re
-import sys
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -23,12 +22,12 @@ from sim.server import VehicleServer
 from sim.vehicle import FakeVehicle
 from sim.world import build_world
 from tests.support.faulty_flight import free_ports
+from tests.support.forked import Forked, fork
 from tests.support.short_scenario import shorter
 
 pytestmark = pytest.mark.wire
 
-COMPANION = ("-m", "companion")
-SIMULATOR = ("-c", "from sim.cli.app import main; main()")
+COMPANION, SIMULATOR = "companion", "sim"
 # A head-on conflict that begins at once.
 SOON = """\
 description: A head-on conflict that begins at once.
@@ -41,11 +40,9 @@ intruders: [{icao: A00001, callsign: SOON1, meet_at_s: 40, from_deg: 0, speed_mp
 
 
 @contextlib.asynccontextmanager
-async def process(*arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
+async def process(module: str, *arguments: str) -> AsyncIterator[Forked]:
     """One of the two programs with its arguments; killed at the end unless it has ended."""
-    running = await asyncio.create_subprocess_exec(
-        sys.executable, *arguments, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
-    )
+    running = await fork(*arguments, module=module)
     try:
         yield running
     finally:
@@ -54,7 +51,7 @@ async def process(*arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
             await running.wait()
 
 
-async def ended_by_a_signal(running: asyncio.subprocess.Process) -> str:
+async def ended_by_a_signal(running: Forked) -> str:
     """The log of a process that ends without an error when it is asked to."""
     running.terminate()
     _, errors = await asyncio.wait_for(running.communicate(), 20.0)
@@ -99,7 +96,7 @@ async def test_a_lines_receiver_by_tcp_is_heard_by_the_service(tmp_path: Path) -
     to_companion, sbs = free_ports(2)
     config, scenario = files(tmp_path, f"udpin:127.0.0.1:{to_companion}", f"sbs:tcp:127.0.0.1:{sbs}")
     async with (
-        process(*COMPANION, "run", "--no-web", config) as service,
+        process(COMPANION, "run", "--no-web", config) as service,
         vehicle(scenario, f"udpout:127.0.0.1:{to_companion}", beside=f"sbs:tcpin:127.0.0.1:{sbs}") as flying,
     ):
         await until_flown(flying)
@@ -113,12 +110,12 @@ async def test_a_receiver_of_another_process_by_udp_is_heard_by_the_service(tmp_
     to_companion, gdl90, position = free_ports(3)
     config, scenario = files(tmp_path, f"udpin:127.0.0.1:{to_companion}", f"gdl90:udpin:127.0.0.1:{gdl90}")
     async with (
-        process(*COMPANION, "run", "--no-web", config) as service,
+        process(COMPANION, "run", "--no-web", config) as service,
         vehicle(
             scenario, f"udpout:127.0.0.1:{to_companion}", f"udpin:127.0.0.1:{position}"
         ) as flying,
         process(
-            *SIMULATOR, "receiver", "--format", "gdl90", "--link", f"udpout:127.0.0.1:{gdl90}",
+            SIMULATOR, "receiver", "--format", "gdl90", "--link", f"udpout:127.0.0.1:{gdl90}",
             "--vehicle", f"udpout:127.0.0.1:{position}", "--scenario", str(scenario),
         ) as receiver,
     ):  # fmt: skip
@@ -133,7 +130,7 @@ async def test_a_receiver_of_another_process_by_udp_is_heard_by_the_service(tmp_
 async def test_a_receiver_alone_serves_its_document(tmp_path: Path) -> None:
     path = tmp_path / "aircraft.json"
     async with process(
-        *SIMULATOR, "receiver", "--format", "readsb", "--link", f"file:{path}", "--scenario", "head-on"
+        SIMULATOR, "receiver", "--format", "readsb", "--link", f"file:{path}", "--scenario", "head-on"
     ) as receiver:
         async with asyncio.timeout(40.0):
             while not path.exists():  # noqa: ASYNC110 - another process writes it

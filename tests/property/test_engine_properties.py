@@ -104,7 +104,7 @@ class Referee:
 
 # Two seconds a flight, so that the rules are judged in flights that went both ways. Single flights may have
 # none; of the first twelve seeds, any four in a row have together four times as much.
-FLIGHTS, LEAST_TICKS = sample(4, 16), 20
+FLIGHTS, LEAST_TICKS = sample(3, 16), 20
 
 
 def new_engine(autopilot: int) -> Engine:

@@ -25,6 +25,7 @@ from tests.support.avoidance_cases import (
     rotated,
     within_limits,
 )
+from tests.support.thorough import sample
 
 FORMATION = FormationParams(
     influence_m=2000.0, separation_m=300.0, reach_m=2000.0, smallest_m=80.0, horizon_s=90.0
@@ -117,7 +118,7 @@ def rows_of(guidance: Guidance, state: MemberState) -> list[int]:
     ]
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=sample(6, 25), deadline=None, derandomize=True)
 @given(groups(least=2, most=2))
 def test_two_members_choose_the_best_combination_that_keeps_separation_and_goals(
     states: list[MemberState],

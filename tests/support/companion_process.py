@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import os
-import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from sim.scenario import Autopilot
 from sim.server import VehicleServer
 from sim.vehicle import FakeVehicle
 from tests.support.faulty_flight import free_ports, world_of
+from tests.support.forked import Forked, fork
 
 
 class Aircraft:
@@ -26,7 +26,7 @@ class Aircraft:
         self._config = config
         self._stuck_log = stuck_log
         self._ends: list[int] = []
-        self._process: asyncio.subprocess.Process | None = None
+        self._process: Forked | None = None
 
     async def start(self) -> float:
         """Start the companion, and wait for its first line of log; returns how long that took [s]."""
@@ -34,11 +34,7 @@ class Aircraft:
         if self._stuck_log:
             await self._start_with_stuck_log()
             return time.monotonic() - began_s
-        self._process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "companion", "run", str(self._config),
-            stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
-        )  # fmt: skip
-        assert self._process.stderr is not None
+        self._process = await fork("run", str(self._config))
         await asyncio.wait_for(self._process.stderr.readline(), 30.0)
         return time.monotonic() - began_s
 
@@ -49,10 +45,7 @@ class Aircraft:
             while True:
                 os.write(self._ends[1], b"x" * 4096)
         os.set_blocking(self._ends[1], True)
-        self._process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "companion", "run", str(self._config),
-            stdout=self._ends[1], stderr=self._ends[1],
-        )  # fmt: skip
+        self._process = await fork("run", str(self._config), into=self._ends[1])
 
     async def end(self, number: int) -> tuple[int | None, str]:
         """Send a signal to the companion; returns its exit code and its log."""
@@ -77,10 +70,9 @@ class Aircraft:
         return await asyncio.wait_for(self._process.wait(), 20.0)
 
     def close_log(self) -> None:
-        """Close our end of its stdout and stderr, as a closed terminal or an ended `| tee` does."""
-        transport = self._process._transport  # type: ignore[union-attr]
-        for descriptor in (1, 2):
-            transport.get_pipe_transport(descriptor).close()
+        """Close our ends of its stdout and stderr, as a closed terminal or an ended `| tee` does."""
+        assert self._process is not None
+        self._process.close_pipes()
 
     async def kill_if_running(self) -> None:
         if self._process is not None and self._process.returncode is None:

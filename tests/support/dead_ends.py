@@ -65,6 +65,8 @@ _ALARM_S = 12.0
 _SETPOINTS_LOST_S = 1.0
 # A second vehicle counts for this long after it was heard.
 _TWO_VEHICLES_S = 10.5
+# What has lasted for this long after everything was mended is what it comes to.
+_SETTLED_S = 3.0
 # Sticks that moved count until they have rested for this long.
 _STICKS_REST_S = 10.5
 
@@ -219,6 +221,17 @@ class Model(Seat):
             self._check(sent, claimed)
             self._count()
 
+    def settle(self, limit_s: float) -> None:
+        """Fly on after everything was mended, until it is flown, or left to others, for a while."""
+        settled_s = 0.0
+        for _ in range(round(limit_s * 10)):
+            self.advance(0.1)
+            rests = self.now_s >= max(self.attended_until_s, self.sticks_s + _STICKS_REST_S)
+            settled = self.state in FLYING or not (self.by_us or self.claims)
+            settled_s = settled_s + 0.1 if settled and rests else 0.0
+            if settled_s > _SETTLED_S and not THOROUGH:
+                return
+
     # --- what must hold
 
     def _check(self, sent: Iterable[Message], claimed: set[str]) -> None:
@@ -329,7 +342,7 @@ def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False
         model.advance(EVENT_S)
     model.advance(6.0)
     model.mend()
-    model.advance(RULES.abandoned_s + _TWO_VEHICLES_S + 9.0)
+    model.settle(RULES.abandoned_s + _TWO_VEHICLES_S + 9.0)
     left = model.mode in model.guided_modes and model.by_us and model.state not in FLYING
     assert not left or model.claims or model.stopped, "left in the guided mode"
     return model

@@ -1,7 +1,6 @@
 """Scenarios in which traffic is reported wrongly: reports are changed or added on their way to the engine."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from companion.engine import Engine
 from companion.mavlink.dialect import Message, mavlink
@@ -9,15 +8,12 @@ from companion.model import Track, Vec3
 from sim.closed_loop import ClosedLoop
 from sim.metrics import EncounterScore
 from sim.receivers.mavlink import ADSB_RECEIVER, ALL_VALID, adsb_vehicle
-from sim.scenario import Autopilot, Scenario, load_scenario
+from sim.scenario import Autopilot, Scenario
+from tests.support.short_scenario import shorter
 
 Reports = Sequence[Message]
 Changed = Callable[["ReportedWrongly", Message], Reports]
 Added = Callable[["ReportedWrongly", float], Reports]
-
-
-# The mission ends soon after the aircraft is back on it: its rest proves no more.
-_NORTH_M = 3300.0
 
 
 def as_heard(_flight: "ReportedWrongly", message: Message) -> Reports:
@@ -46,7 +42,7 @@ class ReportedWrongly(ClosedLoop):
         add: Added = none_added,
         autopilot: Autopilot = "ardupilot",
     ) -> None:
-        loaded = _ending_soon(load_scenario(scenario)) if isinstance(scenario, str) else scenario
+        loaded = shorter(scenario) if isinstance(scenario, str) else scenario
         super().__init__(loaded, Engine(), autopilot=autopilot)
         self._change, self._add = change, add
         self.tracks: list[tuple[float, tuple[Track, ...]]] = []  # each second
@@ -86,11 +82,6 @@ class ReportedWrongly(ClosedLoop):
         place, velocity = self.scenario.frame.to_geo(*position_m), (*velocity_mps, 0.0)
         flags = ALL_VALID & ~mavlink.ADSB_FLAGS_VALID_CALLSIGN
         return altered(adsb_vehicle(icao, "", place, velocity, flags=flags), **fields)
-
-
-def _ending_soon(scenario: Scenario) -> Scenario:
-    ahead = replace(scenario.mission.waypoints[-1], north_m=_NORTH_M)
-    return replace(scenario, mission=replace(scenario.mission, waypoints=(ahead,)))
 
 
 def altered(message: Message, **fields: object) -> Message:
