@@ -26,7 +26,7 @@ _SHARE_SECONDS = tuple(
     f"/test_{name}.py"
     for name in (
         "paper_command", "installed_package", "browser", "campaign", "web", "fit_recordings",
-        "paper_flights", "one_aircraft", "readme", "dump1090",
+        "paper_flights", "one_aircraft", "readme", "dump1090", "evidence",
     )
 )  # fmt: skip
 
