@@ -69,7 +69,7 @@ def stranger(peer: Callable[[PeerLimits], Peer], limits: Limits) -> Engine:
     return Engine(config, avoider=PeerAvoider(AvoidanceParams(), peer(envelope)))
 
 
-# In `make test` each has both kinds of surveillance, with one seed each; the one that takes longest has ADS-B.
+# `make test` flies each with both kinds of surveillance and one seed; the longest one with ADS-B only.
 ROWS = [
     (name, surveillance, SEEDS if THOROUGH else SEEDS[(place + number) % 2 :][:1])
     for place, name in enumerate(GEOMETRIES)

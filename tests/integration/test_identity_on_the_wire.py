@@ -54,7 +54,7 @@ async def another_vehicle(
 @in_virtual_time
 async def test_neither_of_two_vehicles_with_one_address_is_flown(autopilot: Autopilot, link: str) -> None:
     async with faulty_flight(autopilot) as flight, another_vehicle(flight, link) as other:
-        for _ in range(80):
+        for _ in range(50):
             await flight.fly(1.0)
             assert other.truth.mode == MISSION_MODE[autopilot]
         assert flight.modes == [MISSION_MODE[autopilot]]
