@@ -1,8 +1,8 @@
 """Scenarios with each format of receivers, from the encoder's bytes to the aircraft given back.
 
-The formats fly in turn with both autopilots, and meet one aircraft head-on, or from the right. `make thorough`
-flies every scenario, also with two intruders, with all formats and both autopilots. The same bytes go over
-sockets in `tests/integration/test_receivers_on_the_wire.py`.
+The formats fly in turn with both autopilots, and meet one aircraft head-on, or from the right. With
+`make thorough` all of them fly every scenario, also with two intruders, with both autopilots. The same bytes
+go over sockets in `tests/integration/test_receivers_on_the_wire.py`.
 """
 
 from dataclasses import replace

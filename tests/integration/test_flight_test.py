@@ -42,11 +42,11 @@ parameters:
   ardupilot: {AVD_F_DIST_XY: 250}
 encounters:
   - name: head-on
-    meets_s: 60
+    meets_s: 45
     lasts_s: 10
     intruders: [{speed_mps: 60, miss_m: 50}]
   - name: pilot takes it
-    meets_s: 60
+    meets_s: 45
     lasts_s: 5
     intruders: [{speed_mps: 55, miss_height_m: 80}]
     actions:
