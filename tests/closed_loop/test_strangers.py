@@ -17,7 +17,7 @@ from sim.campaign.two_sided import fly_both, sides_of
 from sim.encounters import SURVEILLANCE_PRESETS, Encounter, Path
 from sim.peers import Peer, PeerLimits
 from sim.peers.ardupilot import ArduPilot
-from tests.support.thorough import THOROUGH
+from tests.support.thorough import THOROUGH, pairs
 from tests.support.vertical_advisories import VerticalAdvisories
 
 OWN_MPS = 25.0
@@ -99,8 +99,7 @@ def test_two_companions_do_not_mirror(name: str, surveillance: str, seeds: tuple
         assert apart or SIDEWAYS not in mirrored, (seed, flown.reasons)
 
 
-@pytest.mark.parametrize("peer", [ArduPilot, VerticalAdvisories])
-@pytest.mark.parametrize("name", GEOMETRIES)
+@pytest.mark.parametrize(("name", "peer"), pairs([*GEOMETRIES], [ArduPilot, VerticalAdvisories]))
 def test_we_keep_clear_of_a_stranger_that_avoids_by_another_rule(
     name: str, peer: Callable[[PeerLimits], Peer]
 ) -> None:

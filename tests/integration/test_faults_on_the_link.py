@@ -127,7 +127,7 @@ SPOILT = {
 
 
 # One late by half a second is flown by `make thorough`; late copies are flown beside it.
-SPOILT_WAYS = [(ARDUPILOT, "30 % lost"), (PX4_1_18, "doubled and overtaking")]
+SPOILT_WAYS = [(ARDUPILOT, "30 % lost"), (PX4, "doubled and overtaking")]
 
 
 @pytest.mark.parametrize(("autopilot", "spoilt"), sample(SPOILT_WAYS, pairs(ALL, [*SPOILT])))

@@ -1,6 +1,7 @@
 """The page of a flight, drawn as a whole."""
 
 import re
+from functools import cache
 
 import pytest
 
@@ -10,10 +11,16 @@ from companion.report.reading import Log
 from tests.unit.report.test_flight_report import avoided, flight_of, record, track
 
 
-def test_a_page_is_complete_works_offline_and_is_reproducible() -> None:
+@cache
+def usual_page() -> str:
+    """Of a flight without home, drawn once."""
     flight = flight_of(avoided())
     flight.notes.append("<b>cut off</b>")
-    text = page_of(Log(flight))
+    return page_of(Log(flight))
+
+
+def test_a_page_is_complete_works_offline_and_is_reproducible() -> None:
+    text = usual_page()
     assert "<td>N1</td>" in text
     assert "404 m" in text
     assert "&lt;b&gt;cut off" in text
@@ -45,6 +52,6 @@ def test_heights_are_above_home_where_home_is_recorded() -> None:
     assert "<th>height above home</th><td>100 to 160 m</td>" in text
     assert "guidance, height above home" in text
     assert "course 045, 22.0 m/s, 160 m" in text
-    unknown = page_of(Log(flight_of(avoided())))
+    unknown = usual_page()
     assert "<th>height above sea</th><td>500 to 560 m</td>" in unknown
     assert "course 045, 22.0 m/s, 560 m" in unknown
