@@ -14,7 +14,7 @@ settings.register_profile(
     "any-machine",
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow],
-    max_examples=sample(25, 400),
+    max_examples=sample(15, 400),
 )
 settings.load_profile("any-machine")
 
