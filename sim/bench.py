@@ -35,6 +35,10 @@ from sim.scenario import load_scenario
 TRACK_COUNTS = (1, 10, 50, 100, 1000)
 _OTHERS_PER_S = 500
 _MEMBERS = 10
+# Until the members turn for each other; the whole flight takes a minute.
+_FORMATION_S = 30.0
+# Length of the log that is replayed [steps of 0.05 s], and how often it is.
+_LOG_STEPS, _REPLAYS = 2400, 3
 _AUTOPILOT = Sender(1, 1)
 _HOME_LAT_DEG, _HOME_LON_DEG = -35.36, 149.16
 _M_PER_DEG = 111_000.0
@@ -80,9 +84,10 @@ def _decide_ms(count: int, decisions: int = 300) -> list[float]:
 
 
 def _formation_ms() -> list[float]:
-    """Times [ms] of the ticks of all members of a formation that meets, over a radio with loss and delay."""
+    """Times [ms] of the ticks of all members of a formation that will meet; its radio has loss and delay."""
     meeting = crossing(_MEMBERS, seed=1, number=0, separation_m=50.0)
-    return fly(meeting, COMPANION, Conditions(RadioQuality(loss=0.3, delay_s=0.3))).decision_ms
+    conditions = Conditions(RadioQuality(loss=0.3, delay_s=0.3), ends_s=_FORMATION_S)
+    return fly(meeting, COMPANION, conditions).decision_ms
 
 
 def _collider(number: int, now_s: float) -> Track:
@@ -153,9 +158,9 @@ def _replay_rates() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "bench.tlog"
         _write_log(log)
-        ours = max(replay(log, Engine()).messages_per_s for _ in range(3))
-        reading = max(_reading_rate(log) for _ in range(3))
-        theirs = max(_pymavlink_rate(log) for _ in range(3))
+        ours = max(replay(log, Engine()).messages_per_s for _ in range(_REPLAYS))
+        reading = max(_reading_rate(log) for _ in range(_REPLAYS))
+        theirs = max(_pymavlink_rate(log) for _ in range(_REPLAYS))
     return {
         "read_messages_per_s": round(reading),
         "replay_messages_per_s": round(ours),
@@ -175,7 +180,7 @@ def _write_log(log: Path) -> None:
             loop.start_us / 1e6,
             0,
         )
-    for tick in range(1, 2400):
+    for tick in range(1, _LOG_STEPS):
         now_us = loop.start_us + tick * 50_000
         for outgoing in vehicle.step(now_us / 1e6):
             writer.write(now_us, encoder.encode(outgoing.message, 1, 1))

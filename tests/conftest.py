@@ -14,7 +14,7 @@ settings.register_profile(
     "any-machine",
     deadline=None,
     suppress_health_check=[HealthCheck.too_slow],
-    max_examples=sample(25, 400),
+    max_examples=sample(15, 400),
 )
 settings.load_profile("any-machine")
 
@@ -26,7 +26,7 @@ _SHARE_SECONDS = tuple(
     f"/test_{name}.py"
     for name in (
         "paper_command", "installed_package", "browser", "campaign", "web", "fit_recordings",
-        "paper_flights", "one_aircraft", "readme", "dump1090",
+        "paper_flights", "one_aircraft", "readme", "dump1090", "evidence",
     )
 )  # fmt: skip
 

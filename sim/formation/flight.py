@@ -27,7 +27,7 @@ _SILENT_BEFORE_S = 20.0
 class Conditions:
     """How a crossing is flown: the radio, what receivers hear of a stranger, and ticks a second.
 
-    `falls_silent`: one member sends nothing more from 20 s before the meeting.
+    `falls_silent`: one member sends nothing more from 20 s before the meeting. The flight ends at `ends_s`.
     """
 
     radio: RadioQuality = field(default_factory=RadioQuality)
@@ -35,6 +35,7 @@ class Conditions:
     separation: Separation = field(default_factory=Separation)
     ticks_hz: int = 5
     falls_silent: bool = False
+    ends_s: float = math.inf
 
     def __post_init__(self) -> None:
         if self.ticks_hz not in (1, 2, 5, 10):
@@ -64,6 +65,7 @@ class _Lockstep:
         self._crossing, self._conditions = crossing, conditions
         count = len(crossing.missions)
         rng = np.random.default_rng([seed, 5])
+        self._ends_s = min(crossing.latest_s, conditions.ends_s)
         self._every = round(1.0 / (conditions.ticks_hz * STEP_S))
         self._phases = rng.integers(0, self._every, count).tolist()
         self._radio = Radio(count, conditions.radio, seed)
@@ -92,7 +94,7 @@ class _Lockstep:
         while True:
             places.append([member.plane.position_m for member in self._members])
             self._note_arrivals(step * STEP_S, places[-1])
-            if None not in self._arrived_s or step * STEP_S > self._crossing.latest_s:
+            if None not in self._arrived_s or step * STEP_S > self._ends_s:
                 break
             self._step(step)
             step += 1

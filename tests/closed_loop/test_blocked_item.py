@@ -11,6 +11,7 @@ from sim.campaign.plane import Limits
 from sim.campaign.route import Route
 from sim.encounters import Encounter
 from sim.encounters.encounter import Path
+from tests.support.thorough import pairs
 
 SPEED_MPS, HEIGHT_M = 25.0, 300.0
 WAYPOINT_M = 1500.0
@@ -29,8 +30,10 @@ def route(turn_deg: float) -> Route:
     return Route(((-1500.0, 0.0, -HEIGHT_M), (WAYPOINT_M, 0.0, -HEIGHT_M), (*end_m, -HEIGHT_M)))
 
 
-@pytest.mark.parametrize("turn_deg", [0.0, -90.0, 120.0])
-@pytest.mark.parametrize("beyond_m", [-500.0, -250.0, 0.0, 250.0, 540.0])
+TURNS_DEG, BEYOND_M = [0.0, -90.0, 120.0], [-500.0, -250.0, 0.0, 250.0, 540.0]
+
+
+@pytest.mark.parametrize(("beyond_m", "turn_deg"), pairs(BEYOND_M, TURNS_DEG))
 def test_the_waypoint_is_passed_and_the_next_leg_flown(beyond_m: float, turn_deg: float) -> None:
     intruder = hovering_at(WAYPOINT_M + beyond_m, HEIGHT_M + 20.0)
     encounter = Encounter("hovering", (0.0, 0.0, -HEIGHT_M), 0.0, SPEED_MPS, (intruder,))

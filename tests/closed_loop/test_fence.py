@@ -11,6 +11,7 @@ from companion.avoidance.params import CostWeights, Layers
 from companion.model import Goal, Guidance, Layer, Ownship, Track, Vec2
 from sim.dynamics import FixedWing
 from tests.support.encounter import ALTITUDE_M, Aircraft, fly, straight
+from tests.support.thorough import pairs
 
 FLAT = Envelope(min_altitude_m=ALTITUDE_M - 5.0, max_altitude_m=ALTITUDE_M + 5.0)
 
@@ -24,8 +25,7 @@ def corridor(width_m: float) -> Fence:
     return Fence((box((-500.0, 5500.0), (-0.5 * width_m, 0.5 * width_m)),))
 
 
-@pytest.mark.parametrize("from_deg", [0, 60, 90, 180])
-@pytest.mark.parametrize("width_m", [1500.0, 2400.0])
+@pytest.mark.parametrize(("width_m", "from_deg"), pairs([1500.0, 2400.0], [0, 60, 90, 180]))
 def test_a_wide_corridor_is_kept_and_well_clear_too(width_m: float, from_deg: float) -> None:
     params = AvoidanceParams(envelope=FLAT)
     outcome = fly([straight(from_deg, 50.0)], params=params, fence=corridor(width_m))
@@ -43,8 +43,7 @@ def test_in_a_narrow_corridor_it_climbs(from_deg: float) -> None:
     assert outcome.arrived
 
 
-@pytest.mark.parametrize("speed_mps", [40.0, 50.0])
-@pytest.mark.parametrize("width_m", [500.0, 550.0])
+@pytest.mark.parametrize(("width_m", "speed_mps"), pairs([500.0, 550.0], [40.0, 50.0]))
 def test_a_turn_back_in_a_corridor_follows_the_predicted_side(width_m: float, speed_mps: float) -> None:
     """The reciprocal course is never commanded: one of its two turns would cross the fence."""
     params = AvoidanceParams(envelope=FLAT)
@@ -53,8 +52,7 @@ def test_a_turn_back_in_a_corridor_follows_the_predicted_side(width_m: float, sp
     assert outcome.near_miss >= 0.98
 
 
-@pytest.mark.parametrize("from_deg", [0, 180])
-@pytest.mark.parametrize("width_m", [400.0, 600.0])
+@pytest.mark.parametrize(("width_m", "from_deg"), pairs([400.0, 600.0], [0, 180]))
 def test_without_room_for_well_clear_a_near_miss_is_still_avoided(width_m: float, from_deg: float) -> None:
     """Head-on or overtaken in the middle of the corridor, at one height: half its width is available."""
     params = AvoidanceParams(envelope=FLAT)
@@ -214,8 +212,9 @@ def test_a_mission_beyond_the_fence_is_released_after_a_while() -> None:
     assert outcome.engagements == 1
 
 
-@pytest.mark.parametrize("wind", [(0.0, 13.0), (-13.0, 0.0), (13.0, 0.0), (9.0, -9.0)])
-@pytest.mark.parametrize("from_deg", [0, 180])
+@pytest.mark.parametrize(
+    ("wind", "from_deg"), pairs([(0.0, 13.0), (-13.0, 0.0), (13.0, 0.0), (9.0, -9.0)], [0, 180])
+)
 def test_wind_does_not_drift_it_out_of_the_fence(wind: Vec2, from_deg: float) -> None:
     """A fixed wing with its lags at one height, in known wind."""
     fence = corridor(1800.0)

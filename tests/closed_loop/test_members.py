@@ -37,15 +37,15 @@ def test_they_avoid_each_other_and_finish(network: dict[str, float]) -> None:
 
 
 def test_the_same_seed_gives_the_same_flight() -> None:
-    first, second = (loop_of(seed=3, network={"loss": 0.5}).run(22.0) for _ in range(2))
+    first, second = (loop_of(seed=3, network={"loss": 0.5}).run(14.0) for _ in range(2))
     for name, flight in first.members.items():
         assert flight.decisions == second.members[name].decisions
-    other = loop_of(seed=4, network={"loss": 0.5}).run(22.0)
+    other = loop_of(seed=4, network={"loss": 0.5}).run(14.0)
     assert first.members["EAST"].decisions != other.members["EAST"].decisions
 
 
 def test_a_network_that_loses_everything_hides_them_from_each_other() -> None:
-    flight = loop_of(network={"loss": 1.0}).run(60.0)
+    flight = loop_of(network={"loss": 1.0}).run(52.0)
     assert flight.score.separation_lost
     assert all(member.layers == [] for member in flight.members.values())
 
@@ -79,7 +79,7 @@ def test_a_crewed_aircraft_is_avoided_by_the_member_it_meets() -> None:
         "speed_mps": 60,
     }
     loop = loop_of(intruders=[intruder], network={"loss": 1.0})
-    flight = loop.run(60.0).members["NORTH"]
+    flight = loop.run(48.0).members["NORTH"]
     (encounter,) = flight.score.encounters.values()
     assert encounter.first_action_s is not None
     assert not encounter.lowc

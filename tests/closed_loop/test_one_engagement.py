@@ -16,8 +16,8 @@ from sim.traffic import AdsbReceiver, Intruder, Maneuver
 from tests.support.thorough import sample
 
 BASE = load_scenario("head-on")
-ENCOUNTERS = sample(5, 60)
-BATCHES = sample(5, 8)
+ENCOUNTERS = sample(4, 60)
+BATCHES = sample(4, 8)
 # The airspeed in the scenarios; it determines where an encounter starts.
 CRUISE_MPS = 24.0
 # Time after the release, with the intruder past and opening, after which a flight ends.
@@ -104,7 +104,7 @@ def test_one_engagement_for_each_encounter(batch: int) -> None:
         assert flight.truth.on_mission, what
 
 
-@pytest.mark.parametrize("seed", range(sample(2, 4)))
+@pytest.mark.parametrize("seed", sample([1], range(4)))
 def test_an_intruder_that_returns_is_avoided_once_more_at_most(seed: int) -> None:
     """It passes, turns around half a minute later, and follows."""
     chance = random.Random(1000 + seed)

@@ -32,7 +32,7 @@ def test_decisions_and_flight_are_equal_to_the_last_bit() -> None:
 
 @compiled
 def test_a_campaign_has_equal_results(tmp_path: Path) -> None:
-    words = ("campaign", "--encounters", "2", "--workers", "1", "--surveillance", "poor", "--results")
+    words = ("campaign", "--encounters", "1", "--workers", "1", "--surveillance", "poor", "--results")
     slow, fast = tmp_path / "slow.ndjson", tmp_path / "fast.ndjson"
     assert plain("from sim.cli import main; main()", *words, str(slow)).returncode == 0
     code = "from sim.cli import main; main()"

@@ -54,7 +54,7 @@ def test_a_refused_command_is_reported_and_the_others_keep_clear(
 ) -> None:
     loop = Refusing(command, scenario=scenario, config=config)
     loop.until_true(lambda: loop.flight.resumed, limit_s=220.0)
-    flight = loop.run(20.0)
+    flight = loop.run(5.0)
     assert clear(flight)
     assert flight.engagements == 1
     assert loop.commanded[command], "refused at least once"
@@ -100,7 +100,7 @@ def test_a_refused_guided_mode_is_reported_and_requested_again_in_moderation(aut
     loop.world.vehicle.refuse(DO_SET_MODE, None)
     loop.until(State.OUTER, limit_s=12.0)
     assert loop.now_us - began_us < 30e6
-    assert clear(loop.run(60.0))
+    assert clear(loop.run(45.0))
 
 
 @both

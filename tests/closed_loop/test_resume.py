@@ -8,7 +8,7 @@ from companion.mavlink.dialect import Message, mavlink
 from companion.model import Layer, Role
 from sim.scenario import Autopilot
 from tests.closed_loop.test_operator import by_command
-from tests.support.autopilots import ARDUPILOT, GUIDED_MODE, MISSION_MODE, every
+from tests.support.autopilots import ARDUPILOT, GUIDED_MODE, MISSION_MODE, PX4_1_18, every, ways
 from tests.support.monitored_loop import MonitoredLoop, without_traffic
 from tests.support.overrides import in_state
 from tests.support.thorough import sample
@@ -115,7 +115,7 @@ def test_another_intruder_is_avoided_meanwhile(autopilot: Autopilot) -> None:
     assert loop.mode_name == GUIDED_MODE[autopilot]
 
 
-@every
+@ways(PX4_1_18)
 def test_after_the_conflict_the_suppression_ends(autopilot: Autopilot) -> None:
     config = EngineConfig(supervisor=SupervisorParams(settle_s=3.0))
     loop = in_state(autopilot, State.OUTER, config)

@@ -47,7 +47,7 @@ def test_one_address_of_two_aircraft_is_two_tracks_and_the_operator_knows() -> N
 PLACES = [(2000.0, 0.5), (-3000.0, 0.2), (2500.0, 0.2)]
 
 
-@pytest.mark.parametrize(("aside_m", "period_s"), sample(PLACES[:2], PLACES))
+@pytest.mark.parametrize(("aside_m", "period_s"), sample(PLACES[1:2], PLACES))
 def test_a_second_place_of_an_address_does_not_hide_the_first(aside_m: float, period_s: float) -> None:
     def aside(loop: ReportedWrongly, time_s: float) -> Reports:
         if not is_time_of(period_s, time_s):
@@ -64,7 +64,10 @@ def test_an_aircraft_without_an_address_is_avoided() -> None:
     assert_passed(ReportedWrongly(change=lambda _, message: [altered(message, ICAO_address=0)]))
 
 
-@pytest.mark.parametrize(("above_m", "share"), pairs([400.0, -250.0], [0.3, 0.5]))
+BOUNCES = [(400.0, 0.3), (400.0, 0.5), (-250.0, 0.3), (-250.0, 0.5)]
+
+
+@pytest.mark.parametrize(("above_m", "share"), sample(BOUNCES[:1], BOUNCES))
 def test_heights_that_bounce_are_two_tracks_and_one_engagement(share: float, above_m: float) -> None:
     chance = random.Random(5)
 
@@ -91,7 +94,7 @@ def test_an_address_that_is_said_to_be_ours_and_comes_head_on_is_avoided() -> No
 # --- what it says of itself
 
 
-@pytest.mark.parametrize("emitter_type", sample([17, 20], [17, 18, 19, 20, 21]))
+@pytest.mark.parametrize("emitter_type", sample([17], [17, 18, 19, 20, 21]))
 def test_what_moves_flies_whatever_its_category(emitter_type: int) -> None:
     assert_passed(ReportedWrongly(change=lambda _, message: [altered(message, emitter_type=emitter_type)]))
 
@@ -107,7 +110,7 @@ def test_positions_win_over_a_stated_velocity(scenario: str, share: float) -> No
     assert flight.engagements == 1
 
 
-@pytest.mark.parametrize("off_deg", [90, 180])
+@pytest.mark.parametrize("off_deg", sample([180], [90, 180]))
 def test_positions_win_over_a_stated_course(off_deg: int) -> None:
     def turned(_: ReportedWrongly, message: Message) -> Reports:
         return [altered(message, heading=(message.heading + off_deg * 100) % 36_000)]
@@ -157,7 +160,7 @@ def test_parked_aircraft_are_no_threat_to_one_above_them(from_s: float) -> None:
 # --- ourselves
 
 
-@pytest.mark.parametrize("icao", [0xBEEF01, 0])
+@pytest.mark.parametrize("icao", sample([0xBEEF01], [0xBEEF01, 0]))
 def test_our_own_shadow_is_told_and_not_fled_from(icao: int) -> None:
     """Ourselves, 4 s late, 120 m aside, every 5 s."""
     trail: list[tuple[float, Vec3, Vec3]] = []
@@ -177,7 +180,7 @@ def test_our_own_shadow_is_told_and_not_fled_from(icao: int) -> None:
     assert "own shadow" in texts(loop)
 
 
-@pytest.mark.parametrize("own_known", [True, False])
+@pytest.mark.parametrize("own_known", sample([False], [True, False]))
 def test_an_aircraft_that_closes_in_from_behind_is_no_echo(own_known: bool) -> None:
     """It follows 60 m behind, and comes 1 m/s nearer."""
     start: list[tuple[float, Vec3, Vec3]] = []
@@ -231,7 +234,7 @@ def test_our_own_report_before_our_own_position_is_no_conflict() -> None:
 # --- age
 
 
-@pytest.mark.parametrize("last_s", [12.0, 25.0, 40.0])
+@pytest.mark.parametrize("last_s", sample([25.0], [12.0, 25.0, 40.0]))
 def test_a_conflict_is_coasted_past_its_meeting_and_silence_is_not_clear(last_s: float) -> None:
     def until(loop: ReportedWrongly, message: Message) -> Reports:
         return [message] if loop.time_s < last_s else []
@@ -264,7 +267,7 @@ def test_an_age_that_counts_up_without_new_positions_is_silence() -> None:
     assert "not heard for" in texts(loop)
 
 
-@pytest.mark.parametrize("kind", ["unknown", "since the first"])
+@pytest.mark.parametrize("kind", sample(["since the first"], ["unknown", "since the first"]))
 def test_an_age_that_is_none_does_not_matter_while_the_positions_change(kind: str) -> None:
     def wrong(loop: ReportedWrongly, message: Message) -> Reports:
         return [altered(message, tslc=255 if kind == "unknown" else min(30 + int(loop.time_s), 254))]

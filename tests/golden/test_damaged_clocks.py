@@ -66,11 +66,9 @@ def restamped(path: Path, stamp: Stamp) -> Path:
     return path
 
 
-@pytest.mark.parametrize("stamp", NO_CLOCKS.values(), ids=NO_CLOCKS)
-def test_without_usable_stamps_the_autopilots_time_is_used(
-    tmp_path: Path, whole: Replay, stamp: Stamp
-) -> None:
-    result = replay(restamped(tmp_path / "log.tlog", stamp), Engine())
+@pytest.mark.parametrize("kind", sample(["zero", "little-endian"], [*NO_CLOCKS]))
+def test_without_usable_stamps_the_autopilots_time_is_used(tmp_path: Path, whole: Replay, kind: str) -> None:
+    result = replay(restamped(tmp_path / "log.tlog", NO_CLOCKS[kind]), Engine())
     assert result.by_boot_time
     assert result.report()["clock"] == "time_boot_ms"
     assert result.duration_s == pytest.approx(whole.duration_s, rel=0.1)
@@ -78,7 +76,7 @@ def test_without_usable_stamps_the_autopilots_time_is_used(
     assert result.layers.total() == pytest.approx(whole.layers.total(), rel=0.1)
 
 
-@pytest.mark.parametrize("seconds", [2, 30, 58, 3600])
+@pytest.mark.parametrize("seconds", sample([2, 58], [2, 30, 58, 3600]))
 def test_stamps_that_step_back_and_stay_do_not_stop_the_time(
     tmp_path: Path, whole: Replay, seconds: int
 ) -> None:

@@ -126,7 +126,7 @@ def test_a_killed_worker_does_not_change_the_results(tmp_path: Path) -> None:
 
 def test_a_lost_scheduler_is_one_line_and_the_results_are_kept(tmp_path: Path) -> None:
     with scheduler(tmp_path) as (address, process), worker(address, tmp_path, "worker.log"):
-        flying = campaign(tmp_path, "--encounters", "5000", "--avoider", "ardupilot", "--scheduler", address)
+        flying = campaign(tmp_path, "--encounters", "500", "--avoider", "ardupilot", "--scheduler", address)
         until(lambda: has_results(tmp_path), flying)
         process.kill()
         _, errors = flying.communicate(timeout=PATIENCE_S)

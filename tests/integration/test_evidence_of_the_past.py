@@ -17,10 +17,10 @@ from companion.model import Role
 from sim.faults import Faults
 from sim.scenario import Autopilot
 from sim.vehicle import Mode
-from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, every, paired
+from tests.support.autopilots import ALL, BOTH, GUIDED_MODE, MISSION_MODE, every, paired
 from tests.support.companion_process import Aircraft, aircraft
 from tests.support.faulty_flight import FaultyFlight, faulty_flight
-from tests.support.thorough import sample
+from tests.support.thorough import pairs, sample
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
@@ -29,7 +29,10 @@ pytestmark = pytest.mark.wire
 # --- late copies
 
 
-@paired("late_s", [0.8, 5.0])
+LATE_S = (0.8, 5.0)
+
+
+@pytest.mark.parametrize(("autopilot", "late_s"), sample(pairs(BOTH, LATE_S)[1:], pairs(ALL, LATE_S)))
 @in_virtual_time
 async def test_late_copies_of_every_frame_change_nothing(autopilot: Autopilot, late_s: float) -> None:
     async with faulty_flight(autopilot, forth=Faults(copy_after_s=late_s)) as flight:

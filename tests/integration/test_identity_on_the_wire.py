@@ -16,11 +16,13 @@ from sim.server import VehicleServer
 from sim.vehicle import FakeVehicle
 from tests.support.autopilots import GUIDED_MODE, MISSION_MODE, both
 from tests.support.faulty_flight import FaultyFlight, faulty_flight, world_of
+from tests.support.thorough import sample
 from tests.support.virtual_time import in_virtual_time
 
 pytestmark = pytest.mark.wire
 
-EACH = pytest.mark.parametrize(("autopilot", "link"), [("ardupilot", "same link"), ("px4", "another link")])
+LINKS: list[tuple[Autopilot, str]] = [("ardupilot", "same link"), ("px4", "another link")]
+EACH = pytest.mark.parametrize(("autopilot", "link"), LINKS)
 TWO_VEHICLES = "two vehicles have its system id"
 
 
@@ -50,11 +52,11 @@ async def another_vehicle(
 # --- two vehicles with one address
 
 
-@EACH
+@pytest.mark.parametrize(("autopilot", "link"), sample(LINKS[:1], LINKS))
 @in_virtual_time
 async def test_neither_of_two_vehicles_with_one_address_is_flown(autopilot: Autopilot, link: str) -> None:
     async with faulty_flight(autopilot) as flight, another_vehicle(flight, link) as other:
-        for _ in range(80):
+        for _ in range(50):
             await flight.fly(1.0)
             assert other.truth.mode == MISSION_MODE[autopilot]
         assert flight.modes == [MISSION_MODE[autopilot]]
@@ -62,7 +64,7 @@ async def test_neither_of_two_vehicles_with_one_address_is_flown(autopilot: Auto
         assert flight.notes.texts().count(f"Avoidance off: {TWO_VEHICLES}") >= 2, "again each half minute"
 
 
-@EACH
+@pytest.mark.parametrize(("autopilot", "link"), sample(LINKS[1:], LINKS))
 @in_virtual_time
 async def test_a_vehicle_with_the_address_of_ours_that_appears_while_it_is_flown_ends_that(
     autopilot: Autopilot, link: str

@@ -16,6 +16,7 @@ SHORT_BENCH = """
 import sim.bench, sim.cli
 sim.bench.TRACK_COUNTS = (1, 10)
 sim.bench._MEMBERS = 2
+sim.bench._LOG_STEPS, sim.bench._REPLAYS = 600, 1
 sim.bench._wire_latency_ms.__defaults__ = (3.0,)
 sim.cli.main()
 """

@@ -28,6 +28,7 @@ from sim.world import build_world
 from tests.support.faulty_flight import free_ports
 from tests.support.forked import Forked, fork
 from tests.support.short_scenario import shorter
+from tests.support.thorough import sample
 
 pytestmark = pytest.mark.wire
 
@@ -131,7 +132,7 @@ async def until_mode(vehicle: FakeArduPlane, mode: Mode, limit_s: float) -> None
             await asyncio.sleep(0.02)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", sample([signal.SIGTERM], [signal.SIGTERM, signal.SIGINT]))
 async def test_a_signal_releases_the_aircraft_before_the_service_ends(tmp_path: Path, number: int) -> None:
     (port,) = free_ports(1)
     async with flying_vehicle(port) as vehicle, service(tmp_path, port, forked=False) as process:

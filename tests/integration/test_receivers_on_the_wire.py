@@ -24,6 +24,7 @@ from sim.world import build_world
 from tests.support.faulty_flight import free_ports
 from tests.support.forked import Forked, fork
 from tests.support.short_scenario import shorter
+from tests.support.thorough import sample
 
 pytestmark = pytest.mark.wire
 
@@ -155,7 +156,7 @@ def test_a_wrong_receiver_is_one_line(arguments: list[str], words: str) -> None:
     assert words in f"{result.output}{result.exception}"
 
 
-@pytest.mark.parametrize("name", ["readsb", "remoteid"])
+@pytest.mark.parametrize("name", sample(["remoteid"], ["readsb", "remoteid"]))
 async def test_the_demo_with_a_receiver(name: str, tmp_path: Path) -> None:
     """Formats that others do not test on a socket: a document, and MAVLink on a link of its own."""
     options = DemoOptions(shorter("head-on"), speedup=20.0, receiver=name, record=tmp_path)

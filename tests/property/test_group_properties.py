@@ -118,7 +118,7 @@ def rows_of(guidance: Guidance, state: MemberState) -> list[int]:
     ]
 
 
-@settings(max_examples=sample(6, 25), deadline=None, derandomize=True)
+@settings(max_examples=sample(4, 25), deadline=None, derandomize=True)
 @given(groups(least=2, most=2))
 def test_two_members_choose_the_best_combination_that_keeps_separation_and_goals(
     states: list[MemberState],

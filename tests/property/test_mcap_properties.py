@@ -18,6 +18,7 @@ from companion.recording import (
     repair_all,
     repair_file,
 )
+from tests.support.thorough import sample
 
 
 def recorded() -> tuple[bytes, list[Entry]]:
@@ -72,7 +73,7 @@ def test_any_single_byte_may_be_wrong(tmp_path: Path) -> None:
     file.write([*decisions, McapMessage(TEXT, 100, "{}")])
     whole = file.path.read_bytes()
     path = tmp_path / "companion-20260101-120000.mcap"
-    for at in range(len(whole)):
+    for at in range(0, len(whole), sample(2, 1)):
         for wrong in (0xFF, 0x7F):
             path.write_bytes(whole[:at] + bytes([wrong]) + whole[at + 1 :])
             with contextlib.suppress(LogError):

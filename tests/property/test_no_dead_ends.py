@@ -39,7 +39,7 @@ def test_a_target_right_after_the_take_over_is_someone_elses(autopilot: int) -> 
     events=st.lists(st.sampled_from(EVENTS), min_size=3, max_size=9),
     before_conflict=st.booleans(),
 )
-@settings(max_examples=sample(8, 50), deadline=None)
+@settings(max_examples=sample(5, 50), deadline=None)
 def test_after_many_events_it_is_flown_given_back_or_alarmed(
     autopilot: int, events: list[str], before_conflict: bool
 ) -> None:

@@ -349,10 +349,15 @@ def walk(autopilot: int, events: Sequence[str], *, before_conflict: bool = False
 
 
 def seconds_after(autopilot: int, first: str) -> list[str]:
-    """Events to follow a first one: each pair in one way of flying, or in every one (`make thorough`)."""
+    """Events to follow a first one: of two events one order, in one way of flying; all in `make thorough`."""
     ways = list(GUIDED_MODES)
-    turn = ways.index(autopilot) + EVENTS.index(first)
-    return [event for place, event in enumerate(EVENTS, turn) if THOROUGH or place % len(ways) == 0]
+    own = EVENTS.index(first)
+    turn = ways.index(autopilot) + own
+    return [
+        event
+        for place, event in enumerate(EVENTS)
+        if THOROUGH or ((place + own + (own < place)) % 2 == 0 and (place + turn) % len(ways) == 0)
+    ]
 
 
 def main() -> None:

@@ -7,9 +7,12 @@ from companion.engine import Engine, Transmit
 from companion.mavlink.dialect import Message
 from companion.model import Guidance
 from sim.closed_loop import ClosedLoop, Flight
-from sim.scenario import Autopilot, load_scenario
+from sim.scenario import Autopilot, Scenario, load_scenario
 from sim.vehicle import Truth
+from tests.support.short_scenario import shorter
+from tests.support.thorough import THOROUGH
 
+_ALIKE = ("crossing-left", "crossing-right", "climbing", "overtaken")
 MOMENT_S = 0.1
 _STEPS_A_MOMENT = 2
 
@@ -32,12 +35,17 @@ class ScenarioFlight:
     moments: list[Moment]
 
 
+def flown_scenario(name: str) -> Scenario:
+    """The scenario as it comes with the project; of those alike, a shorter flight in `make test`."""
+    return shorter(name) if name in _ALIKE and not THOROUGH else load_scenario(name)
+
+
 class _Recorded(ClosedLoop):
     """Keeps every STATUSTEXT until it is read."""
 
     def __init__(self, name: str, autopilot: Autopilot) -> None:
         self.texts: list[Message] = []
-        super().__init__(load_scenario(name), Engine(), autopilot=autopilot)
+        super().__init__(flown_scenario(name), Engine(), autopilot=autopilot)
 
     def _transmit(self, time_us: int, effect: Transmit) -> None:
         if effect.message.get_type() == "STATUSTEXT":

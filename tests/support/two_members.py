@@ -17,7 +17,7 @@ TWO: dict[str, Any] = {
             "start": {"where": "air", "heading_deg": 0, "north_m": -1250, "height_m": 300},
             "mission": {
                 "takeoff_height_m": 60,
-                "waypoints": [{"north_m": 1500, "east_m": 0, "height_m": 300}],
+                "waypoints": [{"north_m": 1200, "east_m": 0, "height_m": 300}],
             },
         },
         {
@@ -28,7 +28,7 @@ TWO: dict[str, Any] = {
             "start": {"where": "air", "heading_deg": 90, "east_m": -1250, "height_m": 300},
             "mission": {
                 "takeoff_height_m": 60,
-                "waypoints": [{"north_m": 0, "east_m": 1500, "height_m": 300}],
+                "waypoints": [{"north_m": 0, "east_m": 1200, "height_m": 300}],
             },
         },
     ],

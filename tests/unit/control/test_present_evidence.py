@@ -431,7 +431,7 @@ def test_below_home_it_advises_and_says_why_it_does_not_fly() -> None:
 def test_a_long_avoidance_is_news_again() -> None:
     seat = Seat()
     seat.hovers = True
-    seat.fly(200.0)
+    seat.fly(125.0)
     held = [condition for condition in seat.engine.conditions if condition.key == "long avoidance"]
     assert held
     assert "RESUME" in held[0].text
