@@ -82,6 +82,11 @@ def adsb_key(icao: int) -> str:
     return f"{icao:06X}"
 
 
+def system_key(system_id: int) -> str:
+    """The key of another MAVLink system that reports its own position."""
+    return f"SYS-{system_id}"
+
+
 def uas_key(uas_id: str) -> str:
     """The key of a hexadecimal UAS id, without the trailing zero bytes that pad it."""
     return f"UTM-{bytes.fromhex(uas_id).rstrip(bytes(1)).hex().upper()}"

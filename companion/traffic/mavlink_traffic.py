@@ -5,7 +5,7 @@ import math
 from companion.geodesy import wrap_two_pi
 from companion.mavlink.dialect import mavlink
 from companion.mavlink.facts import Fact, Heartbeat, OwnPosition
-from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource
+from companion.model import AltitudeReference, TrafficKind, TrafficReport, TrafficSource, system_key
 
 # A system lower above its home and slower than this is not flying: it is parked, or carried to its start.
 _GROUND_HEIGHT_M, _GROUND_SPEED_MPS = 2.0, 3.0
@@ -45,7 +45,7 @@ class MavlinkTraffic:
         on_surface = vehicle_type in _SURFACE_VEHICLES or (is_low and vehicle_type in _GROUND_STATIONS)
         return TrafficReport(
             source=TrafficSource.SYSTEM,
-            key=f"SYS-{system_id}",
+            key=system_key(system_id),
             time_s=now_s,
             lat_deg=fact.lat_deg,
             lon_deg=fact.lon_deg,

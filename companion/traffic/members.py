@@ -5,7 +5,7 @@ from typing import Literal
 
 from companion.geodesy import LocalFrame
 from companion.mavlink.facts import MemberIntent, Sender
-from companion.model import Goal, Intent, Member, Track
+from companion.model import Goal, Intent, Member, Track, system_key
 
 # A counter behind the newest one by less than this is of an older message; by more, of another run.
 _OLDER = 600
@@ -34,6 +34,11 @@ class Members:
         """Whether this system is configured as a member."""
         system_ids = self._params.system_ids
         return system_ids == "all" or system_id in system_ids
+
+    def includes_key(self, key: str) -> bool:
+        """Whether the system with this key in the picture is configured as a member."""
+        system_ids = self._params.system_ids
+        return system_ids == "all" or any(key == system_key(system_id) for system_id in system_ids)
 
     def observe_intent(self, fact: MemberIntent, now_s: float) -> None:
         """Keep the newest intent of each member; messages may overtake each other."""

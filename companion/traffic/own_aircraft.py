@@ -6,6 +6,7 @@ it that flies elsewhere refutes them.
 
 import math
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
 from typing import Final, NamedTuple
@@ -169,6 +170,7 @@ class Identity(Enum):
     UNKNOWN = "unknown"
     NEIGHBOUR = "another system on our link"  # ours again, or one that flies with us
     ANOTHERS = "another's"
+    MEMBER = "a member's"  # of our formation: it may fly along with us for long
 
 
 # We are reported late and displaced, but no further from where we are than this, and as far as we fly in this
@@ -191,6 +193,7 @@ class OwnIdentity:
         self._uas_key = None if params.own_uas_id is None else uas_key(params.own_uas_id)
         self._elsewhere: dict[str, tuple[int, float]] = {}  # reports in a row, and when the last one came
         self.refuted: dict[str, float] = {}  # by key, with the time
+        self.is_member: Callable[[str], bool] = lambda _key: False  # of our formation, by key
 
     @property
     def icao(self) -> int | None:
@@ -224,7 +227,7 @@ class OwnIdentity:
         if target.anonymous or target.source in _NAMELESS:
             return Identity.UNKNOWN
         if target.source is TrafficSource.SYSTEM:
-            return Identity.NEIGHBOUR
+            return Identity.MEMBER if self.is_member(target.key) else Identity.NEIGHBOUR
         known_ours = bool(self._icao) if target.icao is not None else self._uas_key is not None
         return Identity.ANOTHERS if known_ours else Identity.UNKNOWN
 

@@ -42,10 +42,10 @@ class OwnshipEcho:
         self.keys: set[str] = set()
 
     def classify(self, target: Target, altitude: SeaLevelAltitude | None, identity: Identity) -> bool:
-        """Whether a target that has a new measurement is an echo; an obstacle never is."""
+        """Whether a target that has a new measurement is an echo; an obstacle or a member never is."""
         if identity is Identity.OURS:
             is_echo = True
-        elif target.kind is TrafficKind.OBSTACLE:
+        elif target.kind is TrafficKind.OBSTACLE or identity is Identity.MEMBER:
             self.remove(target.track_id)
             target.seen_far = False
             return False

@@ -42,6 +42,8 @@ class TrafficPicture:
         self._own_altitudes = OwnshipAltitudes(params.heights)
         mark = None if self._members is None else self._members.marked
         self.tracker = Tracker(params, self._own_altitudes.offsets, mark)
+        if self._members is not None:
+            self.tracker.own_identity.is_member = self._members.includes_key
         self._mavlink_traffic = MavlinkTraffic()
         self._pressure_s = -math.inf  # of our autopilot
 

@@ -93,7 +93,7 @@ class Tracker:
         self.surroundings: Surroundings = UNKNOWN
         self._clock = MonotonicClock()
         self._trail = OwnTrail(_TRAIL_S)
-        self._own = OwnIdentity(params, self._trail)
+        self.own_identity = OwnIdentity(params, self._trail)
         self._echo = OwnshipEcho(params.own_echo, self._trail)
         self._association = Association(params.association)
         self._store = TargetStore(params.max_tracks)
@@ -105,7 +105,14 @@ class Tracker:
         self._triage = Triage(self._contacts, self._trail)
         self._notes = Notes({}, {}, {})
         self._concerns = ConcernFinder(
-            Known(self._store, self._contacts, self._echo, self._own, self._coasting, self._identifies_track),
+            Known(
+                self._store,
+                self._contacts,
+                self._echo,
+                self.own_identity,
+                self._coasting,
+                self._identifies_track,
+            ),
             self._notes,
             ConcernedView(params, self._trail),
         )
@@ -118,7 +125,7 @@ class Tracker:
 
     def add_own_address(self, icao: int) -> None:
         """Take an address as that of our own transponder, unless it flies elsewhere. Zero means unknown."""
-        key = self._own.claim(icao)
+        key = self.own_identity.claim(icao)
         if key is None:
             return
         for target in () if key not in self._contacts else self._contacts[key].hypotheses:
@@ -127,7 +134,7 @@ class Tracker:
     @property
     def own_icao(self) -> int | None:
         """The address by which others hear us, `None` while it is unknown or one of several."""
-        return self._own.icao
+        return self.own_identity.icao
 
     def observe_ownship(self, fix: OwnshipFix) -> None:
         """Store our own position; what was received before is compared with it when it is known again."""
@@ -179,7 +186,7 @@ class Tracker:
         time_s = self._clock.convert(report.time_s)
         place_deg, report = self._place_of(report, time_s)
         if place_deg is None:
-            own = self._own.is_claimed(report)
+            own = self.own_identity.is_claimed(report)
             if not own:
                 self._note_name(report)
             self.dropped[DropReason.OWN if own else DropReason.NO_POSITION] += 1
@@ -327,11 +334,11 @@ class Tracker:
 
     def _is_echo(self, target: Target, altitude: SeaLevelAltitude | None) -> bool:
         """Whether it is ourselves; one that is far away, and never was near us, needs no closer look."""
-        identity, key, echo = self._own.identify(target, altitude), target.track_id, self._echo
+        identity, key, echo = self.own_identity.identify(target, altitude), target.track_id, self._echo
         known = key in echo.keys or key in echo.evidence or key in echo.shadows.evidence
         if known or identity is Identity.OURS or target.kind is TrafficKind.OBSTACLE:
             return echo.classify(target, altitude, identity)
-        if not self._own.is_far(target):
+        if not self.own_identity.is_far(target):
             return echo.classify(target, altitude, identity)
         target.seen_far |= identity is not Identity.ANOTHERS
         return False

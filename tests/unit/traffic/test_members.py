@@ -1,5 +1,6 @@
 """Members of our formation among the tracks."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -123,3 +124,29 @@ def test_what_is_announced_is_what_the_others_read() -> None:
     assert read.goal.position_m == pytest.approx(goal.position_m, abs=0.02)
     assert read.goal.then_m == pytest.approx(goal.then_m, abs=0.02)
     assert replace(read, goal=goal) == sent
+
+
+def along_a_bend(time_s: float, boot_time_s: float, system_id: int) -> OwnPosition:
+    """A position on a way that turns to the right after 20 s."""
+    north_m, east_m, course_rad = 0.0, 0.0, 0.0
+    for tenth in range(round(10.0 * time_s)):
+        course_rad = 0.03 * max(0.1 * tenth - 20.0, 0.0)
+        north_m += 2.0 * math.cos(course_rad)
+        east_m += 2.0 * math.sin(course_rad)
+    lat_deg, lon_deg, _ = FRAME.to_geo(north_m, east_m, 0.0)
+    velocity_mps = 20.0 * math.cos(course_rad), 20.0 * math.sin(course_rad), 0.0
+    return OwnPosition(
+        Sender(system_id, 1), boot_time_s, lat_deg, lon_deg, 500.0, 100.0, velocity_mps, course_rad
+    )
+
+
+@pytest.mark.parametrize("system_ids", [(7,), "all"])
+def test_a_member_that_follows_us_closely_is_not_ourselves(system_ids: object) -> None:
+    """It flies where we were two seconds ago, and turns as we did: a shadow, if it were not a member."""
+    seen = picture(system_ids)
+    for half in range(4, 140):
+        now_s = 0.5 * half
+        seen.observe_ownship(along_a_bend(now_s, now_s, 1), now_s)
+        seen.receive(along_a_bend(now_s - 2.0, now_s, 7), now_s)
+        if now_s > 4.0:
+            assert only(seen.tracker.tracks(now_s, FRAME)).is_member
