@@ -22,7 +22,7 @@ from companion.avoidance.group.joint_table import (
     envelope_of,
     joint_response,
     mission_of,
-    mission_paths_of,
+    mission_path_of,
     pair_distances,
     paths_of,
 )
@@ -341,12 +341,12 @@ class _PlannedPaths:
         self._known: dict[tuple[str, Plan], Array] = {}
 
     def _path(self, state: MemberState, plan: Plan) -> Array:
-        """The path of a plan, (1, T, 3), or the paths that a mission may lead along, (P, T, 3)."""
+        """The path of a plan, (1, T, 3)."""
         key = state.member_id, plan
         if key not in self._known:
             horizon_s = self._params.horizon_s
             self._known[key] = (
-                mission_paths_of(state, self._centre_m, horizon_s)
+                mission_path_of(state, self._centre_m, horizon_s)
                 if plan is None
                 else paths_of(state, Commands.of([plan]), self._centre_m, horizon_s)
             )
@@ -357,8 +357,8 @@ class _PlannedPaths:
         one, other = self._path(self._ours, plan), self._path(self._others[member_id], theirs)
         if until_s is not None:
             count = int(until_s) + 1
-            one, other = np.ascontiguousarray(one[:, :count]), np.ascontiguousarray(other[:, :count])
-        return float(pair_distances(one, other, self._params.reach_m)[1].min())
+            one, other = one[:, :count], other[:, :count]
+        return float(pair_distances(one, other, self._params.reach_m)[1][0, 0])
 
     def by_member_m(self, plan: Plan, counted: CountedPlans) -> Mapping[str, float]:
         """The smallest distance from each other member, whichever of its plans it flies [m]."""

@@ -38,9 +38,6 @@ _ROUNDS: Final = 10
 # Values that differ by less are equal: those of a part are added in another order than those of the whole.
 _SAME_VALUE: Final = 1e-9
 
-# A turn to the goal of more than this may be flown to either side: wind and a moment's course decide it.
-_EITHER_SIDE_RAD: Final = math.radians(135.0)
-
 Rows = NDArray[np.intp]
 
 
@@ -193,68 +190,12 @@ def paths_of(state: MemberState, commands: Commands, centre_m: Array, horizon_s:
     return np.ascontiguousarray(path_m[:, : count_until(horizon_s)])
 
 
-def mission_paths_of(state: MemberState, centre_m: Array, horizon_s: float) -> Array:
-    """Where the mission may lead a member, (P, T, 3): to its goal, and from there to the place after it.
-
-    Where it has to turn around, its autopilot may turn to either side: then both ways count.
-    """
+def mission_path_of(state: MemberState, centre_m: Array, horizon_s: float) -> Array:
+    """Where the mission leads a member, (1, T, 3): to its goal, and from there to the place after it."""
     mission = mission_of(state)
-    straight_m = paths_of(state, Commands.of([mission]), centre_m, horizon_s)[0]
-    speed_mps, goal = mission.airspeed_mps, state.member.goal
-    rate_radps = envelope_of(state.member).turn_rate_radps(speed_mps)
-    course_rad = math.atan2(state.velocity_mps[1], state.velocity_mps[0])
-    turn_rad = wrap_pi(mission.course_rad - course_rad)
-    times_s = TIMES_S[: len(straight_m)]
-    ways_m = [straight_m[:, :2]]
-    if abs(turn_rad) >= _EITHER_SIDE_RAD:
-        turning_s = times_s - envelope_of(state.member).response_s
-        turned_m = _turned_m(course_rad, _long_way(turn_rad), rate_radps, speed_mps, turning_s)
-        ways_m.append(straight_m[0, :2] + turned_m - turned_m[0])
-    if goal.position_m is not None and goal.then_m is not None:
-        ways_m = [way for one in ways_m for way in _turned_at_goal(state, one, centre_m, mission, rate_radps)]
-    return np.stack([np.column_stack([way_m, straight_m[:, 2]]) for way_m in ways_m])
-
-
-def _turned_at_goal(
-    state: MemberState, way_m: Array, centre_m: Array, mission: Guidance, rate_radps: float
-) -> list[Array]:
-    """A way to the goal (T, 2), continued to the place after it with a turn to either side if it is large."""
-    goal, speed_mps, times_s = state.member.goal, mission.airspeed_mps, TIMES_S[: len(way_m)]
-    assert goal.position_m is not None
-    assert goal.then_m is not None
-    goal_m, then_m = np.array(goal.position_m[:2]), np.array(goal.then_m[:2])
-    north_m, east_m = (then_m - goal_m).tolist()
-    after_s = times_s - math.dist(goal.position_m[:2], state.position_m[:2]) / max(speed_mps, 1.0)
-    if math.hypot(north_m, east_m) < 1.0 or after_s[-1] <= 0.0:
-        return [way_m]
-    corner_rad = wrap_pi(math.atan2(east_m, north_m) - mission.course_rad)
-    turns_rad = [corner_rad] if abs(corner_rad) < _EITHER_SIDE_RAD else [corner_rad, _long_way(corner_rad)]
-    continued = []
-    for turn_rad in turns_rad:
-        turned_m = _turned_m(mission.course_rad, turn_rad, rate_radps, speed_mps, after_s)
-        continued.append(np.where((after_s > 0.0)[:, None], goal_m - centre_m[:2] + turned_m, way_m))
-    return continued
-
-
-def _long_way(turn_rad: float) -> float:
-    """The turn to the same course on the other side."""
-    return turn_rad - math.copysign(math.tau, turn_rad)
-
-
-def _turned_m(
-    course_rad: float, turn_rad: float, rate_radps: float, speed_mps: float, times_s: Array
-) -> Array:
-    """The way flown in a turn and straight on after it, at times from its beginning, (T, 2).
-
-    Before its beginning: straight on the course.
-    """
-    rate_radps = math.copysign(max(rate_radps, 1e-3), turn_rad)
-    turning_s = np.clip(times_s, 0.0, turn_rad / rate_radps)
-    radius_m, ends_rad = speed_mps / rate_radps, course_rad + rate_radps * turning_s
-    rest_m = speed_mps * (times_s - turning_s)
-    north_m = radius_m * (np.sin(ends_rad) - math.sin(course_rad)) + rest_m * np.cos(ends_rad)
-    east_m = radius_m * (math.cos(course_rad) - np.cos(ends_rad)) + rest_m * np.sin(ends_rad)
-    return np.column_stack([north_m, east_m])
+    path_m = paths_of(state, Commands.of([mission]), centre_m, horizon_s)
+    path_m[0] = _onward(state, path_m[0], centre_m, mission.airspeed_mps)
+    return path_m
 
 
 def _onward(state: MemberState, path_m: Array, centre_m: Array, speed_mps: float) -> Array:
