@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from companion.geodesy import LocalFrame
 from companion.model import Track, TrackState, TrafficKind, Vec2
 from companion.traffic.altitudes import DatumOffsets, ReportedAltitude, SeaLevelAltitude, to_sea_level
-from companion.traffic.contact import Observers
+from companion.traffic.observers import Observers
 from companion.traffic.own_aircraft import OwnTrail
 from companion.traffic.params import TrafficParams
 from companion.traffic.store import leading_target
