@@ -163,11 +163,11 @@ class _Vertical(NamedTuple):
 class TargetAltitudes:
     """Each reference has its own filter: the difference between two references would look like a climb."""
 
-    __slots__ = ("_climb", "_params", "_stands", "_verticals")
+    __slots__ = ("_climbs", "_params", "_stands", "_verticals")
 
     def __init__(self, params: TrafficParams) -> None:
         self._params = params
-        self._climb = StatedRate(NOISE_SHARE * params.estimate.altitude_sigma_m, _CLIMB_ERROR_MPS, 1)
+        self._climbs: dict[AltitudeReference, StatedRate] = {}
         self._verticals: dict[AltitudeReference, _Vertical] = {}
         self._stands = False
 
@@ -191,6 +191,17 @@ class TargetAltitudes:
                 here = known.gate.estimate
                 return abs(altitude_m - here.altitude_m - here.climb_mps * (measurement.time_s - here.time_s))
         return 0.0
+
+    def flown_on(
+        self, measurement: Measurement, late_s: float
+    ) -> tuple[tuple[AltitudeReference, float, float], ...]:
+        """The altitudes of a measurement from `late_s` before, climbed on as estimated."""
+        flown = []
+        for reference, altitude_m, sigma_m in measurement.altitudes:
+            known = self._verticals.get(reference)
+            climb_mps = measurement.climb_mps if known is None else known.gate.estimate.climb_mps
+            flown.append((reference, altitude_m + (climb_mps or 0.0) * late_s, sigma_m))
+        return tuple(flown)
 
     def estimates(self) -> tuple[ReportedAltitude, ...]:
         """The estimate of each reference."""
@@ -216,20 +227,38 @@ class TargetAltitudes:
         climb_mps = measurement.climb_mps
         for number, (reference, altitude_m, sigma_m) in enumerate(measurement.altitudes):
             if number == 0 and climb_mps is not None:
-                trusted = self._climb.trusted
-                if not self._climb.receive(time_s, complex(altitude_m), complex(climb_mps), (altitude_m,)):
+                climb = self._climb_in(reference)
+                trusted = climb.trusted
+                if not climb.receive(time_s, complex(altitude_m), complex(climb_mps), (altitude_m,)):
                     dropped.append(DropReason.CLIMB_WRONG)
                     climb_mps = None
                     if trusted:
                         self._restart_altitude(reference, sigma_m)
                         continue
-            self._update(
-                reference, VerticalFix(time_s, altitude_m, climb_mps, sigma_m or None), sigma_m, dropped
-            )
+            fix = VerticalFix(time_s, altitude_m, climb_mps, sigma_m or None, measurement.late_s)
+            self._update(reference, fix, sigma_m, dropped)
+        if climb_mps is not None and len(self._verticals) > len(measurement.altitudes):
+            self._share_climb(measurement, climb_mps)
+
+    def _climb_in(self, reference: AltitudeReference) -> StatedRate:
+        """What is known of stated climbs, compared with altitudes in one reference."""
+        climb = self._climbs.get(reference)
+        if climb is None:
+            noise_m = NOISE_SHARE * self._params.estimate.altitude_sigma_m
+            climb = self._climbs[reference] = StatedRate(noise_m, _CLIMB_ERROR_MPS, 1)
+        return climb
+
+    def _share_climb(self, measurement: Measurement, climb_mps: float) -> None:
+        """Use a stated climb in the other references, too: they differ by an offset."""
+        used = {reference for reference, _, _ in measurement.altitudes}
+        for reference, known in self._verticals.items():
+            if reference not in used:
+                fix = VerticalFix(measurement.time_s, 0.0, climb_mps, late_s=measurement.late_s)
+                known.gate.estimate.observe_climb(fix)
 
     def _restart_altitude(self, reference: AltitudeReference, sigma_m: float) -> None:
         """Filter the last altitudes again, without the stated climbs that they contradict."""
-        (first_s, first_m), *others = self._climb.places
+        (first_s, first_m), *others = self._climbs[reference].places
         estimate = VerticalFilter(VerticalFix(first_s, first_m, None), self._params.estimate)
         for time_s, altitude_m in others:
             estimate.update(VerticalFix(time_s, altitude_m, None))

@@ -34,6 +34,8 @@ _LINE_M, _LINE_SHARE, _LEAST_WAY_M = 90.0, 0.15, 100.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 0.3, 12.0
 # A late copy is near where the aircraft was by then, and further from it the more it may have turned since.
 _COPY_M, _COPY_MPS2, _OLDEST_COPY_S = 100.0, 2.5, 10.0
+# What one receiver reports of the time before the newest report of another is of use so long after it.
+_OLDEST_USED_S: Final = 3.0
 
 
 class Assignment(NamedTuple):
@@ -68,14 +70,10 @@ class Contact:
         if found is None:
             assignment = self._begin(measurement, reach_s)
         else:
-            self._learn_delay(found, measurement, observer)
-            delay_s = self.observers.delay_s(
-                observer, measurement.received_s, math.hypot(*found.velocity_mps)
-            )
-            if delay_s > 0.0:
-                measurement = measurement.valid_at(measurement.time_s - delay_s)
-            if measurement.time_s < found.measured_s:
+            in_order = self._in_order(found, measurement, observer)
+            if in_order is None:
                 return Assignment(None, [DropReason.REORDERED], [])
+            measurement = in_order
             dropped = found.receive(measurement)
             removed = [*self._drop_jumped(found), *self._drop_same(found, measurement)]
             assignment = Assignment(found, dropped, removed)
@@ -92,10 +90,21 @@ class Contact:
 
     # --- several receivers
 
-    def _learn_delay(self, target: Target, measurement: Measurement, observer: Observer) -> None:
+    def _in_order(self, target: Target, measurement: Measurement, observer: Observer) -> Measurement | None:
+        """The measurement at its true time, or at that of a newer estimate; `None` if it is too old."""
         velocity_mps = target.velocity_mps
         off_m, speed_mps = target.offset_m(measurement), math.hypot(*velocity_mps)
         self.observers.note_offset(observer, off_m, velocity_mps, speed_mps)
+        lead_s = self.observers.take_lead_s(observer, measurement.received_s, speed_mps)
+        if lead_s > 0.0:
+            target.count_as_older(lead_s)
+        delay_s = self.observers.delay_s(observer, measurement.received_s, speed_mps)
+        if delay_s > 0.0:
+            measurement = measurement.valid_at(measurement.time_s - delay_s)
+        late_s = target.measured_s - measurement.time_s
+        if late_s <= 0.0:
+            return measurement
+        return target.flown_on(measurement) if late_s <= _OLDEST_USED_S and len(self.observers) > 1 else None
 
     def _is_late_copy(self, measurement: Measurement, observer: Observer) -> bool:
         """Whether a report is where a hypothesis was some seconds ago, from another receiver than it."""

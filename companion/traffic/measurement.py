@@ -131,6 +131,7 @@ class Measurement(NamedTuple):
     fix: HorizontalFix
     urgent: bool = False  # it may be near us within seconds
     sender: str = ""  # of several that send the same kind of report
+    late_s: float = 0.0  # how much before `time_s` it was measured
 
     @property
     def observer(self) -> tuple[str, str]:
@@ -166,7 +167,9 @@ def measure(
         velocity_mps,
         climb_mps,
         _altitudes(report),
-        HorizontalFix(time_s, lat_deg, lon_deg, velocity_mps, *sigmas),
+        HorizontalFix(
+            time_s, lat_deg, lon_deg, velocity_mps, *sigmas, report.heard_by or report.source.value + sender
+        ),
         sender=sender,
     )
 

@@ -25,6 +25,7 @@ Moments = Vec3
 _AVERAGED_REPORTS: Final = 20
 _FIRST_AVERAGED: Final = 3
 _MIN_SCALE2, _MAX_SCALE2 = 0.25**2, 4.0**2
+_MOST_SENDERS: Final = 8
 # A larger squared innovation, in units of its variance, is not noise: a turn began, or the report is wrong.
 _MAX_INNOVATION2: Final = 10.0
 # Mean time until straight flight ends, and until a turn ends [s]: a Markov chain in continuous time, so that
@@ -163,22 +164,18 @@ def grown_sigmas(moments: Moments, elapsed_s: float, manoeuvre_mps: float) -> Ve
 class NoiseScale:
     """Standard deviation of the reports of one sender, relative to what it states or to the usual one."""
 
-    __slots__ = ("_averaged", "_east", "_north", "_scale2", "scale")
+    __slots__ = ("_averaged", "_scale2", "scale")
 
     def __init__(self) -> None:
         self.scale = self._scale2 = 1.0
         self._averaged = _FIRST_AVERAGED
-        self._north = self._east = 0.0
 
-    def observe(self, north: float, east: float, variance: float, noise: float) -> None:
-        """Process an innovation with its variance on each axis, of which `noise` is that of the report.
+    def observe(self, change2: float, variance: float, noise: float) -> None:
+        """Process a squared innovation with its variance, of which `noise` is that of the report.
 
         The rest is the uncertainty of the prediction: where it dominates, small innovations say little.
         """
-        north_change, east_change = north - self._north, east - self._east
-        self._north, self._east = north, east
-        # Each axis of a change has twice the variance of an innovation.
-        excess = 0.25 * (north_change * north_change + east_change * east_change) / variance - 1.0
+        excess = change2 / variance - 1.0
         if excess < 0.0:
             scale2 = self._scale2 * (1.0 + excess * noise / (variance * self._averaged))
             self._scale2 = scale2 if scale2 > _MIN_SCALE2 else _MIN_SCALE2
@@ -190,6 +187,36 @@ class NoiseScale:
         self.scale = math.sqrt(self._scale2)
         if self._averaged < _AVERAGED_REPORTS:
             self._averaged += 1
+
+
+class Noises:
+    """The noise of each sender's reports. What the innovations of all have in common is not noise."""
+
+    __slots__ = ("_by_sender", "_east", "_north")
+
+    def __init__(self) -> None:
+        self._by_sender: dict[str, NoiseScale] = {}
+        self._north = self._east = 0.0
+
+    def scale(self, sender: str) -> float:
+        """The noise of a sender, relative to what it states."""
+        known = self._by_sender.get(sender)
+        return 1.0 if known is None else known.scale
+
+    def observe(self, sender: str, north: float, east: float, variance: float, noise: float) -> None:
+        """Process an innovation with its variance on each axis, of which `noise` is that of the report."""
+        known = self._by_sender.get(sender)
+        if known is None:
+            if len(self._by_sender) >= _MOST_SENDERS:
+                self._by_sender.clear()
+            known = self._by_sender[sender] = NoiseScale()
+        north_change, east_change = north - self._north, east - self._east
+        senders = len(self._by_sender)
+        self._north += north_change / senders
+        self._east += east_change / senders
+        # Of one sender, each axis of a change has twice the variance of an innovation.
+        share = (2 * senders - 1) / (4 * senders)
+        known.observe(share * (north_change * north_change + east_change * east_change), variance, noise)
 
 
 class LateralModels:

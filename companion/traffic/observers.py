@@ -2,8 +2,11 @@
 
 Two receivers of one aircraft are two observers of one target. The reports of an observer that is late,
 without saying so, count as older by its delay: otherwise the track would jump back and forth between the two.
+This is sensor registration: Bar-Shalom, Willett and Tian, "Tracking and Data Fusion" (2011), 4.9, with the
+delay as the bias. Only differences between observers show; as none is early, the least late one is right.
 """
 
+import math
 from collections import Counter
 from typing import Final
 
@@ -17,10 +20,13 @@ _MOST_OBSERVERS: Final = 8
 _ADVANCES_SHARE: Final = 0.2
 _STUCK_REPORTS, _ADVANCING_REPORTS = 2, 5
 _LEAST_INTERVAL_S: Final = 0.3
-# Delays: averaged over so many reports, known after so many, and of no importance below these.
-_AVERAGED_REPORTS, _LEAST_REPORTS = 6.0, 3
-_LEAST_DELAY_S, _LEAST_DELAY_M = 0.5, 30.0
+# Delays: averaged over so many reports, known after so many, and of importance from so many standard errors.
+_AVERAGED_REPORTS, _LEAST_REPORTS, _SIGNIFICANT = 20.0, 3, 3.0
+# The scatter of a delay before it is known [s], which counts as so many reports.
+_SCATTER_S, _PRIOR_REPORTS = 0.5, 4.0
 _MOST_DELAY_S: Final = 10.0
+# The track is not moved to the time of an observer that is less ahead of it.
+_LEAST_LEAD_S, _LEAST_LEAD_M = 0.5, 30.0
 _LEAST_SPEED_MPS: Final = 10.0
 # A source is named for this time.
 _NAMED_S: Final = 10.0
@@ -31,11 +37,13 @@ class Observer:
 
     __slots__ = (
         "_advancing",
+        "_scatter_s2",
         "_stated_s",
         "_stuck",
         "ages_credible",
         "delay_s",
         "interval_s",
+        "offsets",
         "received_s",
         "reports",
     )
@@ -44,7 +52,9 @@ class Observer:
         self.received_s = -1e9
         self.interval_s = 1.0
         self.reports = 0
-        self.delay_s = 0.0  # relative to the observers that are used
+        self.delay_s = 0.0  # relative to the track
+        self.offsets = 0  # that were averaged
+        self._scatter_s2 = _SCATTER_S**2
         self.ages_credible = True
         self._stated_s = -1e9
         self._stuck = 0
@@ -74,10 +84,20 @@ class Observer:
         """Whether it is not silent."""
         return now_s - self.received_s <= max(_SILENT_S, _SILENT_INTERVALS * self.interval_s)
 
+    @property
+    def error_s(self) -> float:
+        """The standard error of the delay."""
+        share = 1.0 / min(max(self.offsets, 1), _AVERAGED_REPORTS)
+        return math.sqrt(self._scatter_s2 * share / (2.0 - share))
+
     def note_offset(self, behind_m: float, speed_mps: float) -> None:
         """Average how far behind the track its position is, along the path."""
-        share = 1.0 / min(self.reports, _AVERAGED_REPORTS)
-        self.delay_s += share * (min(max(behind_m / speed_mps, -_MOST_DELAY_S), _MOST_DELAY_S) - self.delay_s)
+        self.offsets += 1
+        averaged = min(self.offsets, _AVERAGED_REPORTS)
+        off_s = min(max(behind_m / speed_mps, -_MOST_DELAY_S), _MOST_DELAY_S) - self.delay_s
+        self.delay_s += off_s / averaged
+        new_s2 = (1.0 - 1.0 / averaged) * off_s * off_s
+        self._scatter_s2 += (new_s2 - self._scatter_s2) / (averaged + _PRIOR_REPORTS)
 
 
 class Observers:
@@ -97,20 +117,39 @@ class Observers:
         if observer is None:
             if len(self._by_name) >= _MOST_OBSERVERS:
                 del self._by_name[min(self._by_name, key=lambda other: self._by_name[other].received_s)]
+            for other in self._by_name.values():
+                other.offsets = 0  # averages over the same time have the error of the track in common
             observer = self._by_name[name] = Observer()
         return observer
 
     def delay_s(self, observer: Observer, now_s: float, speed_mps: float) -> float:
         """How much older than stated a report of this observer is, relative to those that are not late."""
-        if len(self._by_name) < 2 or observer.reports < _LEAST_REPORTS or speed_mps < _LEAST_SPEED_MPS:
+        if len(self._by_name) < 2 or observer.offsets < _LEAST_REPORTS or speed_mps < _LEAST_SPEED_MPS:
             return 0.0
-        best_s = min(
-            other.delay_s
+        best = self._best(observer, now_s)
+        late_s = observer.delay_s - best.delay_s
+        return late_s if late_s > _SIGNIFICANT * math.hypot(observer.error_s, best.error_s) else 0.0
+
+    def take_lead_s(self, observer: Observer, now_s: float, speed_mps: float) -> float:
+        """How late the track is, if the least late observer is so far ahead; from then on it is not."""
+        if len(self._by_name) < 2 or observer.offsets < _LEAST_REPORTS or speed_mps < _LEAST_SPEED_MPS:
+            return 0.0
+        lead_s = -observer.delay_s
+        least_s = max(_LEAST_LEAD_S, _LEAST_LEAD_M / speed_mps, _SIGNIFICANT * observer.error_s)
+        if lead_s <= least_s or self._best(observer, now_s) is not observer:
+            return 0.0
+        for other in self._by_name.values():
+            other.delay_s += lead_s
+        return lead_s
+
+    def _best(self, observer: Observer, now_s: float) -> Observer:
+        """The least late of those that are heard; a coarse one is not the least late by chance."""
+        known = [
+            other
             for other in self._by_name.values()
-            if other is observer or (other.is_heard(now_s) and other.reports >= _LEAST_REPORTS)
-        )
-        late_s = observer.delay_s - best_s
-        return late_s if late_s > max(_LEAST_DELAY_S, _LEAST_DELAY_M / speed_mps) else 0.0
+            if other is observer or (other.is_heard(now_s) and other.offsets >= _LEAST_REPORTS)
+        ]
+        return min(known, key=lambda other: other.delay_s + _SIGNIFICANT * other.error_s)
 
     def note_offset(self, observer: Observer, off_m: Vec2, velocity_mps: Vec2, speed_mps: float) -> None:
         """Learn the delay of an observer from a position relative to the track's."""

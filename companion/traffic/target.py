@@ -230,6 +230,32 @@ class Target:
         north_m, east_m = frame.to_north_east_m(measurement.lat_deg, measurement.lon_deg)
         return north_m - here.north_mps * elapsed_s, east_m - here.east_mps * elapsed_s
 
+    def count_as_older(self, late_s: float) -> None:
+        """Count the estimated place as older: all reports until now were late without saying so."""
+        if self._horizontal is not None:
+            self._horizontal.time_s -= late_s
+            self.measured_s -= late_s
+
+    def flown_on(self, measurement: Measurement) -> Measurement:
+        """A measurement from before the estimate as one at its time, along the estimated path.
+
+        Measurements out of sequence: Bar-Shalom, Willett and Tian, "Tracking and Data Fusion" (2011), 7.
+        Theirs is the exact solution; this one neglects how the path and the measurement correlate.
+        """
+        here = self._horizontal
+        if here is None:
+            return measurement
+        fix, late_s = here.flown_on(measurement.fix), here.time_s - measurement.time_s
+        return measurement._replace(
+            time_s=here.time_s,
+            lat_deg=fix.lat_deg,
+            lon_deg=fix.lon_deg,
+            velocity_mps=fix.velocity_mps,
+            altitudes=self._altitudes.flown_on(measurement, late_s),
+            fix=fix,
+            late_s=late_s,
+        )
+
     @property
     def velocity_mps(self) -> Vec2:
         """The estimated velocity: north, east."""

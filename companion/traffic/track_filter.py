@@ -4,6 +4,7 @@ An innovation is gated by its square in units of its variance (normalized innova
 chi-square distributed: Bar-Shalom, Li and Kirubarajan (2001), 5.4.2; Blackman and Popoli (1999), 6.3.
 """
 
+import cmath
 import math
 from typing import Any, Final, Generic, NamedTuple, Protocol, Self, TypeVar
 
@@ -15,7 +16,7 @@ from companion.traffic.motion_models import (
     Covariance,
     LateralModels,
     Moments,
-    NoiseScale,
+    Noises,
     grown_sigmas,
 )
 
@@ -30,6 +31,8 @@ _ESTIMATE_SIGMAS: Final = 3.0
 _POSITION_SIGMAS_M: Final = (3.0, 2000.0)
 _VELOCITY_SIGMAS_MPS: Final = (0.3, 20.0)
 _ALTITUDE_SIGMAS_M: Final = (2.0, 200.0)
+# A stated climb has changed by this since, in each second: a climb begins gently.
+_CLIMB_CHANGE_MPS2: Final = 1.0
 # Standard deviation of an error that is uniform over the time stamp's.
 _LATE_SIGMA: Final = 1.0 / math.sqrt(12.0)
 # Below this speed no rate of turn is estimated: hovering aircraft swing about.
@@ -43,7 +46,7 @@ _SAME_RADIUS_DEG: Final = 0.01
 class HorizontalFix(NamedTuple):
     """A reported position at `time_s`, with the velocity over ground (north, east) if reported.
 
-    The sigmas are standard deviations of each axis, if stated.
+    The sigmas are standard deviations of each axis, if stated. Each `sender` has a noise of its own.
     """
 
     time_s: float
@@ -52,15 +55,20 @@ class HorizontalFix(NamedTuple):
     velocity_mps: Vec2 | None
     position_sigma_m: float | None = None
     velocity_sigma_mps: float | None = None
+    sender: str = ""
 
 
 class VerticalFix(NamedTuple):
-    """A reported altitude at `time_s`, with climb (positive up) and standard deviation if reported."""
+    """A reported altitude at `time_s`, with climb (positive up) and standard deviation if reported.
+
+    The climb was measured `late_s` before.
+    """
 
     time_s: float
     altitude_m: float
     climb_mps: float | None
     altitude_sigma_m: float | None = None
+    late_s: float = 0.0
 
 
 class HorizontalFilter:
@@ -76,11 +84,11 @@ class HorizontalFilter:
         "_lateral",
         "_north_m_per_deg",
         "_params",
-        "_position_noise",
+        "_position_noises",
         "_radius_m_per_deg",
         "_scaled_lat_deg",
         "_speed_mps",
-        "_velocity_noise",
+        "_velocity_noises",
         "east_mps",
         "lat_deg",
         "lon_deg",
@@ -96,7 +104,7 @@ class HorizontalFilter:
         self.north_mps, self.east_mps = fix.velocity_mps or (0.0, 0.0)
         self._speed_mps = math.hypot(self.north_mps, self.east_mps)
         self.turn_radps = 0.0
-        self._position_noise, self._velocity_noise = NoiseScale(), NoiseScale()
+        self._position_noises, self._velocity_noises = Noises(), Noises()
         known = fix.velocity_mps is not None
         velocity_sigma_mps = (
             self._velocity_sigma_mps(fix) if known else params.max_speed_mps / _ESTIMATE_SIGMAS
@@ -146,7 +154,7 @@ class HorizontalFilter:
 
     def _is_beyond_noise(self, beyond_m: float, predicted_s: float, fix: HorizontalFix) -> bool:
         predicted_m, _ = grown_sigmas(self.moments, predicted_s, 0.0)
-        sigma_m = self._position_sigma_m(fix) * max(self._position_noise.scale, 1.0)
+        sigma_m = self._position_sigma_m(fix) * max(self._position_noises.scale(fix.sender), 1.0)
         return beyond_m**2 > _GATE_2D * (predicted_m**2 + sigma_m**2)
 
     def _has_other_velocity(self, fix: HorizontalFix) -> bool:
@@ -158,8 +166,29 @@ class HorizontalFilter:
         beyond_mps = off_mps - self._params.max_acceleration_mps2 * dt_s
         if beyond_mps <= 0.0:
             return False
-        sigma_mps = self._velocity_sigma_mps(fix) * max(self._velocity_noise.scale, 1.0)
+        sigma_mps = self._velocity_sigma_mps(fix) * max(self._velocity_noises.scale(fix.sender), 1.0)
         return beyond_mps**2 > _GATE_2D * (self.moments[2] + sigma_mps**2)
+
+    def flown_on(self, fix: HorizontalFix) -> HorizontalFix:
+        """A report from before the estimate as one at its time; what may have changed since is its noise."""
+        late_s = self.time_s - fix.time_s
+        half_turn = cmath.rect(1.0, 0.5 * self.turn_radps * late_s)
+        flown_m = complex(self.north_mps, self.east_mps) * late_s / half_turn
+        velocity_mps = fix.velocity_mps
+        if velocity_mps is not None:
+            turned = complex(*velocity_mps) * half_turn * half_turn
+            velocity_mps = turned.real, turned.imag
+        changed = self._params.manoeuvre_mps**2 * late_s
+        flown_m2 = late_s * late_s * (self.moments[2] + changed / 3.0)
+        return HorizontalFix(
+            self.time_s,
+            fix.lat_deg + flown_m.real / self._north_m_per_deg,
+            (fix.lon_deg + flown_m.imag / self._east_m_per_deg + 180.0) % 360.0 - 180.0,
+            velocity_mps,
+            math.sqrt(self._position_sigma_m(fix) ** 2 + flown_m2),
+            math.sqrt(self._velocity_sigma_mps(fix) ** 2 + changed),
+            fix.sender,
+        )
 
     def update(self, fix: HorizontalFix) -> None:
         """Process a report that is not older than the estimate."""
@@ -193,20 +222,22 @@ class HorizontalFilter:
         north_m, east_m = self._from_here_m(fix)
         north_m -= moved_m[0]
         east_m -= moved_m[1]
-        sigma_m = self._position_sigma_m(fix) * self._position_noise.scale
+        sigma_m = self._position_sigma_m(fix) * self._position_noises.scale(fix.sender)
         late_m = _LATE_SIGMA * self._params.timestamp_error_s * speed_mps
         along_sigma_m = math.sqrt(sigma_m * sigma_m + late_m * late_m)
         variance_m2 = along.measure_position(north_m * north + east_m * east, along_sigma_m)
         variance_m2 += lateral.update_position(east_m * north - north_m * east, sigma_m)
-        self._position_noise.observe(north_m, east_m, 0.5 * variance_m2, sigma_m * sigma_m)
+        self._position_noises.observe(fix.sender, north_m, east_m, 0.5 * variance_m2, sigma_m * sigma_m)
         if fix.velocity_mps is not None:
             north_mps, east_mps = fix.velocity_mps
             north_mps -= self.north_mps
             east_mps -= self.east_mps
-            sigma_mps = self._velocity_sigma_mps(fix) * self._velocity_noise.scale
+            sigma_mps = self._velocity_sigma_mps(fix) * self._velocity_noises.scale(fix.sender)
             variance = along.measure_velocity(north_mps * north + east_mps * east, sigma_mps)
             variance += lateral.update_velocity(east_mps * north - north_mps * east, sigma_mps)
-            self._velocity_noise.observe(north_mps, east_mps, 0.5 * variance, sigma_mps * sigma_mps)
+            self._velocity_noises.observe(
+                fix.sender, north_mps, east_mps, 0.5 * variance, sigma_mps * sigma_mps
+            )
         (along_m, along_mps), (across_m, across_mps) = along.end(), lateral.end()
         self._move(
             moved_m[0] + along_m * north - across_m * east, moved_m[1] + along_m * east + across_m * north
@@ -300,10 +331,19 @@ class VerticalFilter:
         self.climb_mps += k_v * innovation_m
 
         if fix.climb_mps is not None:
-            k_p, k_v = self._covariance.update_velocity(p.climb_sigma_mps)
-            innovation_mps = fix.climb_mps - self.climb_mps
-            self.altitude_m += k_p * innovation_mps
-            self.climb_mps += k_v * innovation_mps
+            self._correct_climb(fix.climb_mps, fix.late_s)
+
+    def observe_climb(self, fix: VerticalFix) -> None:
+        """Use the climb of a report in another reference; the altitude, and its time, are not reported."""
+        if fix.climb_mps is not None:
+            self._correct_climb(fix.climb_mps, fix.late_s + abs(fix.time_s - self.time_s))
+
+    def _correct_climb(self, climb_mps: float, late_s: float) -> None:
+        sigma_mps = math.hypot(self._params.climb_sigma_mps, _CLIMB_CHANGE_MPS2 * late_s)
+        k_p, k_v = self._covariance.update_velocity(sigma_mps)
+        innovation_mps = climb_mps - self.climb_mps
+        self.altitude_m += k_p * innovation_mps
+        self.climb_mps += k_v * innovation_mps
 
     def _altitude_sigma_m(self, fix: VerticalFix) -> float:
         stated_m = fix.altitude_sigma_m

@@ -18,7 +18,7 @@ from companion.mavlink.facts import (
 )
 from companion.mavlink.framing import FrameSplitter
 from companion.mavlink.translate import frame_to_fact
-from companion.model import Track
+from companion.model import Track, Vec3
 from companion.sources.receiver import Piece, Receiver
 from companion.sources.registry import FORMATS as DECODED
 from companion.traffic import TrafficParams
@@ -34,20 +34,22 @@ DATUMS = Datums(pressure_m=60.0, ellipsoid_m=40.0)
 LASTS_S, SETTLED_S, STEP_S = 180.0, 20.0, 0.2
 AUTOPILOT = Sender(1, 1)
 
-# We fly north; it crosses in front of us, turns away at 3 degrees a second, climbs, and flies on.
+# We fly north.
 OWN = Intruder(0x7CFFFF, "OWNSHIP", START_S, (0.0, 0.0, -600.0), (22.0, 0.0, 0.0))
-OTHER = Intruder(
-    0xA00001,
-    "OTHER",
-    START_S,
-    (3000.0, 2500.0, -650.0),
-    (0.0, -55.0, 0.0),
-    (
-        Maneuver(START_S + 60.0, math.radians(3.0), 0.0),
-        Maneuver(START_S + 90.0, 0.0, 2.5),
-        Maneuver(START_S + 120.0, 0.0, 0.0),
-    ),
-)
+
+
+def _other(speed_mps: float, *maneuvers: tuple[float, float, float]) -> Intruder:
+    """It crosses in front of us; from a time on it turns [deg/s] and climbs [m/s]."""
+    flown = tuple(Maneuver(START_S + at_s, math.radians(turn), climb) for at_s, turn, climb in maneuvers)
+    return Intruder(0xA00001, "OTHER", START_S, (3000.0, 2500.0, -650.0), (0.0, -speed_mps, 0.0), flown)
+
+
+PATHS: dict[str, Intruder] = {
+    "mixed": _other(55.0, (60.0, 3.0, 0.0), (90.0, 0.0, 2.5), (120.0, 0.0, 0.0)),
+    "straight": _other(80.0),
+    "turning": _other(40.0, (30.0, 4.0, 0.0), (70.0, -3.0, 0.0), (130.0, 0.0, 0.0)),
+    "climbing": _other(65.0, (40.0, 0.0, 5.0), (80.0, 0.0, 0.0), (110.0, 0.0, -4.0), (150.0, 0.0, 0.0)),
+}
 # By format: errors as their senders state them, and how late each is. ADSB_VEHICLE states whole seconds of
 # its age, GDL 90 none, aircraft.json all of it; FLARM predicts.
 _TRANSPONDER = {"vertical_sigma_m": 3.0, "speed_sigma_mps": 1.0, "climb_sigma_mps": 0.5}
@@ -84,8 +86,8 @@ class Errors:
 class _Source:
     """A simulated receiver, and what Companion makes of what it sends."""
 
-    def __init__(self, name: str, seed: int) -> None:
-        traffic = TrafficReceiver([OTHER], FRAME, START_S, model=RECEIVERS[name], seed=seed)
+    def __init__(self, name: str, seed: int, other: Intruder) -> None:
+        traffic = TrafficReceiver([other], FRAME, START_S, model=RECEIVERS[name], seed=seed)
         self._simulated = SimulatedReceiver(name, traffic, DATUMS)
         self._decoding = Receiver.of(name, name) if name in DECODED else None
         self._splitter = FrameSplitter()
@@ -102,18 +104,18 @@ class _Source:
                     yield fact
 
 
-def errors_of(names: Sequence[str], seeds: Sequence[int] = (0,)) -> Errors:
-    """The errors with receivers of these formats, over the flights of all seeds."""
-    errors = Errors()
+def errors_of(names: Sequence[str], seeds: Sequence[int] = (0,), path: str = "mixed") -> Errors:
+    """The errors with receivers of these formats, over the flights of all seeds on one of `PATHS`."""
+    errors, other = Errors(), PATHS[path]
     for seed in seeds:
         picture = TrafficPicture(TrafficParams())
         # Each receiver has errors of its own.
-        sources = [_Source(name, 100 * seed + list(RECEIVERS).index(name)) for name in names]
+        sources = [_Source(name, 100 * seed + list(RECEIVERS).index(name), other) for name in names]
         for step in range(round(LASTS_S / STEP_S)):
             now_s = START_S + step * STEP_S
             _fly(picture, sources, step, now_s)
             if step * STEP_S >= SETTLED_S:
-                _compare(errors, picture.tracker.tracks(now_s, FRAME), now_s)
+                _compare(errors, picture.tracker.tracks(now_s, FRAME), other.state_at(now_s))
     return errors
 
 
@@ -137,9 +139,9 @@ def _fly(picture: TrafficPicture, sources: Sequence[_Source], step: int, now_s: 
                 picture.receive(fact, now_s)
 
 
-def _compare(errors: Errors, tracks: Sequence[Track], now_s: float) -> None:
+def _compare(errors: Errors, tracks: Sequence[Track], truth: tuple[Vec3, Vec3]) -> None:
     """Add the errors of the track that is nearest to the truth."""
-    true_m, true_mps = OTHER.state_at(now_s)
+    true_m, true_mps = truth
     errors.tracks.append(len(tracks))
     if tracks:
         nearest = min(tracks, key=lambda track: math.dist(track.position_m, true_m))

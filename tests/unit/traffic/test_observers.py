@@ -65,6 +65,56 @@ def test_a_prompt_receiver_replaces_a_late_one() -> None:
     assert math.dist(only(tracker.tracks(40.0, FRAME)).position_m, truth_m) < 25.0
 
 
+def test_the_track_is_on_time_seconds_after_a_prompt_receiver_joins() -> None:
+    tracker = Tracker()
+    velocity_mps = (60.0, 0.0, 0.0)
+    for second in range(25):
+        # Not the same messages: those would be repetitions.
+        late = report_at(straight(START_M, velocity_mps, second - 1.3), second, velocity_mps)
+        tracker.receive(replace(late, heard_by="late"), second)
+        if second >= 15:
+            prompt = report_at(straight(START_M, velocity_mps, second + 0.5), second + 0.5, velocity_mps)
+            tracker.receive(replace(prompt, heard_by="prompt"), second + 0.5)
+        if second >= 20:
+            truth_m = straight(START_M, velocity_mps, second + 0.6)
+            assert math.dist(only(tracker.tracks(second + 0.6, FRAME)).position_m, truth_m) < 15.0
+
+
+def test_an_old_report_of_another_receiver_is_of_use() -> None:
+    """The newest reports state no velocity; those of 1.5 s before do."""
+    tracker, velocity_mps = Tracker(), (60.0, 0.0, 0.0)
+    for second in range(20):
+        newest = report_at(straight(START_M, velocity_mps, second), second)
+        tracker.receive(replace(newest, heard_by="newest"), second)
+        old = report_at(straight(START_M, velocity_mps, second - 1.5), second - 1.5, velocity_mps)
+        tracker.receive(replace(old, heard_by="old"), second + 0.1)
+    assert tracker.dropped[DropReason.REORDERED] <= 1
+    assert only(tracker.tracks(20.0, FRAME)).velocity_mps[0] == pytest.approx(60.0, abs=0.5)
+
+
+def test_a_report_that_is_much_older_than_the_track_is_not_used() -> None:
+    tracker, velocity_mps = Tracker(), (60.0, 0.0, 0.0)
+    for second in range(10):
+        newest = report_at(straight(START_M, velocity_mps, second), second, velocity_mps)
+        tracker.receive(replace(newest, heard_by="newest"), second)
+    old = report_at(straight(START_M, velocity_mps, 5.5), 5.5, velocity_mps)
+    assert tracker.receive(replace(old, heard_by="old"), 9.1) is None
+    assert tracker.dropped[DropReason.REORDERED] == 1
+
+
+def test_receivers_with_different_references_of_altitude_contradict_no_climb() -> None:
+    tracker = Tracker()
+    velocity_mps = (60.0, 0.0, -3.0)
+    for step in range(80):
+        time_s = step / 2.0
+        report = report_at(straight(START_M, velocity_mps, time_s), time_s, velocity_mps)
+        if step % 2:
+            barometric = AltitudeReference.BAROMETRIC
+            report = replace(report, altitude_m=report.altitude_m - 60.0, altitude_reference=barometric)
+        tracker.receive(replace(report, heard_by=f"receiver {step % 2}"), time_s)
+    assert tracker.dropped[DropReason.CLIMB_WRONG] == 0
+
+
 def test_two_mavlink_senders_of_the_same_traffic_are_two_observers() -> None:
     picture, errors_m = TrafficPicture(TrafficParams()), []
     velocity_mps = (60.0, 0.0, 0.0)
