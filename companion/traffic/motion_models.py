@@ -192,11 +192,12 @@ class NoiseScale:
 class Noises:
     """The noise of each sender's reports. What the innovations of all have in common is not noise."""
 
-    __slots__ = ("_by_sender", "_east", "_north")
+    __slots__ = ("_by_sender", "_east", "_kept_share", "_north", "_variance_share")
 
     def __init__(self) -> None:
         self._by_sender: dict[str, NoiseScale] = {}
         self._north = self._east = 0.0
+        self._kept_share, self._variance_share = 0.0, 0.25
 
     def scale(self, sender: str) -> float:
         """The noise of a sender, relative to what it states."""
@@ -210,13 +211,15 @@ class Noises:
             if len(self._by_sender) >= _MOST_SENDERS:
                 self._by_sender.clear()
             known = self._by_sender[sender] = NoiseScale()
+            senders = len(self._by_sender)
+            self._kept_share = 1.0 - 1.0 / senders
+            # Of one sender, each axis of a change has twice the variance of an innovation.
+            self._variance_share = (2 * senders - 1) / (4 * senders)
         north_change, east_change = north - self._north, east - self._east
-        senders = len(self._by_sender)
-        self._north += north_change / senders
-        self._east += east_change / senders
-        # Of one sender, each axis of a change has twice the variance of an innovation.
-        share = (2 * senders - 1) / (4 * senders)
-        known.observe(share * (north_change * north_change + east_change * east_change), variance, noise)
+        self._north = north - self._kept_share * north_change
+        self._east = east - self._kept_share * east_change
+        change2 = self._variance_share * (north_change * north_change + east_change * east_change)
+        known.observe(change2, variance, noise)
 
 
 class LateralModels:

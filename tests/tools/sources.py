@@ -1,7 +1,7 @@
 """Prints the error of one aircraft's track by each of four receivers alone, and by all together.
 
-`python -m tests.tools.sources [--seeds N] [--path NAME]`: RMS and 95 % against the truth, of place, height and
-velocity. Their delays, errors and kinds of altitude differ; see `tests/support/one_aircraft.py`.
+`python -m tests.tools.sources [--seeds N] [--path NAME]`: RMS and 95 % against the truth, of place, height
+and velocity. Their delays, errors and kinds of altitude differ; see `tests/support/one_aircraft.py`.
 """
 
 import argparse
