@@ -290,12 +290,16 @@ class Threat:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The avoider's decision. `guidance` is `None` when the mission may be flown."""
+    """The avoider's decision. `guidance` is `None` when the mission may be flown.
+
+    `awaited` are conflicts that need no answer yet: an avoidance that begins later still keeps clear of them.
+    """
 
     layer: Layer
     guidance: Guidance | None = None
     threats: Sequence[Threat] = ()
     because: str = ""
+    awaited: Sequence[Threat] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -195,7 +195,7 @@ class ManeuverParams:
     # Maneuvers are considered for this many tracks, the most urgent first; the others are only predicted.
     tracks: Annotated[int, Ge(1), Le(50)] = 4
     # The effect of a maneuver counts until this time; later effects can be answered once it has begun.
-    within_s: Annotated[float, Ge(0), Le(90)] = 40.0
+    within_s: Annotated[float, Ge(0), Le(90)] = 30.0
 
     @property
     def enabled(self) -> bool:

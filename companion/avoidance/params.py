@@ -50,6 +50,7 @@ class CostWeights:
     # time, and what looks cheaper now may not be a moment later.
     switch: Annotated[float, Ge(0)] = 2.0
     ease: Annotated[float, Ge(0)] = 0.6  # instead of `switch`, for less of the present guidance
+    later: Annotated[float, Ge(0)] = 0.5  # an avoidance waits while that costs no more than this
     wrong_side: Annotated[float, Ge(0)] = 1.0  # flat, for turning to the side against the rules of the air
     # Flat, for leaving the mission's height towards a stranger's: it may avoid too, to the other side.
     wrong_sense: Annotated[float, Ge(0)] = 3.0
@@ -110,7 +111,11 @@ class AvoidanceParams:
     # The first share applies when closest approach is within `inner_time_s`, or when the volume is entered
     # now; the second applies from `outer_time_s` on.
     begin_near: Annotated[float, Ge(0.3), Le(1)] = 0.87
-    begin_far: Annotated[float, Ge(0.2), Le(1)] = 0.55
+    begin_far: Annotated[float, Ge(0.2), Le(1)] = 0.87
+    # It begins when beginning this much later would no longer keep the volume with its margin, or would cost
+    # more. A longer reserve begins earlier: fewer losses to intruders that turn late, more needless
+    # avoidances.
+    reserve_s: Annotated[float, Ge(0), Le(60)] = 6.0
     # The mission is resumed when flying it on has been clear, by this share in addition, for this long.
     release_margin: Annotated[float, Ge(0), Le(2)] = 0.2
     release_after_s: Annotated[float, Ge(0), Le(60)] = 3.0

@@ -164,6 +164,7 @@ class OuterOnly:
 
     holding_layer = Layer.OUTER
     cooperates = False
+    waits = False
 
     def conflict(self, outer: Mask, _emergency: Mask) -> Mask:
         """Those of the outer layer."""
@@ -181,6 +182,7 @@ class InnerOnly:
 
     holding_layer = Layer.INNER
     cooperates = False
+    waits = False
 
     def conflict(self, _outer: Mask, emergency: Mask) -> Mask:
         """Those of the inner layer."""

@@ -108,8 +108,10 @@ class Deciding:
         if self.config.avoidance.formation.members and aircraft.sender is not None:
             self.avoider.join(str(aircraft.sender.system_id), answers=self._may_answer(role, now_s))
         self.avoider.senses.own_icao = self._tracker.own_icao
+        self.avoider.may_wait = self._leg_from is None
         self.decision = _checked(self.avoider.decide(now_s, self.own, self.tracks, self.goal))
-        self._threats = [threat.track_id for threat in self.decision.threats]
+        conflicts = (*self.decision.threats, *self.decision.awaited)
+        self._threats = [threat.track_id for threat in conflicts]
 
     def note_threats(self, now_s: float) -> None:
         """Let the tracker keep the threats of this tick's decision, if there was one."""

@@ -137,6 +137,7 @@ GCS_PARAMETERS: tuple[GcsParam, ...] = (
     _ranged("CA_DOMAIN", "avoidance.delta_beta_rad", "deg", "width of transition domain", _DEGREES),
     _ranged("CA_BEGIN_NEAR", "avoidance.begin_near", "share", "begin below this miss, soon"),
     _ranged("CA_BEGIN_FAR", "avoidance.begin_far", "share", "begin below this miss, later"),
+    _ranged("CA_RESERVE", "avoidance.reserve_s", "s", "begin this long before it must be"),
     _ranged("CA_REL_MARGIN", "avoidance.release_margin", "share", "extra margin to give back"),
     _ranged("CA_REL_TIME", "avoidance.release_after_s", "s", "time clear before giving back"),
     _ranged("CA_HEIGHT_CHG", "avoidance.largest_height_change_m", "m", "largest change of height"),

@@ -73,10 +73,11 @@ SWEEPS = (
 # Earlier and later begins of an avoidance; the chosen values are the product's own.
 TRADE_OFF: tuple[tuple[str, Changes], ...] = (
     ("chosen", ()),
-    ("latest", (("begin_near", 0.70), ("begin_far", 0.40))),
-    ("later", (("begin_near", 0.80), ("begin_far", 0.48))),
-    ("earlier", (("begin_near", 0.93), ("begin_far", 0.65))),
-    ("earliest", (("begin_near", 1.0), ("begin_far", 0.80))),
+    ("latest", (("reserve_s", 0.0),)),
+    ("later", (("reserve_s", 3.0),)),
+    ("earlier", (("reserve_s", 10.0),)),
+    ("at once", (("reserve_s", 60.0),)),
+    ("at once, if nearer", (("reserve_s", 60.0), ("begin_far", 0.55))),
     ("shorter look", (("outer_time_s", 45.0),)),
     ("longer look", (("outer_time_s", 75.0),)),
 )

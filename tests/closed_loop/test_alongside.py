@@ -28,12 +28,22 @@ def released_s(outcome: Outcome) -> int:
 
 @pytest.mark.parametrize(
     ("ahead_m", "aside_m"),
-    [(0.0, 0.1), (0.0, 250.0), (0.0, -150.0), (300.0, 0.1), (150.0, -150.0), (-200.0, 0.1), (-200.0, 250.0)],
+    [
+        (0.0, 0.1),
+        (0.0, 230.0),
+        (0.0, 250.0),
+        (0.0, -250.0),
+        (0.0, -150.0),
+        (300.0, 0.1),
+        (150.0, -150.0),
+        (-200.0, 0.1),
+        (-200.0, 250.0),
+    ],
 )
 def test_an_intruder_alongside_does_not_block_the_mission(ahead_m: float, aside_m: float) -> None:
     outcome = alongside(ahead_m, aside_m)
     assert released_s(outcome) <= 180
-    assert outcome.engagements == 1
+    assert outcome.engagements <= 2
 
 
 def test_the_patience_parameter_ends_the_avoidance() -> None:

@@ -198,7 +198,7 @@ def test_configured_to_fly_beside_it_avoidance_ends_when_it_acts(autopilot: Auto
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, parameters=NEAR[autopilot], config=config)
     loop.run(8.0)
     loop.intrude(3500.0)
-    loop.until(State.OUTER, limit_s=5.0)
+    loop.until(State.OUTER, limit_s=15.0)
     action = mode_change(ACTS[autopilot])
     reported_us = loop.until_reported(action.shows, limit_s=30.0)
     loop.step()

@@ -85,7 +85,8 @@ def test_a_refused_climb_becomes_a_turn() -> None:
 
 @both
 def test_a_refused_guided_mode_is_reported_and_requested_again_in_moderation(autopilot: Autopilot) -> None:
-    loop = MonitoredLoop(SOON, autopilot=autopilot)
+    at_once = EngineConfig(avoidance=AvoidanceParams(reserve_s=60.0))  # in time, although refused at first
+    loop = MonitoredLoop(SOON, autopilot=autopilot, config=at_once)
     loop.world.vehicle.refuse(DO_SET_MODE, FAILED)
     loop.until(State.ENGAGING)
     began_us = loop.now_us

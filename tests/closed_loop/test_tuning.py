@@ -71,9 +71,16 @@ def first_conflict_m(*settings: tuple[str, float]) -> float:
 
 
 def test_shorter_times_act_later() -> None:
-    usual_m = first_conflict_m()
-    later_m = first_conflict_m(("CA_INNER_TIME", 10.0), ("CA_OUTER_TIME", 30.0))
+    at_once = ("CA_RESERVE", 60.0)
+    usual_m = first_conflict_m(at_once)
+    later_m = first_conflict_m(at_once, ("CA_INNER_TIME", 10.0), ("CA_OUTER_TIME", 30.0))
     assert later_m < usual_m - 1000.0
+
+
+def test_a_longer_reserve_acts_earlier() -> None:
+    usual_m = first_conflict_m()
+    assert first_conflict_m(("CA_RESERVE", 60.0)) > usual_m + 1000.0
+    assert first_conflict_m(("CA_RESERVE", 0.0)) < usual_m - 200.0
 
 
 def test_a_floor_above_the_aircraft_prevents_a_take_over() -> None:
@@ -132,9 +139,10 @@ def test_texts_change_their_units() -> None:
     loop.run(2.5)
     loop.send_to_companion(put("CA_UNITS", 1.0))
     loop.intrude(3500.0, above_m=-60.0)
-    loop.until(State.OUTER, limit_s=10.0)
+    loop.until(State.OUTER, State.INNER, limit_s=30.0)
     texts = [text for text in loop.flight.texts if "SUDDEN" in text]
-    assert any(text.endswith(" ft below") for text in texts)
+    assert texts
+    assert all("CLIMB to" in text and " ft" in text and " m" not in text for text in texts)
 
 
 def test_a_refused_setting_is_reported_once_without_effect() -> None:
@@ -154,6 +162,7 @@ def test_a_replay_with_settings_and_commands_decides_the_same(tmp_path: Path) ->
     loop.send_to_companion(mavlink.MAVLink_param_request_list_message(*US))
     loop.intrude(6000.0)
     at_s = {
+        3.0: put("CA_RESERVE", 60.0),
         4.0: put("CA_INNER_TIME", 9.0),
         6.0: put("CA_OUTER_TIME", 25.0),
         21.0: put("CA_OUTER_TIME", 70.0),

@@ -14,7 +14,7 @@ from sim.campaign.results import read_results
 from sim.campaign.runner import fly_one
 from sim.encounters import generate, write_encounters
 
-PLAN = Plan(3, seed=3, avoiders=("companion", "companion" + BOTH), two_sided=True)
+PLAN = Plan(3, seed=5, avoiders=("companion", "companion" + BOTH), two_sided=True)
 
 
 def test_both_sides_are_flown_beside_one(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ class RecordingLayers:
 
     def __init__(self, layers: LayerPolicy) -> None:
         self._layers = layers
-        self.holding_layer, self.cooperates = layers.holding_layer, layers.cooperates
+        self.holding_layer, self.cooperates, self.waits = layers.holding_layer, layers.cooperates, False
         self.conflict = layers.conflict
         self.rows: EvaluatedRows | None = None
 

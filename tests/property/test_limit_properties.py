@@ -111,7 +111,7 @@ def test_a_turn_with_increasing_speed_is_predicted_within_the_bank_limit() -> No
 
 def test_limits_that_change_in_a_conflict_are_kept_from_then_on() -> None:
     own = Ownship(0.0, (0.0, 0.0, -300.0), (24.0, 0.0, 0.0), 24.0, 0.0, (0.0, 0.0))
-    threat = Track("T", 0.0, (1200.0, 0.0, -300.0), (-10.0, 0.0, 0.0), protected_horizontal_m=300.0)
+    threat = Track("T", 0.0, (600.0, 0.0, -300.0), (-10.0, 0.0, 0.0), protected_horizontal_m=300.0)
     avoider, goal = Avoider(PARAMS), Goal(0.0, 24.0, 300.0)
     assert avoider.decide(0.0, own, [threat], goal).guidance is not None
     avoider.envelope = replace(ENVELOPE, max_airspeed_mps=20.0, min_altitude_m=350.0)

@@ -17,6 +17,7 @@ from companion.model import Goal, Layer, Ownship, Track, Vec3
 
 ENVELOPE = Envelope()
 END: Vec3 = (4000.0, 0.0, -300.0)
+AT_ONCE = AvoidanceParams(reserve_s=60.0)  # no conflict waits
 LEG = Goal(position_m=END, airspeed_mps=22.0, leg_from_m=(-1000.0, 0.0, -300.0))
 
 
@@ -103,9 +104,9 @@ def test_circling_beside_traffic_is_no_conflict_on_every_side() -> None:
             90.0 * math.cos(bearing_rad), 90.0 * math.sin(bearing_rad), 300.0, bearing_rad + math.pi / 2
         )
         passer = Track("P", 0.0, (2500.0, 1500.0, -300.0), (-50.0, 0.0, 0.0))
-        assert Avoider(AvoidanceParams()).decide(0.0, here, [passer], goal).layer is Layer.CLEAR
+        assert Avoider(AT_ONCE).decide(0.0, here, [passer], goal).layer is Layer.CLEAR
         through = replace(passer, position_m=(2500.0, 0.0, -300.0))
-        assert Avoider(AvoidanceParams()).decide(0.0, here, [through], goal).layer is not Layer.CLEAR
+        assert Avoider(AT_ONCE).decide(0.0, here, [through], goal).layer is not Layer.CLEAR
 
 
 def test_traffic_on_the_leg_is_a_conflict_of_the_way_back() -> None:
@@ -113,9 +114,9 @@ def test_traffic_on_the_leg_is_a_conflict_of_the_way_back() -> None:
     waits = Track("W", 0.0, (1800.0, -200.0, -300.0), (0.0, 0.0, 0.0))
     here = own(0.0, 900.0, 300.0, -0.2)
     far = replace(LEG, position_m=(20_000.0, 0.0, -300.0))
-    direct = Avoider(AvoidanceParams()).decide(0.0, here, [waits], replace(far, leg_from_m=None))
+    direct = Avoider(AT_ONCE).decide(0.0, here, [waits], replace(far, leg_from_m=None))
     assert direct.layer is Layer.CLEAR
-    assert Avoider(AvoidanceParams()).decide(0.0, here, [waits], far).layer is not Layer.CLEAR
+    assert Avoider(AT_ONCE).decide(0.0, here, [waits], far).layer is not Layer.CLEAR
 
 
 @given(

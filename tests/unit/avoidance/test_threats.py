@@ -12,7 +12,8 @@ GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)
 
 
 def threat_of(track: Track) -> Threat:
-    return Avoider(AvoidanceParams()).decide(0.0, OWN, [track], GOAL).threats[0]
+    at_once = AvoidanceParams(reserve_s=60.0)  # no conflict waits
+    return Avoider(at_once).decide(0.0, OWN, [track], GOAL).threats[0]
 
 
 @pytest.mark.parametrize(("down_m", "miss_m"), [(-330.0, 0.0), (-270.0, 30.0)])

@@ -10,7 +10,7 @@ from companion.avoidance.assess import protected_tracks
 from companion.avoidance.avoider import relevant_track
 from companion.model import Goal, Layer, Ownship, Track, TrafficKind
 
-PARAMS = AvoidanceParams()
+PARAMS = AvoidanceParams(reserve_s=60.0)  # no conflict waits
 GOAL = Goal(course_rad=0.0, airspeed_mps=22.0, altitude_m=300.0)
 OWN = Ownship(0.0, (0.0, 0.0, -300.0), (22.0, 0.0, 0.0), 22.0, 0.0, (0.0, 0.0))
 OVER = Track("A", 0.0, (3000.0, 0.0, -420.0), (-60.0, 0.0, 0.0))  # 120 m above

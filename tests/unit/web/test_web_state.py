@@ -38,7 +38,7 @@ def test_an_engine_without_data_has_a_state() -> None:
 
 
 def test_a_conflict_has_threat_track_and_cone() -> None:
-    state = state_of(snapshot_after(40.0), 7, RollingStats())
+    state = state_of(snapshot_after(70.0), 7, RollingStats())
     json.dumps(state, allow_nan=False)
     assert (state["sequence"], state["aircraft"]["mode"]) == (7, "GUIDED")
     assert state["decision"]["layer"] == "outer"
@@ -48,7 +48,7 @@ def test_a_conflict_has_threat_track_and_cone() -> None:
     assert threat["track"] == track["track"] == cone["track"] == track["icao"] == "A00001"
     assert track["level"] == "caution"
     assert cone["inside"] is True
-    # The intruder is five kilometres ahead, its volume with margin has 701 m: asin(701 / 5074).
+    # The volume of the intruder ahead, with its margin, has a radius of 701 m.
     assert cone["half_angle_deg"] == pytest.approx(
         math.degrees(math.asin(701.04 / track["distance_m"])), abs=0.1
     )
