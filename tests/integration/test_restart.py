@@ -54,7 +54,7 @@ async def test_a_companion_killed_while_flying_gives_the_aircraft_back_after_a_r
 
 
 async def test_px4_left_in_a_climb_is_uncontrolled_until_the_next_run_recovers_it(tmp_path: Path) -> None:
-    allow_climb = "avoidance: {weights: {spared_height: 0}}\n"
+    allow_climb = "avoidance: {reserve_s: 60, weights: {spared_height: 0}}\n"
     async with aircraft("px4", tmp_path, below_m=30.0, options=allow_climb) as flight:
         await flight.flown()
         await asyncio.sleep(1.5)

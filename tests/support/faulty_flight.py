@@ -38,7 +38,9 @@ from sim.world import World, build_world
 START_S = 1_700_000_000.0
 HOLD = 5  # COM_OBL_RC_ACT, as recommended
 # Climbs are allowed for a PX4 whose setpoint can become invalid in them, if they are the cheapest way.
-CLIMBS = EngineConfig(avoidance=AvoidanceParams(weights=CostWeights(spared_height=0.0)))
+# Conflicts do not wait, so that there is time for the faults.
+AT_ONCE = EngineConfig(avoidance=AvoidanceParams(reserve_s=60.0))
+CLIMBS = EngineConfig(avoidance=AvoidanceParams(reserve_s=60.0, weights=CostWeights(spared_height=0.0)))
 _QUERIES = frozenset({511, 512})  # requests for rates and messages, which change no flight
 
 # Late enough for a turn to suffice, so that no climb is needed.
@@ -231,7 +233,7 @@ async def faulty_flight(
     *,
     forth: Faults | None = None,
     back: Faults | None = None,
-    engine: EngineConfig | None = None,
+    engine: EngineConfig = AT_ONCE,
     lost_stream: int = HOLD,
     below_m: float = 0.0,
     clock: Clock | None = None,
@@ -245,10 +247,9 @@ async def faulty_flight(
     shared = ScaledClock(1.0, start_s=START_S, monotonic_s=loop.time)
     near, far, second = free_ports(3)
     relay = Relay(f"udpin:127.0.0.1:{far}", f"udpout:127.0.0.1:{near}", forth=forth, back=back)
-    config = engine or EngineConfig()
     links = [UdpInLink(f"udpin:127.0.0.1:{port}", "127.0.0.1", port, loop.time) for port in (near, second)]
     notes = Notes()
-    runtime = Runtime(Engine(config), links, recorder=notes, clock=clock or shared)
+    runtime = Runtime(Engine(engine), links, recorder=notes, clock=clock or shared)
     flight = FaultyFlight(autopilot, world, receiver, shared, relay, runtime, notes, second)
     server = VehicleServer(
         world.vehicle,

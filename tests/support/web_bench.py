@@ -102,7 +102,7 @@ def snapshot_after(seconds: float, scenario: str = "head-on", **changes: Any) ->
 @cache
 def usual() -> LiveSnapshot:
     """The snapshot in the middle of an avoidance; it is flown when it is first read, not by an import."""
-    return snapshot_after(40.0)
+    return snapshot_after(66.0)
 
 
 def live(snapshot: LiveSnapshot | None = None) -> LiveSource:
