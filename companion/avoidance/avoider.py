@@ -24,12 +24,12 @@ from companion.avoidance.fence import Fence
 from companion.avoidance.group.cooperation import Cooperation, describe_member
 from companion.avoidance.inner import InnerLayer
 from companion.avoidance.intruders import Tracks, TransitionDomain
-from companion.avoidance.layers import can_wait
 from companion.avoidance.mission_path import HeightReference, OwnFlight, mission_path, with_path
 from companion.avoidance.params import AvoidanceParams
 from companion.avoidance.policies import policy_of
 from companion.avoidance.senses import Senses
-from companion.avoidance.trajectory import TIMES_S, Array, Control, OwnState, any_of, index_at
+from companion.avoidance.trajectory import Control, any_of
+from companion.avoidance.waiting import can_wait
 from companion.model import Decision, Goal, Guidance, Layer, Member, Ownship, Track, TrafficKind, Vec3
 
 # Seconds of overtime in which the weight `unresolved` doubles, and the release margin is given up.
@@ -38,6 +38,7 @@ _OVERTIME_S = 10.0
 _GIVEN_UP = 0.05
 # The mission is judged for this long after its next position; in overtime, and this long after it, for less.
 _BEYOND_S, _HURRIED_BEYOND_S, _HURRIED_S = 45.0, 4.0, 20.0
+# This soon after an avoidance that lasted too long, the next one has no patience of its own.
 _IMPATIENT_S: Final = 60.0
 # Nothing is further away, faster, or climbs faster than this.
 _FURTHEST_M, _FASTEST_MPS = 4.1e7, 1500.0
@@ -45,8 +46,6 @@ _FURTHEST_M, _FASTEST_MPS = 4.1e7, 1500.0
 _OLDEST_S: Final = 3600.0
 # Aircraft in forward flight turn no faster; a number beyond the second one is no rate of turn.
 _FASTEST_TURN_RADPS, _NO_TURN_RADPS = math.radians(20.0), 4.0
-# A mission that leads less than this aside goes straight on.
-_STRAIGHT_M: Final = 100.0
 _LARGEST_UNCERTAINTY_M: Final = 1e6
 _LARGEST_VOLUME_M: Final = 20_000.0
 # Of an aircraft that this avoidance can fly.
@@ -239,7 +238,6 @@ class Avoider:
         """The best row of the layer that decides."""
         self._clear_since_s = None
         if self._avoiding_since_s is None or now_s < self._avoiding_since_s:
-            # Soon after one that lasted too long, patience is not granted again.
             spent = 0.0 <= now_s - self._hurried_s <= _IMPATIENT_S
             self._avoiding_since_s = now_s - self.params.patience_s if spent else now_s
         constraints, last = self._constraints, self._last_that_can_be_flown(flight)
@@ -265,7 +263,12 @@ class Avoider:
             assessment.most_urgent(self.params.priced_tracks),
             None if last is None else constraints.envelope.within_limits(last),
         )
-        if self._may_wait(conflict, relevant):
+        if (
+            last is None
+            and self.may_wait
+            and self._policy.layers.waits
+            and can_wait(conflict, relevant, self._policy.outer, self.params.reserve_s)
+        ):
             self._forget_conflict()
             found = threats_of(assessment, relevant, self.params.priced_tracks)
             words = f"no need to avoid {found[0].name} yet"
@@ -274,21 +277,6 @@ class Avoider:
         if self._last_layer is Layer.INNER and layer is not Layer.INNER:
             self._inner.reset()
         return self._decided(layer, rows.best_guidance, flight, assessment, relevant)
-
-    def _may_wait(self, conflict: Conflict, relevant: Sequence[Track]) -> bool:
-        """Whether this avoidance can begin later.
-
-        Members are avoided at once, because their volumes are small, and so are obstacles: they will not
-        turn away. So is all traffic where the mission bends soon: a row begun later is flown straight first.
-        """
-        if conflict.last_guidance is not None or not (self.may_wait and self._policy.layers.waits):
-            return False
-        if not _is_straight(conflict.context.own, conflict.assessment.mission_path_m, self.params.reserve_s):
-            return False
-        for track, in_conflict in zip(relevant, conflict.assessment.conflict.tolist(), strict=True):
-            if in_conflict and (track.is_member or track.kind is TrafficKind.OBSTACLE):
-                return False
-        return can_wait(conflict, self._policy.outer, self.params.reserve_s)
 
     def _guidance_past(
         self, now_s: float, flight: OwnFlight, assessment: TrafficAssessment
@@ -382,16 +370,6 @@ class Avoider:
         self._last_layer = Layer.CLEAR
         self._clear_since_s = None
         self._avoiding_since_s = None
-
-
-def _is_straight(state: OwnState, mission_path_m: Array, until_s: float) -> bool:
-    """Whether the mission, flown ahead north and east (T, 2), goes straight on from here until then."""
-    if not len(mission_path_m):
-        return True
-    index = index_at(until_s)
-    ahead_s, (north_mps, east_mps) = float(TIMES_S[index]), state.ground_mps
-    straight_m = state.position_m[0] + north_mps * ahead_s, state.position_m[1] + east_mps * ahead_s
-    return math.dist(straight_m, mission_path_m[index].tolist()) <= _STRAIGHT_M
 
 
 def require_finite(own: Ownship, goal: Goal) -> None:

@@ -17,7 +17,6 @@ reach, the distance of the goal in the outer layer's radius.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -232,23 +231,6 @@ class Policy(NamedTuple):
     def conflict(self, outer: Mask, emergency: Mask) -> Mask:
         """Which tracks are in conflict, from those of each layer, (N,) each."""
         return self.layers.conflict(outer, emergency)
-
-
-def can_wait(conflict: Conflict, outer: OuterPolicy, reserve_s: float) -> bool:
-    """Whether the best row of the outer layer can as well be begun `reserve_s` later.
-
-    It then still keeps every volume and margin, and costs hardly more than now: a climb begins before it no
-    longer suffices without a turn. Until then we fly on as now. What comes in the meantime (another report, a
-    turn of the intruder) often shows that no avoidance is needed.
-    """
-    context = conflict.context
-    response_s = context.envelope.response_s + reserve_s
-    envelope = replace(context.envelope, response_s=response_s)
-    later = outer.evaluate(conflict._replace(context=context._replace(envelope=envelope)))
-    if later.closest[later.best] < 1.0 or not later.best_is_allowed(context.refusals):
-        return False
-    now = outer.evaluate(conflict)
-    return bool(later.cost[later.best] <= now.cost[now.best] + context.weights.later)
 
 
 class PricedField:

@@ -34,7 +34,7 @@ _LINE_M, _LINE_SHARE, _LEAST_WAY_M = 90.0, 0.15, 100.0
 _LEAST_STEP_S, _LONGEST_STEP_S = 0.3, 12.0
 # A late copy is near where the aircraft was by then, and further from it the more it may have turned since.
 _COPY_M, _COPY_MPS2, _OLDEST_COPY_S = 100.0, 2.5, 10.0
-# What one receiver reports of the time before the newest report of another is of use so long after it.
+# A report of one receiver that is this much older than the newest one of another is still used.
 _OLDEST_USED_S: Final = 3.0
 
 

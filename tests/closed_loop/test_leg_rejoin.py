@@ -127,7 +127,7 @@ def test_a_conflict_on_the_way_back_is_avoided(autopilot: Autopilot) -> None:
     loop.intrude(3500.0)
     loop.until(State.RETURNING)
     second = loop.intrude(2500.0, named=(0xBBBBBB, "SECOND"))
-    loop.until(State.OUTER, State.INNER, limit_s=20.0)
+    loop.until(State.OUTER, State.INNER, limit_s=10.0)
     nearest_m = math.inf
     while loop.state is not State.MONITOR:
         loop.run(0.5)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from companion.avoidance import AvoidanceParams
 from companion.control.state_machine import State, SupervisorParams
 from companion.engine import EngineConfig
 from companion.mavlink.dialect import mavlink
@@ -194,11 +195,13 @@ def test_beside_another_avoider_it_only_advises_and_reports_that_once(autopilot:
 
 @every
 def test_configured_to_fly_beside_it_avoidance_ends_when_it_acts(autopilot: Autopilot) -> None:
-    config = EngineConfig(supervisor=SupervisorParams(beside_other_avoider="fly"))
+    config = EngineConfig(
+        supervisor=SupervisorParams(beside_other_avoider="fly"), avoidance=AvoidanceParams(reserve_s=60.0)
+    )
     loop = MonitoredLoop(without_traffic(), autopilot=autopilot, parameters=NEAR[autopilot], config=config)
     loop.run(8.0)
     loop.intrude(3500.0)
-    loop.until(State.OUTER, limit_s=15.0)
+    loop.until(State.OUTER, limit_s=5.0)
     action = mode_change(ACTS[autopilot])
     reported_us = loop.until_reported(action.shows, limit_s=30.0)
     loop.step()
