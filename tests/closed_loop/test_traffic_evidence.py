@@ -234,7 +234,7 @@ def test_our_own_report_before_our_own_position_is_no_conflict() -> None:
 # --- age
 
 
-@pytest.mark.parametrize("last_s", sample([25.0], [12.0, 25.0, 40.0]))
+@pytest.mark.parametrize("last_s", sample([12.0, 25.0], [12.0, 18.0, 25.0, 40.0]))
 def test_a_conflict_is_coasted_past_its_meeting_and_silence_is_not_clear(last_s: float) -> None:
     def until(loop: ReportedWrongly, message: Message) -> Reports:
         return [message] if loop.time_s < last_s else []
@@ -248,6 +248,23 @@ def test_a_conflict_is_coasted_past_its_meeting_and_silence_is_not_clear(last_s:
     assert "not heard for" in texts(loop)
     states = {track.state for _, tracks in loop.tracks for track in tracks}
     assert TrackState.COASTED in states
+
+
+def test_the_tracker_keeps_what_is_in_conflict_before_it_is_avoided() -> None:
+    """A conflict that waits is a threat: it is kept through silence and before others."""
+    loop = ReportedWrongly()
+    kept: list[list[str]] = []
+    note = loop.engine.tracker.note_threats
+
+    def noted(track_ids: list[str], now_s: float) -> None:
+        kept.append(track_ids)
+        note(track_ids, now_s)
+
+    loop.engine.tracker.note_threats = noted  # type: ignore[method-assign]
+    loop.run(20.0)
+    (awaited,) = loop.engine.decision.awaited
+    assert loop.engine.decision.guidance is None
+    assert kept[-1] == [awaited.track_id]
 
 
 def test_an_age_that_counts_up_without_new_positions_is_silence() -> None:
