@@ -21,8 +21,8 @@ unexport PYTHONDONTWRITEBYTECODE
 run: setup
 	$(BIN)/companion-sim demo
 
-# More than half of the time of all tests is waiting, for sockets, processes and clocks: five keep two cores at work.
-PYTEST = $(BIN)/pytest --numprocesses 5
+# More than half of the time of all tests is waiting, for sockets, processes and clocks: eight keep two cores at work.
+PYTEST = $(BIN)/pytest --numprocesses 8
 
 test: checked
 	$(PYTEST)

@@ -1,5 +1,6 @@
 """The mission as read from the autopilot: the places it leads to, its take-offs and landings."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 
 from companion.geodesy import GeoPoint
@@ -32,6 +33,10 @@ def loiter_radius_m(item: MissionItem) -> float | None:
     return None if parameter is None else item.params[parameter] or 0.0
 
 
+def _is_flown_to(item: MissionItem) -> bool:
+    return item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO
+
+
 def is_straight(item: MissionItem) -> bool:
     """Whether the item is flown to in a straight line."""
     return item.command in _STRAIGHT
@@ -42,15 +47,18 @@ class Mission:
 
     def __init__(self, items: Sequence[MissionItem]) -> None:
         self.items = tuple(items)
+        # Both are asked for several times a tick.
+        self._flown_to = [at for at, item in enumerate(self.items) if _is_flown_to(item)]
+        self._near_ground = frozenset(at for at in self._flown_to if self._takes_off_or_lands(at))
 
     def taking_off_or_landing(self, sequence: int) -> bool:
         """Whether this item is a take-off, a landing, or part of an approach.
 
         An approach begins at DO_LAND_START and ends with the landing.
         """
-        at = self._navigation(sequence)
-        if at is None:
-            return False
+        return self._navigation(sequence) in self._near_ground
+
+    def _takes_off_or_lands(self, at: int) -> bool:
         if self.items[at].command in _TAKE_OFFS | _LANDINGS:
             return True
         for item in reversed(self.items[:at]):
@@ -67,11 +75,7 @@ class Mission:
 
     def places(self, home_altitude_m: float | None) -> list[tuple[int, GeoPoint]]:
         """All known places that the mission leads to, each with its item's number."""
-        found = [
-            (at, self._place(item, home_altitude_m))
-            for at, item in enumerate(self.items)
-            if item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO
-        ]
+        found = [(at, self._place(self.items[at], home_altitude_m)) for at in self._flown_to]
         return [(at, place) for at, place in found if place is not None]
 
     def flown_to(self, sequence: int) -> MissionItem | None:
@@ -113,7 +117,7 @@ class Mission:
             if item.command == mavlink.MAV_CMD_DO_JUMP:
                 endless = item.params[1] == _FOR_EVER and item.params[0] is not None
                 return self._navigation(int(item.params[0] or 0.0)) if endless else None
-            if item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO:
+            if _is_flown_to(item):
                 return place
         return None
 
@@ -141,7 +145,7 @@ class Mission:
             item = self.items[place]
             if item.command == mavlink.MAV_CMD_DO_JUMP and item.params[1] == _FOR_EVER:
                 return None
-            if item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO:
+            if _is_flown_to(item):
                 return place
         return None
 
@@ -157,11 +161,5 @@ class Mission:
 
     def _navigation(self, sequence: int) -> int | None:
         """The index of the navigation item that is flown while this item is current: it or a later one."""
-        return next(
-            (
-                at
-                for at, item in enumerate(self.items)
-                if at >= sequence and item.command <= _LAST_NAVIGATION and item.command not in _NOT_FLOWN_TO
-            ),
-            None,
-        )
+        place = bisect_left(self._flown_to, sequence)
+        return self._flown_to[place] if place < len(self._flown_to) else None
